@@ -10,7 +10,7 @@ from spectrabox.radiometry.records import LightScale, LinearImage, SurfaceAgreem
 
 # (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
 MAX_CONTRAST = 0.6
-MIN_SIGNAL = 1e-4    # of the photo's 99th percentile: below, a ratio says nothing
+MIN_SIGNAL = 1e-4    # of the photo's 99th percentile: below, a ratio is noise
 SCALE_ERROR = 0.01       # relative: weight of a surface's mean in the light scale
 FIELD_TERMS = 5          # of a quadratic field over a surface, its mean left out
 MIN_SHIFT = 0.5          # pixels
@@ -37,8 +37,14 @@ def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
     """
     signal = photo.signal
     floor = MIN_SIGNAL * np.percentile(signal, 99, axis=(0, 1))
+    grey = signal.mean(axis=2)
+    padded = np.pad(grey, 1, mode="edge")
+    shifts = np.stack([padded[i:i + grey.shape[0], j:j + grey.shape[1]] for i in range(3)
+                       for j in range(3)])
+    contrast = (shifts.max(axis=0) - shifts.min(axis=0)) / np.maximum(
+        np.abs(shifts).mean(axis=0), 1e-12)
     return ((surface >= 0) & ~photo.saturated.any(axis=2) & (signal > floor).all(axis=2)
-            & (_local_contrast(signal.mean(axis=2)) < MAX_CONTRAST))
+            & (contrast < MAX_CONTRAST))
 
 
 def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], photo: LinearImage,
@@ -99,14 +105,23 @@ def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str],
     stated_error : float
         Standard deviation of a surface's log brightness in each band, before any is seen.
     """
-    offset = np.log(agreement.ratio)
-    total, freedom = np.zeros((offset.shape[1],) * 2), 0
+    deviations, freedom = _deviations(agreement, known)
+    return covariance_from_few(sum((own.T @ own for own in deviations),
+                                   np.zeros((agreement.ratio.shape[1],) * 2)),
+                               freedom, stated_error)
+
+
+def _deviations(agreement: SurfaceAgreement,
+                known: frozenset[str]) -> tuple[list[np.ndarray], int]:
+    """Log(photo / rendering) (S_m, K) of the surfaces of each material that no fit explains, and
+    their degrees of freedom: the mean of an unknown material is its spectrum's.
+    """
+    offset, deviations, freedom = np.log(agreement.ratio), [], 0
     for material in dict.fromkeys(agreement.materials):
         own = offset[[name == material for name in agreement.materials]]
-        deviation = own if material in known else own - own.mean(axis=0)
-        total += deviation.T @ deviation
+        deviations.append(own if material in known else own - own.mean(axis=0))
         freedom += len(own) - (material not in known)
-    return covariance_from_few(total, freedom, stated_error)
+    return deviations, freedom
 
 
 def covariance_from_few(scatter: np.ndarray, freedom: int, stated_error: float) -> np.ndarray:
@@ -114,8 +129,8 @@ def covariance_from_few(scatter: np.ndarray, freedom: int, stated_error: float) 
 
     Three remedies against few degrees of freedom nu. What is stated counts as one deviation more
     that was seen (``STATED_FREEDOM``). The matrix is drawn towards one of equal variances and
-    correlations of 1/2, as far from bands that err alike as from bands that err apart, by all of
-    its weight at nu = 1, where a single pair has rank 1 and promises that other colours hold no
+    correlations of 1/2, halfway between correlated and independent errors of bands, by all of its
+    weight at nu = 1, where a single pair has rank 1 and promises that other colours hold no
     error, and by (K + 1) / (nu + K) beyond. And it is widened by the quotient of Student's and the
     normal quantile.
 
@@ -173,11 +188,7 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
     -------
     SceneErrors, or None where no two surfaces can be compared.
     """
-    offset, freedom, deviations = np.log(agreement.ratio), 0, []
-    for material in dict.fromkeys(agreement.materials):
-        own = offset[[name == material for name in agreement.materials]]
-        deviations.append(own if material in known else own - own.mean(axis=0))
-        freedom += len(own) - (material not in known)
+    deviations, freedom = _deviations(agreement, known)
     if not freedom:
         return None
     deviation = np.concatenate(deviations)
@@ -251,14 +262,6 @@ def _sums(image: np.ndarray, surface: np.ndarray) -> np.ndarray:
                     axis=1)
 
 
-def _local_contrast(grey: np.ndarray) -> np.ndarray:
-    padded = np.pad(grey, 1, mode="edge")
-    shifts = np.stack([padded[i:i + grey.shape[0], j:j + grey.shape[1]] for i in range(3)
-                       for j in range(3)])
-    return (shifts.max(axis=0) - shifts.min(axis=0)) / np.maximum(np.abs(shifts).mean(axis=0),
-                                                                  1e-12)
-
-
 def _block_spread(measured: np.ndarray, variance: np.ndarray, renderings: np.ndarray,
                   mask: np.ndarray) -> np.ndarray:
     """Standard deviation (K,) of log(photo / rendering) over blocks, without the noise of the
@@ -295,7 +298,7 @@ def edge_shift(measured: np.ndarray,
 
     The correlation (H, W) is that for every cyclic shift of the rendering, -1 to 1. Its peak is
     refined by a parabola; a rendering of another scene gives a number without meaning:
-    ``shift_sentence`` says only what the edges bear out.
+    ``shift_sentence`` reports only a shift by which the edges agree better.
 
     Parameters
     ----------

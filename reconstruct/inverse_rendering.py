@@ -201,6 +201,7 @@ def _record(view: View, solution: ViewSolution, settings: InversionSettings) -> 
     agreement = surface_agreement(names, materials, view.photo, renderings, view.surface, view.used)
     stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
     labels = [f"{material} / {name}" for name, material in zip(names, materials, strict=True)]
+    numbers = [agreement.names.index(label) if label in agreement.names else -1 for label in labels]
     tests = surface_tests(labels, view.measured, rendered, view.surface, view.used, stated_error)
     misfits = surface_misfits(tests, view.bands)
     shift = shift_sentence(view.measured, rendered)
@@ -221,18 +222,12 @@ def _record(view: View, solution: ViewSolution, settings: InversionSettings) -> 
         model_covariance=np.array([model_covariance(agreement, material.name, known, stated_error)
                                    for material in view.scene_materials]),
         measured=view.measured, rendered=rendered, used=view.used,
-        surface=_numbered(view.surface, labels, agreement.names),
+        surface=np.array([*numbers, -1])[view.surface],     # -1, no surface, is the last
         agreement=agreement, light_scale=scale, loss_history=solution.loss_history,
         engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
         notes=(*solution.notes, *(misfit.sentence for misfit in misfits),
                *([shift] if shift else [])),
         misfits=misfits)
-
-
-def _numbered(surface: np.ndarray, labels: Sequence[str], compared: Sequence[str]) -> np.ndarray:
-    """Index (H, W) into the compared surfaces, -1 where another or none fills the pixel."""
-    numbers = [compared.index(label) if label in compared else -1 for label in labels]
-    return np.array([*numbers, -1])[surface]  # -1, no surface, is the last
 
 
 def _light_scale(view: View, solution: ViewSolution) -> LightScale:

@@ -80,7 +80,9 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
             tests.append((name, band, "level", float(ratio - 1), float(level),
                           float(2 * ndtr(-abs(score)))))
             blocks, pixels = _blocks(photo, model * ratio, mask)
-            parts.append(_worst_part(ratio * (1 + blocks) - 1, ratio * noise / np.sqrt(pixels)))
+            deviation, error = ratio * (1 + blocks) - 1, ratio * noise / np.sqrt(pixels)
+            certain = np.sign(deviation) * np.maximum(np.abs(deviation) - CERTAIN * error, 0)
+            parts.append(float(max(certain, key=abs, default=0.0)))
             if len(blocks) > 1:
                 variance = noise**2 / pixels + SHAPE_ERROR**2
                 centre = np.sum(blocks / variance) / np.sum(1 / variance)
@@ -91,12 +93,6 @@ def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarr
     adjusted = holm(np.array([row[-1] for row in tests]))
     return tuple(SurfaceTest(*row, adjusted=float(p), worst_part=part)
                  for row, p, part in zip(tests, adjusted, parts, strict=True))
-
-
-def _worst_part(deviation: np.ndarray, error: np.ndarray) -> float:
-    """The largest of some deviations (B,), each without what ``CERTAIN`` errors explain."""
-    certain = np.sign(deviation) * np.maximum(np.abs(deviation) - CERTAIN * error, 0)
-    return float(max(certain, key=abs, default=0.0))
 
 
 def holm(p: np.ndarray) -> np.ndarray:
@@ -144,14 +140,14 @@ def surface_misfits(tests: Sequence[SurfaceTest],
                  f"{bands[test.band]}" for test in sorted(own, key=lambda test: test.band)
                  if test.kind == "level"]
         shape = max((test.deviation for test in own if test.kind == "shape"), default=0.0)
-        said = [f"the photo is {', '.join(level)} than the rendering"] if level else []
-        said += [f"its parts differ among themselves by {shape:.0%}"] if shape else []
+        findings = [f"the photo is {', '.join(level)} than the rendering"] if level else []
+        findings += [f"its parts differ among themselves by {shape:.0%}"] if shape else []
         p, part = min(test.adjusted for test in own), worst_part[surface]
         largest = max((*(test.deviation for test in own), part), key=abs)
         if largest == part:
-            said += [f"a part of it is {abs(part):.0%} {'brighter' if part > 0 else 'darker'}"]
+            findings += [f"a part of it is {abs(part):.0%} {'brighter' if part > 0 else 'darker'}"]
         misfits.append(SurfaceMisfit(
-            surface, largest, f"{surface} does not fit: {'; '.join(said)} "
+            surface, largest, f"{surface} does not fit: {'; '.join(findings)} "
             f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
             "check its light, position and paint, and for gloss"))
     return tuple(misfits)

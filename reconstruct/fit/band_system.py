@@ -66,10 +66,12 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
         band_weight = np.median(weight[members], axis=0)
         pixel_root = np.sqrt((weight[members] / band_weight).mean(axis=1))[:, None]
         rows = np.hstack([pixel_root * coefficients[members], pixel_root * measured[members]])
-        parts.append(_named(_smaller(rows), band_weight, name))
+        if len(rows) > rows.shape[1]:
+            rows = np.asarray(np.linalg.qr(rows, mode="r"))
+        parts.append(_weighted(rows, band_weight, name))
         if deviations is not None:
             noise = (pixel_root * deviations[:, members]).reshape(-1, coefficients.shape[1])
-            noises.append(_named(_most_of(noise), band_weight, name))
+            noises.append(_weighted(_compressed_noise(noise), band_weight, name))
     rows, root, names = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
     empty = (np.zeros((0, coefficients.shape[1])), root[:0], names[:0])
     noise, noise_root, noise_names = (
@@ -79,12 +81,7 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
                       noise_names)
 
 
-def _smaller(rows: np.ndarray) -> np.ndarray:
-    """Triangular factor with as many rows as columns, where that is fewer."""
-    return rows if len(rows) <= rows.shape[1] else np.asarray(np.linalg.qr(rows, mode="r"))
-
-
-def _most_of(noise: np.ndarray) -> np.ndarray:
+def _compressed_noise(noise: np.ndarray) -> np.ndarray:
     """Triangular factor of the noise, the products with most of it first, without the rows that
     hold next to nothing.
     """
@@ -97,8 +94,9 @@ def _most_of(noise: np.ndarray) -> np.ndarray:
     return rows
 
 
-def _named(rows: np.ndarray, band_weight: np.ndarray,
-           name: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _weighted(rows: np.ndarray, band_weight: np.ndarray,
+              name: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of one surface, the square roots (Q, K) of their weights, and its index (Q,)."""
     root = np.broadcast_to(np.sqrt(band_weight), (len(rows), band_weight.size))
     return rows, root, np.full(len(rows), name)
 

@@ -1,4 +1,4 @@
-"""What a photo says of each material without any prior, and what only the prior says."""
+"""What a photo determines of each material without any prior, and what is left to the prior."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ MIN_RATIO = 1.0
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Of one material: how many directions of its N coefficients the photo decides."""
+    """Of one material: how many directions of its N coefficients the photo determines."""
 
     material: str
-    by_photo: int            # directions that the photo tells more of than the prior does
+    by_photo: int            # directions of which the photo holds more information than the prior
     by_colour: int  # of these, as many as the camera has bands at most: read off the surface itself
-    by_interreflection: int  # the others: only other surfaces' light tells
+    by_interreflection: int  # the others: only light from other surfaces determines them
     by_prior: int            # left to the prior
     directions: np.ndarray   # (N, N) columns, the best determined first
     ratio: np.ndarray        # (N,) information of the photo / of the prior along each
@@ -93,14 +93,18 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...],
     U of Identifiability
     """
     count = operator.shape[1]
-    precision = block_diagonal(*fit.prior_precision)
+    size = count * len(materials)
+    cross = fit.information[:size, size:]
+    # nuisances marginalised; then, material by material, all others
+    photo = fit.information[:size, :size] - cross @ np.linalg.pinv(
+        fit.information[size:, size:], hermitian=True) @ cross.T
+    posterior = np.linalg.inv(photo + block_diagonal(*fit.prior_precision))
     answers = []
-    photo = _spectra_alone(fit.information, count * len(materials))
     for index, name in enumerate(materials):
         own = slice(index * count, (index + 1) * count)
         prior = fit.prior_precision[index]
         root = np.linalg.cholesky(prior)
-        information = _others_marginalised(photo, precision, own) - prior
+        information = np.linalg.inv(posterior[own, own]) - prior
         whitened = np.linalg.solve(root, np.linalg.solve(root, information).T)
         ratio, vectors = np.linalg.eigh((whitened + whitened.T) / 2)
         ratio, vectors = ratio[::-1], vectors[:, ::-1]
@@ -123,15 +127,3 @@ def sentences(materials: tuple[Identifiability, ...]) -> tuple[str, ...]:
         f"{item.material}: of {item.ratio.size} coefficients the photo decides {item.by_photo} "
         f"({item.by_colour} by the surface's own colour, {item.by_interreflection} only by "
         f"interreflection); {item.by_prior} are left to the prior" for item in materials)
-
-
-def _spectra_alone(information: np.ndarray, count: int) -> np.ndarray:
-    """Information (count, count) of the coefficients, the nuisances being marginalised."""
-    cross = information[:count, count:]
-    nuisances = np.linalg.pinv(information[count:, count:], hermitian=True)
-    return np.asarray(information[:count, :count] - cross @ nuisances @ cross.T)
-
-
-def _others_marginalised(information: np.ndarray, prior: np.ndarray, own: slice) -> np.ndarray:
-    """Posterior precision (N, N) of one material with all others integrated out."""
-    return np.linalg.inv(np.linalg.inv(information + prior)[own, own])

@@ -72,7 +72,15 @@ class TracedView:
         weight = self.weight if trust is None else trust * self.weight
         system = compress(self.traced.coefficients, self.measured, weight, self.group,
                           self.traced.deviations)
-        return ViewTerms(system, self._model(coefficients), self.nuisances)
+        view, responses = self.view, self.view.responses
+        known = {index: material.reflectance
+                 for index, material in enumerate(view.scene_materials)
+                 if material.reflectance is not None}
+        # a response for each light that was traced separately
+        model = SpectrumModel(self.traced.exponents,
+                              responses if self.traced.passes.shape[2] > 1 else responses[:1],
+                              view.basis(coefficients), known)
+        return ViewTerms(system, model, self.nuisances)
 
     def trust(self, fit: ViewFit) -> np.ndarray:
         """Huber weight (R, 1) of each region at the solution, in (0, 1].
@@ -102,28 +110,13 @@ class TracedView:
             return None
         seen = self.weight.max(axis=1) > 0
         weight = np.where(seen, self.trust(fit).min(axis=1), 0.0)
+        names = tuple(material.name for material in self.view.scene_materials)
+        material = np.array([names.index(name) for name in self.view.surface_materials])[self.group]
         return RegionTransport(
-            LightTransport(tuple(material.name for material in self.view.scene_materials),
-                           np.array(traced.exponents), np.array(traced.coefficients)),
+            LightTransport(names, np.array(traced.exponents), np.array(traced.coefficients)),
             np.where(weight[:, None] >= DOUBTED, self.measured, np.nan), np.sqrt(self.variance),
-            np.array(self.group), self._material, self.nuisances.surface_error,
+            np.array(self.group), material, self.nuisances.surface_error,
             self.nuisances.brightness_error)
-
-    @property
-    def _material(self) -> np.ndarray:
-        """Index (R,) of each region's material among those of the scene."""
-        names = [material.name for material in self.view.scene_materials]
-        return np.array([names.index(name) for name in self.view.surface_materials])[self.group]
-
-    def _model(self, coefficients: int) -> SpectrumModel:
-        """What the transport's products stand for; a response for each light traced separately."""
-        view, responses = self.view, self.view.responses
-        known = {index: material.reflectance
-                 for index, material in enumerate(view.scene_materials)
-                 if material.reflectance is not None}
-        return SpectrumModel(self.traced.exponents,
-                             responses if self.traced.passes.shape[2] > 1 else responses[:1],
-                             view.basis(coefficients), known)
 
 
 def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior],

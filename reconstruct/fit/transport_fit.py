@@ -25,7 +25,7 @@ MAX_DAMPING = 1e12
 
 @dataclass(frozen=True, eq=False)
 class TransportFit:
-    """The most probable spectra, what the photos alone say of them, and how the fit went.
+    """The most probable spectra, the information of the photos alone, and how the fit went.
 
     D = U N coefficients, then the nuisances of view after view, each view's free log scale after
     them.
@@ -141,7 +141,7 @@ class _Cost:
                 _no_less_than_prior(information, self.prior))
 
     def views_part(self, state: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """What the views say: misfit, minus half its gradient, half its curvature."""
+        """Misfit to the views, minus half its gradient, half its Gauss-Newton curvature."""
         misfit, pull, information = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for view, index in zip(self.views, self.index, strict=True):
             part = view.expand(state[index])
@@ -151,6 +151,7 @@ class _Cost:
         return misfit, pull, information
 
     def answer(self, state: np.ndarray, costs: np.ndarray, outcome: Outcome) -> TransportFit:
+        """The fit at its last state."""
         _, pull, information = self.views_part(state)
         covariance = np.linalg.inv(_no_less_than_prior(information, self.prior))
         held = np.zeros_like(self.prior)
@@ -170,7 +171,8 @@ def _no_less_than_prior(information: np.ndarray, prior: np.ndarray) -> np.ndarra
     """Information of photo and prior, where Monte Carlo noise made the photo's negative in some
     direction: none there.
 
-    Without this the debiased curvature could have a wrong sign where the photo says nothing.
+    Without this the debiased curvature could have a wrong sign where the photo holds no
+    information.
     """
     values, vectors = np.linalg.eigh(information)
     return (vectors * np.maximum(values, 0.0)) @ vectors.T + prior

@@ -1,4 +1,4 @@
-"""Places at which the light on a photo's surfaces is traced, and every pixel between them.
+"""Nodes at which the light on a photo's surfaces is traced, and every pixel between them.
 
 Square cells of pixels, each cut by the surfaces in it: light changes slowly over one surface, and
 jumps from one to the next. A pixel takes its light from the nodes of its own surface in the four
@@ -32,16 +32,16 @@ class LightNodes:
     @cached_property
     def node(self) -> np.ndarray:
         """Node (S, h, w) of each surface in each cell, -1 where it does not reach."""
-        found = np.full((self._surfaces, *self._cells), -1, dtype=np.int32)
-        found[tuple(self.keys)] = np.arange(self.keys.shape[1])
-        return found
+        nodes = np.full((self._surfaces, *self._cells), -1, dtype=np.int32)
+        nodes[tuple(self.keys)] = np.arange(self.keys.shape[1])
+        return nodes
 
     @property
     def region(self) -> np.ndarray:
         """Node (H, W) whose cell holds each pixel, -1 where it has none."""
         row, column = np.ogrid[:self.surface.shape[0], :self.surface.shape[1]]
-        found = self.node[self.surface, row // self.cell, column // self.cell]
-        return np.where(self.surface >= 0, found, -1)
+        node = self.node[self.surface, row // self.cell, column // self.cell]
+        return np.where(self.surface >= 0, node, -1)
 
     def weights(self, row: np.ndarray, column: np.ndarray) -> csr_array:
         """Weights (n, N), four to a row, of the nodes for some pixels; 0 for those without a
@@ -70,9 +70,9 @@ class LightNodes:
 
     def _corner_and_share(self, at: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
         """The cell before each pixel along one side, and how far (0 to 1) on to the next it is."""
-        place = np.clip((at + 0.5) / self.cell - 0.5, 0, cells - 1)
-        corner = place.astype(np.int32)
-        return corner, (place - corner).astype(np.float32)
+        position = np.clip((at + 0.5) / self.cell - 0.5, 0, cells - 1)
+        corner = position.astype(np.int32)
+        return corner, (position - corner).astype(np.float32)
 
     def unevenness(self, light: np.ndarray, misplaced_px: float) -> np.ndarray:
         """By what share (N,) light may be off at a pixel: its slope times the pixels by which photo
@@ -85,18 +85,18 @@ class LightNodes:
         """
         surface, row, column = self.keys
         height, width = self._cells
-        found = np.zeros(light.size)
+        error = np.zeros(light.size)
         for down, across in ((0, 1), (1, 0)):
-            beside = []
+            neighbours = []
             for sign in (-1, 1):
                 rows = np.clip(row + sign * down, 0, height - 1)
                 columns = np.clip(column + sign * across, 0, width - 1)
                 node = self.node[surface, rows, columns]
-                beside.append(np.where(node >= 0, light[node], light))
-            slope = np.abs(beside[1] - beside[0]) / (2 * self.cell)
-            bend = np.abs(beside[0] - 2 * light + beside[1]) / 8 if self.cell > 1 else 0.0
-            found = np.hypot(found, np.hypot(slope * misplaced_px, bend))
-        return np.asarray(found / np.maximum(light, 1e-30))
+                neighbours.append(np.where(node >= 0, light[node], light))
+            slope = np.abs(neighbours[1] - neighbours[0]) / (2 * self.cell)
+            bend = np.abs(neighbours[0] - 2 * light + neighbours[1]) / 8 if self.cell > 1 else 0.0
+            error = np.hypot(error, np.hypot(slope * misplaced_px, bend))
+        return np.asarray(error / np.maximum(light, 1e-30))
 
     @property
     def _surfaces(self) -> int:

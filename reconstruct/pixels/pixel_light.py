@@ -22,7 +22,7 @@ from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.reconstruct.tracer.transport import kept_products, memory_of, trace_transport
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
-MOST_NODES = 25_000
+MAX_NODES = 25_000
 PATHS_OF_NODE = 1024        # at least, of all passes together
 PASSES = 4                  # whose scatter is the noise
 BYTES = 3 << 27             # of the coefficients: with more products there are fewer nodes
@@ -88,7 +88,7 @@ def trace_pixel_light(unit: UnitScene, surface: np.ndarray, own: np.ndarray, *, 
         As ``trace_transport``.
     """
     exponents, _ = kept_products(unit, surface, seed)
-    most = min(MOST_NODES, max(BYTES // memory_of(1, unit.groups * len(exponents), PASSES), 1))
+    most = min(MAX_NODES, max(BYTES // memory_of(1, unit.groups * len(exponents), PASSES), 1))
     nodes = _nodes(surface, most)
     region = nodes.region
     count, pixels = nodes.keys.shape[1], np.count_nonzero(region >= 0)

@@ -42,14 +42,14 @@ def register_spectral_texture() -> None:
             # v runs upwards, rows downwards
             row = dr.clip(mi.Int32(dr.floor((1 - si.uv.y) * self.height)), 0, self.height - 1)
             start = (row * self.width + column) * self.count
-            found = []
+            reflectance = []
             for wavelength in si.wavelengths:
-                place = dr.clip((wavelength - self.first) / self.step, 0, self.count - 1)
-                below = dr.minimum(mi.Int32(dr.floor(place)), self.count - 2)
+                position = dr.clip((wavelength - self.first) / self.step, 0, self.count - 1)
+                below = dr.minimum(mi.Int32(dr.floor(position)), self.count - 2)
                 low = dr.gather(mi.Float, self.values, start + below, active)
                 high = dr.gather(mi.Float, self.values, start + below + 1, active)
-                found.append(dr.lerp(low, high, place - below))
-            return mi.UnpolarizedSpectrum(found)
+                reflectance.append(dr.lerp(low, high, position - below))
+            return mi.UnpolarizedSpectrum(reflectance)
 
         def mean(self) -> Any:
             """Mean over picture and wavelengths."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.refinements import Refinement, add_refinement
-from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene.scene_file import SceneFile, parse_scene
 
 POSITIONED = {"area", "point", "spot", "projector", "directionalarea"}
 REPLACED = {"fov", "fov_axis", "focal_length", "principal_point_offset_x",
@@ -97,16 +97,12 @@ def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: 
 
 def _parsed(path: Path, folder: Path) -> ET.Element:
     try:
-        root = ET.fromstring(path.read_text(encoding="utf-8-sig"),
-                             ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+        root = parse_scene(path.read_text(encoding="utf-8-sig"), path, comments=True)
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}); give the scene's right name") from None
-    except (ET.ParseError, ValueError, RecursionError) as error:
+    except ValueError as error:         # no UTF-8
         raise InputError(f"{path.name} is not well-formed XML: {error}") from None
-    if root.tag != "scene":
-        raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> "
-                         "is needed")
     if root.find("include") is not None:
         raise InputError(f"{path.name} includes other files, whose parts a copy could not change; "
                          "put what they hold into it")

@@ -86,7 +86,7 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
     folder : Path, optional
         As of ``read_scene``.
     """
-    root = _parse(text, path)
+    root = parse_scene(text, path)
     included = resolve_includes(root, path, folder)
     defaults = defaults_of(root)
     problems = [f"{path.name} {problem}" for problem in included.problems]
@@ -168,9 +168,24 @@ def _text(path: Path) -> str:
         raise InputError(f"{path.name} is not well-formed XML: {error}") from None
 
 
-def _parse(text: str, path: Path) -> ET.Element:
+def parse_scene(text: str, path: Path, comments: bool = False) -> ET.Element:
+    """The <scene> of some XML.
+
+    Parameters
+    ----------
+    text : str
+    path : Path
+        Of the file, for sentences.
+    comments : bool
+        Whether comments are kept.
+
+    Raises
+    ------
+    InputError
+        If it is not well-formed, or no Mitsuba scene.
+    """
     try:
-        root = ET.fromstring(text)
+        root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=comments)))
     except (ET.ParseError, ValueError, RecursionError) as error:
         raise InputError(f"{path.name} is not well-formed XML: {error}") from None
     if root.tag != "scene":

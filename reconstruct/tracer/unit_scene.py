@@ -75,11 +75,10 @@ def bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str],
     InputError
         If a BSDF that reflects light has no material.
     """
-    import drjit as dr
     import mitsuba as mi
 
     bsdfs = list(dict.fromkeys(shape.bsdf() for shape in scene.shapes()))
-    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.BSDFPtr(bsdfs)))
+    numbers = np.array(number_of(mi.BSDFPtr(bsdfs)))
     table = np.full(numbers.max() + 1, len(materials), dtype=np.uint32)
     for bsdf, number in zip(bsdfs, numbers, strict=True):
         if bsdf.id() in material_of_bsdf:
@@ -126,7 +125,7 @@ def profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
                                                          mi.Point2f(0.5))[0].wavelengths
     d65 = float(np.array(mi.load_dict({"type": "d65"}).eval(daylight)[0]).item())
 
-    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(scene.emitters())))
+    numbers = np.array(number_of(mi.EmitterPtr(scene.emitters())))
     table = np.ones((numbers.max() + 1, TABLE_DEG.size), dtype=np.float32)
     for emitter, number in zip(scene.emitters(), numbers, strict=True):
         shape = emitter.get_shape()
@@ -145,11 +144,10 @@ def light_table(scene: Any, lights: tuple[tuple[str, ...], ...]) -> np.ndarray:
     scene : mi.Scene
     lights : L groups of ids of emitters or of their shapes
     """
-    import drjit as dr
     import mitsuba as mi
 
     emitters = scene.emitters()
-    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitters)))
+    numbers = np.array(number_of(mi.EmitterPtr(emitters)))
     table = np.full(numbers.max() + 1, len(lights), dtype=np.uint32)
     for emitter, number in zip(emitters, numbers, strict=True):
         shape = emitter.get_shape()
