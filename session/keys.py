@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.session.box.colmap_cameras import colmap_files
+from spectrabox.session.box.box_camera import colmap_files
 from spectrabox.session.config.curve_sources import SourceTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig

@@ -12,7 +12,7 @@ from spectrabox.calibrate.geometry.colmap_model import for_photo, read_colmap
 from spectrabox.calibrate.geometry.lens import camera_position
 from spectrabox.calibrate.geometry.model_in_scene import model_in_scene, pose_in_scene
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.session.box.box_camera import box_text, corners_in_photo, found_camera, lens_of_view
+from spectrabox.session.box.box_camera import box_camera, box_text, corners_in_photo, lens_of_view
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.template import TEMPLATES
@@ -160,7 +160,7 @@ def test_a_plane_marked_as_in_a_mirror_would_put_the_camera_behind_the_wall(capt
             name.replace("left", "*").replace("right", "left").replace("*", "right")]])[0].tolist())
         for name in swapped}}
     with pytest.raises(CheckError, match="behind the back wall"):
-        found_camera(read_session(with_model(captured, ties=ties)))
+        box_camera(read_session(with_model(captured, ties=ties)))
 
 
 # ---- in a session --------------------------------------------------------------------------------
@@ -184,7 +184,7 @@ def with_model(folder, view="", camera='image = "box.jpg"', ties=None):
 
 def test_a_session_takes_its_camera_from_the_model(captured):
     config = read_session(with_model(captured))
-    camera = found_camera(config)
+    camera = box_camera(config)
     assert camera.how == "COLMAP"
     np.testing.assert_allclose(camera.at_mm, PLACES["box.jpg"][0], atol=1e-3)
     seen = corners_in_photo(config)
@@ -228,11 +228,11 @@ def test_a_view_may_have_a_measured_camera_or_one_from_corners(captured):
             "look_at_mm = [0, 100, -100]\nfov_deg = 40\n")
     config = read_session(with_model(captured, view))
     _, left, up = config.all_views
-    found = found_camera(config, left)
+    found = box_camera(config, left)
     assert found.how == "corners"
     np.testing.assert_allclose(found.at_mm, PLACES["left.jpg"][0], rtol=0.02)
-    assert found_camera(config, up).how == "measured"
-    np.testing.assert_allclose(found_camera(config, up).at_mm, (0, 300, 600), atol=1e-9)
+    assert box_camera(config, up).how == "measured"
+    np.testing.assert_allclose(box_camera(config, up).at_mm, (0, 300, 600), atol=1e-9)
     scenes = [read_session_scene(config, each) for each in config.all_views]
     assert len({scene.surfaces == scenes[0].surfaces for scene in scenes}) == 1
     assert 'origin="0, 300, 600"' in box_text(config, up)

@@ -9,12 +9,12 @@ from test_box_scene import FAR, rewritten, template_box
 from test_colmap import with_model
 from typer.testing import CliRunner
 
+from spectrabox.measure.scene_geometry import MarkedView, Placement, SceneGeometry
 from spectrabox.reconstruct.scene.box_scene import box_xml, chart_xml
 from spectrabox.reconstruct.scene.edit_scene import scene_with_camera, scene_with_light_moved
 from spectrabox.reconstruct.scene.refinements import Refinement, refinements
 from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
 from spectrabox.session.box.box_camera import corners_in_photo
-from spectrabox.session.box.geometry_record import MarkedView, Placement, SceneGeometry
 from spectrabox.session.box.scene_geometry import scene_geometry
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session

@@ -1,17 +1,17 @@
-"""What is said of where a box's camera stood: for scripts, for a person, for the report."""
+"""The camera of a box in words: for scripts and for a person."""
 from __future__ import annotations
 
 from typing import Any
 
-from spectrabox.session.box.box_camera import FoundCamera
+from spectrabox.measure.box_camera import BoxCamera
 
 
-def camera_facts(camera: FoundCamera) -> dict[str, Any]:
+def camera_facts(camera: BoxCamera) -> dict[str, Any]:
     """For scripts: places in millimetres, angles in degrees, residuals in pixels.
 
     Parameters
     ----------
-    camera : FoundCamera
+    camera : BoxCamera
     """
     facts: dict[str, Any] = {"how": camera.how, "at_mm": camera.at_mm, "direction":
                              camera.direction, "fov_deg": camera.fov_deg}
@@ -21,30 +21,33 @@ def camera_facts(camera: FoundCamera) -> dict[str, Any]:
               "direction_standard_error_deg": camera.direction_error_deg,
               "residuals_px": camera.residuals_px}
     if (model := camera.model) is not None:
+        by_picture: dict[str, dict[str, float]] = {}
+        for (picture, corner), residual in model.residuals_px.items():
+            by_picture.setdefault(picture, {})[corner] = residual
         facts["colmap"] = {
             "mm_per_unit": model.scale, "mm_per_unit_standard_error": model.scale_error,
             "rms_px": model.rms_px, "distances_mm": model.distances,
-            "residuals_px": _by_picture(model.residuals_px)}
+            "residuals_px": by_picture}
     return facts
 
 
-def camera_text(name: str, camera: FoundCamera) -> list[str]:
+def camera_text(name: str, camera: BoxCamera) -> list[str]:
     """Lines for a person.
 
     Parameters
     ----------
     name : str
         Of the view; empty where there is one.
-    camera : FoundCamera
+    camera : BoxCamera
     """
-    said = f"{name}: " if name else ""
+    whose = f"{name}: " if name else ""
     if camera.how == "measured":
-        return [f"{said}the camera stands as measured: the edges drawn over the photo show how "
+        return [f"{whose}the camera stands as measured: the edges drawn over the photo show how "
                 "well"]
-    place = ", ".join(f"{value:.1f} ({error:.1f})" for value, error in
-                      zip(camera.at_mm, camera.standard_error_mm, strict=True))
-    lines = [f"{said}camera at {place} mm (standard errors in brackets), its direction known to "
-             f"{camera.direction_error_deg:.2f} degrees, field of view {camera.fov_deg:.1f} "
+    position = ", ".join(f"{value:.1f} ({error:.1f})" for value, error in
+                         zip(camera.at_mm, camera.standard_error_mm, strict=True))
+    lines = [f"{whose}camera at {position} mm (standard errors in brackets), its direction known "
+             f"to {camera.direction_error_deg:.2f} degrees, field of view {camera.fov_deg:.1f} "
              "degrees across"]
     if (model := camera.model) is None:
         worst = max(camera.residuals_px, key=lambda name: camera.residuals_px[name])
@@ -57,10 +60,3 @@ def camera_text(name: str, camera: FoundCamera) -> list[str]:
             f"{model.residuals_px[picture, corner]:.2f} at {corner} in {picture}",
             f"{len(model.distances)} corners are seen by two pictures or more: furthest from where "
             f"the tape has it is {far}, by {model.distances[far]:.1f} mm"]
-
-
-def _by_picture(residuals: dict[tuple[str, str], float]) -> dict[str, dict[str, float]]:
-    pictures: dict[str, dict[str, float]] = {}
-    for (picture, corner), miss in residuals.items():
-        pictures.setdefault(picture, {})[corner] = miss
-    return pictures

@@ -8,7 +8,7 @@ import numpy as np
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.scene.box_scene import box_edges, chart_xml
-from spectrabox.session.box.box_camera import box_text, corners_in_photo, marked_corners
+from spectrabox.session.box.box_camera import box_camera, box_text, corners_in_photo
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.scenes import BOX_SCENE_NAME, CHART_SCENE_NAME
 
@@ -70,10 +70,10 @@ def overlay(config: SessionConfig, view: ViewInputs) -> np.ndarray:
     from spectrabox.capture.photo.preview import preview_rgb8
     assert config.box is not None
     seen = corners_in_photo(config, view)
-    # a turned view without its own camera has no marks: the camera was found in the first photo
-    marked = marked_corners(config, view) if view.camera is not None or not view.name else {}
+    # a turned view without its own camera has no marks: its camera is the first photo's
+    marked = box_camera(config, view).marks if view.camera is not None or not view.name else {}
     image = open_any(config.path(view.photo_files[0]), not_linear=True)
-    lines = np.array([[seen[one], seen[other]] for one, other in box_edges(config.box)])
+    lines = np.array([[seen[start], seen[end]] for start, end in box_edges(config.box)])
     return points_overlay(preview_rgb8(image), np.array([*marked.values()]).reshape(-1, 2),
                           np.array([seen[name] for name in marked]).reshape(-1, 2),
                           image.sensor_step, lines)

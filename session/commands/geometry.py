@@ -194,7 +194,7 @@ def pose(request: PoseRequest) -> Answer:
 @command
 def box(request: SessionOptions) -> Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
-    from spectrabox.session.box.box_camera import found_camera
+    from spectrabox.session.box.box_camera import box_camera
     from spectrabox.session.box.camera_facts import camera_facts, camera_text
     from spectrabox.session.box.scene_files import (
         box_views,
@@ -208,7 +208,7 @@ def box(request: SessionOptions) -> Answer:
     if config.box is None:
         raise InputError(f"{request.folder} has no [scene.box]: 'spectrabox new --template box' "
                          "writes a session that has one")
-    cameras = {view.name or FIRST_PHOTO: found_camera(config, view)
+    cameras = {view.name or FIRST_PHOTO: box_camera(config, view)
                for view in box_views(config)}
     with outputs_writer(config.folder):
         written = [*write_scene_files(config), *write_overlays(config)]

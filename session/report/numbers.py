@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.scene_geometry import SceneGeometry
 from spectrabox.radiometry.records import PatchSamples, SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
-from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.metamers import metamer_facts, metamer_pair

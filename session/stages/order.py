@@ -31,8 +31,8 @@ ROOM, FLAT_ROOM = "spectrabox.session.stages", "spectrabox.session.flat"
 PICTURE_ROOM = "spectrabox.session.pictures"
 # An edit in one of these rooms makes the results of a stage stale.
 CHART_ROOMS = ("radiometry", "capture", "reconstruct", "session/stages")
-PHOTO_ROOMS = (*CHART_ROOMS, "calibrate", "session/box", "session/flat")
-FIT_ROOMS = (*PHOTO_ROOMS, "sampling", "measure")
+PHOTO_ROOMS = (*CHART_ROOMS, "calibrate", "measure", "session/box", "session/flat")
+FIT_ROOMS = (*PHOTO_ROOMS, "sampling")
 PICTURE_ROOMS = (*FIT_ROOMS, "session/pictures")
 STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_ROOMS),
           "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos", PHOTO_ROOMS),

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from spectrabox.measure.scene_geometry import SceneGeometry
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
@@ -19,7 +20,6 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     SurfaceSignals,
 )
-from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.store.store import StoredStage
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.scene_geometry import SceneGeometry
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Calibration,
@@ -23,7 +24,6 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
 )
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage
-from spectrabox.session.box.geometry_record import SceneGeometry
 from spectrabox.session.pictures.picture_results import PictureOfSpectra
 
 # outcomes of a sampler without reservation

@@ -1,0 +1,120 @@
+"""Stated and estimated positions of lamp and cameras, of a measured box or of a scene in a file."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.measure.box_camera import BoxCamera, undistorted_shares, visible_corners
+from spectrabox.radiometry.shaped import Record
+from spectrabox.reconstruct.scene.box_scene import box_edges
+from spectrabox.reconstruct.scene.box_tables import BoxTable, LampTable
+from spectrabox.reconstruct.scene.refinements import Refinement
+
+SCENE_UNIT, MM = "scene's unit", "mm"
+
+
+@dataclass(frozen=True, eq=False)
+class Placement(Record):
+    """A lamp or camera: its stated position, the one that is used, and how that is known."""
+
+    what: str
+    how: str
+    unit: str                                               # ``MM`` or ``SCENE_UNIT``
+    stated: Annotated[np.ndarray, "3"] | None
+    place: Annotated[np.ndarray, "3"] | None
+    moved: Annotated[np.ndarray, "3"] | None                # from the stated position
+    standard_error: Annotated[np.ndarray, "3"] | None
+
+
+@dataclass(frozen=True, eq=False)
+class MarkedView(Record):
+    """A photo with a box's edges and marked corners, in shares of its width and height."""
+
+    name: str                                               # empty of the first
+    edges: Annotated[np.ndarray, "m 2 2"]
+    corners: tuple[str, ...]
+    marked: Annotated[np.ndarray, "n 2"]
+    seen: Annotated[np.ndarray, "n 2"]                      # where the camera sees them
+    residuals_px: Annotated[np.ndarray, "n"]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneGeometry(Record):
+    """What was estimated of a scene; empty where everything stands as stated."""
+
+    placements: tuple[Placement, ...]
+    views: tuple[MarkedView, ...]
+
+
+def lamp_placements(lamp: LampTable) -> list[Placement]:
+    """The placement of a box's lamp; none where it stands as measured."""
+    if lamp.moved_mm is None:
+        return []
+    return [Placement("lamp", "measured with a tape, then moved to explain the shading of surfaces "
+                      "of known reflectance", MM, np.array(lamp.at_mm), np.array(lamp.place_mm),
+                      np.array(lamp.moved_mm), _array(lamp.moved_error_mm))]
+
+
+def refined_placements(file: str, refinements: Iterable[Refinement]) -> list[Placement]:
+    """The placements that comments of a scene file state.
+
+    Parameters
+    ----------
+    file : str
+        Its name.
+    refinements : iterable of Refinement
+    """
+    return [Placement(f"{refinement.what} {refinement.name!r} of {file}", refinement.how,
+                      SCENE_UNIT, None, _array(refinement.place), _array(refinement.moved),
+                      np.array(refinement.standard_error)) for refinement in refinements]
+
+
+def camera_placement(name: str, camera: BoxCamera) -> Placement:
+    """The placement of an estimated camera of a box.
+
+    Parameters
+    ----------
+    name : str
+        Of the view; empty of the first.
+    camera : BoxCamera
+    """
+    known = (f"direction known to {camera.direction_error_deg:.2f} degrees, field of view "
+             f"{camera.fov_deg:.1f} degrees")
+    if (model := camera.model) is None:
+        worst = max(camera.residuals_px.values())
+        how = (f"found from {len(camera.residuals_px)} marked corners, the worst {worst:.2f} "
+               f"pixels off; {known}")
+    else:
+        how = (f"from COLMAP, tied to the box by {len(model.residuals_px)} marks, rms "
+               f"{model.rms_px:.2f} pixels, corners within {max(model.distances.values()):.1f} mm "
+               f"of the tape's; {known}")
+    return Placement(f"camera of “{name}”" if name else "camera", how, MM, None,
+                     np.array(camera.at_mm), None, np.array(camera.standard_error_mm))
+
+
+def marked_view(name: str, box: BoxTable, camera: BoxCamera) -> MarkedView:
+    """The edges of a box, and its marked corners, as a camera sees them.
+
+    Parameters
+    ----------
+    name : str
+        Of the view; empty of the first.
+    box : BoxTable
+        Turned as in this photo.
+    camera : BoxCamera
+    """
+    seen = undistorted_shares(camera, visible_corners(camera, box.corner_positions()))
+    marked = undistorted_shares(camera, camera.marks)
+    corners = tuple(marked)
+    return MarkedView(
+        name, np.array([[seen[start], seen[end]] for start, end in box_edges(box)]), corners,
+        np.array([marked[corner] for corner in corners]).reshape(-1, 2),
+        np.array([seen[corner] for corner in corners]).reshape(-1, 2),
+        np.array([camera.residuals_px[corner] for corner in corners]))
+
+
+def _array(values: Iterable[float] | None) -> np.ndarray | None:
+    return None if values is None else np.array([*values])
