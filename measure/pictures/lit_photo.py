@@ -2,7 +2,7 @@
 
 White and light may come from a chart in the photo of a flat sample, or from light traced in a
 scene. A pixel's errors lie between those of the best and of the worst known places of the photo,
-for which the two tables of its spectra are made.
+for which its two tables of spectra are computed.
 """
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
 from spectrabox.sampling.prior.uplift_table import MAX_SIGNAL, Uplifted, uplift_signals
 
 GREY = 0.3                  # signal by whose error the places of a photo are compared
-BEST_KNOWN, WORST_KNOWN = 5, 95     # percentiles of the places that the two tables are made for
+BEST_KNOWN, WORST_KNOWN = 5, 95     # percentiles of the places of the two tables
 SIDE = 17                   # of the tables: noise leaves no finer detail
 NOISE_SAMPLES = 20_000      # pixels that tell how noise depends on the signal
 DARKEST = 1e-4              # of white: signals are taken for at least as bright
@@ -66,7 +66,7 @@ class LitPhoto:
 
     photo: LinearImage          # the part alone
     errors: PixelErrors
-    flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, for reasons beside the photo's
+    flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, as the scene gives them
     highlights: bool = False    # whether what is brighter than white is a highlight: no spectrum
 
     table_side, error_levels = SIDE, 2
@@ -206,7 +206,7 @@ def photo_spectra(photo: LitPhoto, plan: SpectraPlan, block: PhotoBlock) -> Phot
     values: Any = plan.values(photo, block)
     mean, deviation = plan.split(values)
     beyond = np.max(block.measured - MAX_SIGNAL, axis=1) / (SIGMAS * block.grey_error)
-    # a signal beyond white is unlike any that the prior explains
+    # no signal beyond white is explained by the prior
     novelty = np.maximum(values[:, -1], beyond)
     for part in (mean, deviation, novelty):
         part[~block.seen] = np.nan

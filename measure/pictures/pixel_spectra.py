@@ -248,12 +248,13 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     done = 0
     for light, wanted in enumerate(survey.points):
         own = int(wanted.sum())
-        made = build_tables(
+        uplifted = build_tables(
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
                 (done + share * own) / points), map_parts)
-        smallest, *larger = (_columns(table, kept, novelty=low_rank is None) for table in made)
-        tables.append(LightTable(made[0].row, smallest, larger[0] - smallest if larger else None))
+        smallest, *larger = (_columns(table, kept, novelty=low_rank is None) for table in uplifted)
+        tables.append(LightTable(uplifted[0].row, smallest,
+                                 larger[0] - smallest if larger else None))
         done += own
     if low_rank is None:
         return SpectraPlan(kept, tuple(tables))
@@ -269,10 +270,11 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
         kept.nm[0].size, bound))
 
 
-def _columns(made: Uplifted | UpliftTable, kept: KeptWavelengths, *, novelty: bool) -> np.ndarray:
+def _columns(uplifted: Uplifted | UpliftTable, kept: KeptWavelengths, *,
+             novelty: bool) -> np.ndarray:
     """Mean and standard deviation side by side, and perhaps the novelty."""
-    return np.hstack([made.mean[:, kept.mean], made.standard_deviation[:, kept.deviation],
-                      made.novelty[:, None][:, :int(novelty)]])
+    return np.hstack([uplifted.mean[:, kept.mean], uplifted.standard_deviation[:, kept.deviation],
+                      uplifted.novelty[:, None][:, :int(novelty)]])
 
 
 def _errors_one_by_one(source: PixelSource, kept: KeptWavelengths, survey: Survey,

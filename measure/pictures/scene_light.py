@@ -39,7 +39,7 @@ class SceneLight:
     """The light on the pixels, and how it converged."""
 
     photo: LitPhoto
-    scale: LightScale               # of the photo, by which it is lit
+    scale: LightScale               # from the light to the signal of the photo
     spectra: np.ndarray             # (M, P) of the materials, by which light is coloured
     changes: tuple[float, ...]      # largest relative change of the light in each round
 
@@ -134,9 +134,9 @@ def mean_spectra(scene: TracedPhoto, photo: LitPhoto,
     weights = scene.traced.nodes.weights(sample.row, sample.column)
     alone = replace(whole, **{name: getattr(whole, name)[sample.row, sample.column][None]
                               for name in ("signal", "variance", "saturated")})
-    lit = LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
-    block = lit.block(0, 1, direct=True)
-    mean = lit.direct(block, coarse=True).mean
+    few = LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
+    block = few.block(0, 1, direct=True)
+    mean = few.direct(block, coarse=True).mean
     light = (weights @ photo.errors.white.signal).mean(axis=1)
     weight = sample.area * light * block.seen
     means = {}
@@ -160,8 +160,8 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     view, nodes, crop = scene.view, scene.traced.nodes, scene.crop
     uneven = nodes.unevenness(light @ scene.to_signals.sum(axis=(0, 2)), MISPLACED_PX)
     references = compare_reference_surfaces(scene, light, uneven < PENUMBRA_ERROR)
-    lit = illumination(light, references.scale.value * scene.to_signals)
-    white = lit.white
+    lighting = illumination(light, references.scale.value * scene.to_signals)
+    white = lighting.white
     grey = np.maximum(white.mean(axis=1), 1e-30)
     bands = white.shape[1]
     ambient = scene.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
@@ -177,17 +177,17 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     relative = references.covariance
     if scene.drift is not None:
         relative = relative + drift_covariance(scene.drift)
-    typical = lit.typical @ lit.spectra
+    typical = lighting.typical @ lighting.spectra
     responses = typical[:, None, :] * (view.sensitivities * view.grid.weights_nm)
     errors = PixelErrors(
-        between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lit, np.zeros(bands),
-        np.zeros((bands, bands)), scene.veil, relative,
+        between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
+        np.zeros(bands), np.zeros((bands, bands)), scene.veil, relative,
         [_calibration_under(scene, colour) for colour in typical],
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
     flags = np.full(nodes.surface.shape, SEEN, np.uint8)
     region = nodes.region
     flags[(uneven > PENUMBRA_ERROR)[region]] = PENUMBRA
-    flags[(lit.maps == 0).all(axis=1)[region]] = DARK
+    flags[(lighting.maps == 0).all(axis=1)[region]] = DARK
     flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = EDGE
     return LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
                     highlights=True), references.scale

@@ -158,4 +158,4 @@ def _coefficient_rows(path: Path, size: tuple[int, int], layout: PictureLayout,
     names = [*"RGB", *(f"{CHANNEL}{index:02d}" for index in range(len(basis) - 1))]
     with exr_rows(path, *size, names, not layout.full, {WORD: words},
                   tiles=layout.form == "tiled-exr") as write:
-        yield lambda first, made: write(first, np.dstack([colours[0] + made @ colours[1:], made]))
+        yield lambda first, rows: write(first, np.dstack([colours[0] + rows @ colours[1:], rows]))

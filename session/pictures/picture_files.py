@@ -31,7 +31,7 @@ PIXELS_A_POINT = 500        # a point of the table takes as long as how many pix
 
 def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
                   progress: Callable[[float], None],
-                  also: Callable[[int, int, PhotoSpectra], None] = lambda first, last, made: None
+                  also: Callable[[int, int, PhotoSpectra], None] = lambda first, last, spectra: None
                   ) -> dict[str, Any]:
     """Write the spectra of all pixels and maps of them.
 
@@ -67,17 +67,18 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
 
     with map_rows(folder, height, width, maps, reduced) as write_maps:
         def blocks() -> Iterator[tuple[int, int, tuple[np.ndarray, ...]]]:
-            for first, last, made in computed_blocks(
+            for first, last, spectra in computed_blocks(
                     height, width,
                     lambda first, last: photo.block(first, last, direct=not plan.tables),
                     lambda block: photo_spectra(photo, plan, block)):
-                write_maps(first, made)
-                also(first, last, made)
-                seen = made.flags == SEEN
-                counts[:] += [(made.beyond_white & seen).sum(), (made.novelty[seen] > 1).sum(),
-                              made.standard_deviation.mean(axis=1)[seen].sum()]
-                reasons[:] += np.bincount(made.flags, minlength=reasons.size)
-                yield first, last, (made.mean, made.standard_deviation)
+                write_maps(first, spectra)
+                also(first, last, spectra)
+                seen = spectra.flags == SEEN
+                counts[:] += [(spectra.beyond_white & seen).sum(),
+                              (spectra.novelty[seen] > 1).sum(),
+                              spectra.standard_deviation.mean(axis=1)[seen].sum()]
+                reasons[:] += np.bincount(spectra.flags, minlength=reasons.size)
+                yield first, last, (spectra.mean, spectra.standard_deviation)
 
         write_spectra(blocks(), (height, width), folder, layout,
                       lambda share: progress(before + (1 - before) * share))

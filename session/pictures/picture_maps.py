@@ -52,7 +52,7 @@ def maps_of(nm: np.ndarray, bands_nm: Sequence[float], light: str | None, *,
     nm : (P,) array
         Wavelengths of the mean.
     bands_nm : sequence of float
-        Wavelengths of which maps are made.
+        Wavelengths of the maps of one band each.
     light : str or None
         CIE name of a light, besides D65.
     flags : bool
@@ -125,15 +125,15 @@ def map_rows(folder: Path, height: int, width: int, maps: Sequence[Map], reduced
 
         def write(first: int, spectra: PhotoSpectra) -> None:
             seen = spectra.flags == SEEN
-            values = {}
+            of_maps = {}
             for each in maps:
-                made = each.values(spectra)
-                coded = each.encoded(np.nan_to_num(made))
+                values = each.values(spectra)
+                coded = each.encoded(np.nan_to_num(values))
                 if not each.flags:
                     coded[~seen] = MASKED
                 writers[each.file](first, coded.reshape(-1, width, 3))
-                values[each.file] = made.reshape(-1, width, each.channels)
-            reduced.add(first, seen.reshape(-1, width), values)
+                of_maps[each.file] = values.reshape(-1, width, each.channels)
+            reduced.add(first, seen.reshape(-1, width), of_maps)
 
         yield write
 

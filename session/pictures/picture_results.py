@@ -23,9 +23,9 @@ class PictureOfSpectra:
     maps: tuple[tuple[str, Path], ...]  # title of each map, and a reduced PNG of it
     size_px: tuple[int, int]            # width and height
     masked: float                       # share of pixels without a spectrum
-    unseen: tuple[float, ...]           # share of each reason for that, by its code
+    flag_shares: tuple[float, ...]      # of the pixels, by pixel_flags.py
     beyond_white: float                 # share of pixels brighter than white for certain
-    unlike: float                       # share of pixels unlike what the prior knows
+    novel: float                        # share of pixels that the prior does not explain
     standard_deviation: float           # mean over wavelengths and pixels
     notes: tuple[str, ...]
 
@@ -39,7 +39,7 @@ class PictureOfSpectra:
     def reasons(self) -> list[tuple[str, str, float]]:
         """Words, colour on the map and share of every reason that some pixel has."""
         return [(words, f"#{bytes(colour).hex()}", share) for code, (words, colour, share)
-                in enumerate(zip(WORDS, COLOURS.tolist(), self.unseen, strict=True))
+                in enumerate(zip(WORDS, COLOURS.tolist(), self.flag_shares, strict=True))
                 if code != SEEN and share > 0]
 
 
@@ -49,7 +49,7 @@ def picture_of(config: SessionConfig,
     if "picture" not in stored:
         return None
     stage, words = stored["picture"], tuple[str, ...]
-    masked, beyond, unlike = stage.record(np.ndarray, "shares").tolist()
+    masked, beyond, novel = stage.record(np.ndarray, "shares").tolist()
     width, height = stage.record(np.ndarray, "size").tolist()
     folder = config.results_folder / "picture"
     names = [(folder / file).relative_to(config.folder).as_posix()
@@ -57,7 +57,7 @@ def picture_of(config: SessionConfig,
     previews = [folder / file for file in stage.record(words, "previews")]
     return PictureOfSpectra(
         tuple(names), tuple(zip(stage.record(words, "titles"), previews, strict=True)),
-        (width, height), masked, tuple(stage.record(np.ndarray, "unseen").tolist()), beyond, unlike,
+        (width, height), masked, tuple(stage.record(np.ndarray, "unseen").tolist()), beyond, novel,
         float(stage.record(np.ndarray, "mean spread")[0]), stage.record(words, "notes"))
 
 
@@ -66,5 +66,5 @@ def picture_facts(picture: PictureOfSpectra) -> dict[str, Any]:
     return {"files": list(picture.files), "size_px": list(picture.size_px),
             "masked": picture.masked,
             "masked_because": {words: share for words, _, share in picture.reasons},
-            "beyond_white": picture.beyond_white, "unlike": picture.unlike,
+            "beyond_white": picture.beyond_white, "unlike": picture.novel,
             "standard_deviation": picture.standard_deviation, "notes": list(picture.notes)}
