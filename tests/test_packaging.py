@@ -50,7 +50,9 @@ def test_the_wheel_holds_each_file_of_the_folders_once(names):
     files = {f"spectrabox/{path.relative_to(ROOT).as_posix()}"
              for folder in FOLDERS for path in (ROOT / folder).rglob("*")
              if path.is_file() and "__pycache__" not in path.parts}
-    own = {"spectrabox/__init__.py", "spectrabox/__main__.py", "spectrabox/py.typed"}
+    own = {f"spectrabox/{name}" for name in ("__init__.py", "__init__.pyi", "__main__.py",
+                                             "py.typed")}
+    own |= {path.relative_to(ROOT).as_posix() for path in ROOT.glob("spectrabox/api/*.py")}
     assert len(names) == len(set(names))
     assert {name for name in names if ".dist-info/" not in name} == files | own
 
@@ -117,8 +119,10 @@ def test_another_package_named_fixtures_can_come_and_go(wheel, tmp_path):
 
 
 def imported_names():
-    for folder in FOLDERS:
-        for path in (ROOT / folder).rglob("*.py"):
+    for folder in (*FOLDERS, "spectrabox/api", "spectrabox/__init__.py"):
+        for path in [ROOT / folder, *(ROOT / folder).rglob("*.py")]:
+            if path.is_dir():
+                continue
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.Import):
                     yield from (alias.name.split(".")[0] for alias in node.names)
@@ -132,7 +136,8 @@ def test_dependencies_are_what_is_imported():
                 if name not in sys.stdlib_module_names and name != "spectrabox"}
     stated = {name_of(line) for line in PROJECT["project"]["dependencies"]}
     extras = PROJECT["project"]["optional-dependencies"]
-    asked_for = {name_of(line) for name in ("cluster", "zarr") for line in extras[name]} | WITH
+    asked_for = WITH | {name_of(line) for name in ("cluster", "zarr", "xarray")
+                        for line in extras[name]}
     assert imported - stated - asked_for == set(), (
         "imported, but not among the dependencies of pyproject.toml")
     assert (stated | asked_for) - imported == set(), (

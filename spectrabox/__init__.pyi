@@ -1,0 +1,20 @@
+"""The public names of spectrabox."""
+from .api.camera import CameraEstimate as CameraEstimate
+from .api.camera import fit_camera as fit_camera
+from .api.estimate import SpectrumEstimate as SpectrumEstimate
+from .api.estimates import SpectrumEstimates as SpectrumEstimates
+from .api.photo import ChartInPhoto as ChartInPhoto
+from .api.photo import Photo as Photo
+from .api.photo import find_chart as find_chart
+from .api.photo import open_photo as open_photo
+from .api.pictures import uplift as uplift
+from .radiometry.errors import CalibrationError as CalibrationError
+from .radiometry.errors import ChartNotFoundError as ChartNotFoundError
+from .radiometry.errors import CheckError as CheckError
+from .radiometry.errors import ClippedPhotoError as ClippedPhotoError
+from .radiometry.errors import ConvergenceError as ConvergenceError
+from .radiometry.errors import EnvironmentProblem as EnvironmentProblem
+from .radiometry.errors import InputError as InputError
+from .radiometry.errors import SpectraboxError as SpectraboxError
+
+__version__: str

@@ -1,0 +1,1 @@
+"""The functions and records behind the public names of ``spectrabox``."""

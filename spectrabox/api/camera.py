@@ -1,0 +1,166 @@
+"""A camera's sensitivities from photos of a chart."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from spectrabox.api.inputs import GRID, LightLike, as_chart, as_light
+from spectrabox.api.notebook import camera_html
+from spectrabox.api.photo import Photo, open_photo
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.measure.camera import CameraFit, measure_chart
+from spectrabox.measure.camera import fit_camera as fit_curves
+from spectrabox.measure.plots import plot_sensitivities
+from spectrabox.radiometry.chart import Chart, excluded_patches
+from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.records import Calibration, Quantity
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False)
+class CameraEstimate:
+    """A camera's sensitivities, or their products with an unknown light, with their errors.
+
+    Attributes
+    ----------
+    fit : CameraFit
+    bands : tuple of K str
+    """
+
+    fit: CameraFit
+    bands: tuple[str, ...]
+
+    @property
+    def calibration(self) -> Calibration:
+        """Sensitivities and light, with their covariance."""
+        return self.fit.chart.calibration
+
+    @property
+    def nm(self) -> np.ndarray:
+        """Wavelengths (P,) in nm."""
+        return self.calibration.sensitivity.grid.nm
+
+    @property
+    def curves(self) -> np.ndarray:
+        """Sensitivities (K, P); the highest peak is 1."""
+        return self.calibration.sensitivity.curves
+
+    def band(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper sensitivities (K, P) of the 90 % band.
+
+        Raises
+        ------
+        InputError
+            For measured curves, which have no band.
+        """
+        if self.fit.band is None:
+            raise InputError("measured curves have no band of their own")
+        return self.fit.band.lower, self.fit.band.upper
+
+    @property
+    def checks(self) -> tuple[str, ...]:
+        """What was checked, in sentences: light, chart, colour matrix."""
+        return self.calibration.checks
+
+    @property
+    def chart_delta_e(self) -> float:
+        """Mean CIEDE2000 of the chart patches, each predicted by a fit without it."""
+        return float(self.fit.chart.held_out_delta_e.mean())
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """The curves, shaded to two standard errors either side, as in the report."""
+        axes = plt.subplots(figsize=(5.6, 3.4), layout="constrained")[1] if axes is None else axes
+        plot_sensitivities(axes, self.nm, self.curves, self.calibration.sensitivity.standard_error,
+                           self.bands)
+        axes.legend(frameon=False, fontsize="small")
+        return axes
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write the curves and their standard errors, a column each, as ``camera fit --out``."""
+        fit = self.calibration.sensitivity
+        columns = dict(zip(self.bands, fit.curves, strict=True))
+        if fit.standard_error is not None:
+            columns |= {f"standard_error {name}": values
+                        for name, values in zip(self.bands, fit.standard_error, strict=True)}
+        target = Path(path)
+        write_text_whole(target, table_text(self.nm, columns, quantity=Quantity.RELATIVE,
+                                            source=f"{fit.method}, light "
+                                            f"{self.calibration.light.source}"))
+        return target
+
+    def __repr__(self) -> str:
+        return (f"<CameraEstimate {', '.join(self.bands)}: {self.calibration.sensitivity.method}, "
+                f"chart patches left out within CIEDE2000 {self.chart_delta_e:.1f}>")
+
+    def _repr_html_(self) -> str:
+        return camera_html(self)
+
+
+def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
+               light: LightLike | list[LightLike], layout: str | Path | Chart | None = None,
+               reference: str | None = None, leave_out: Sequence[int] = (),
+               method: str = "prior", prior: str | Path | None = None,
+               seed: int = 0) -> CameraEstimate:
+    """Sensitivities of a camera from photos of a chart and the spectrum of the light.
+
+    Parameters
+    ----------
+    charts : path, Photo, or several
+        Photos of a chart by one camera.
+    light : path, name, (nm, values) or Spectrum, or a list of one for each photo
+        "unknown" gives the products of camera and light.
+    layout, reference
+        As of `find_chart`.
+    leave_out : sequence of int
+        Numbers of patches, from 1, that no fit uses.
+    method : {"prior", "smooth", "nonnegative", "paper"}
+        Learnt from measured cameras, or splines; "paper" is that of Xia et al. 2025, Eq. 4.
+    prior : path, optional
+        A prior made by ``spectrabox camera prior``.
+    seed : int
+        Of the draws behind the band.
+
+    Returns
+    -------
+    CameraEstimate
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or photos and lights do not match in number.
+    ChartNotFoundError, ClippedPhotoError, CheckError
+        If a photo does not show the chart, or is saturated.
+
+    Examples
+    --------
+    >>> camera = sb.fit_camera(["mybox/photos/chart.dng"], light="mybox/spectra/light.csv")
+    """
+    photos = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
+    lights = [as_light(one) for one in (light if isinstance(light, list) else [light])]
+    if len(lights) not in (1, len(photos)):
+        raise InputError(f"{len(lights)} lights were given for {len(photos)} photos; give one for "
+                         "each photo or one for all")
+    chart = as_chart(layout)
+    reflectances = reference_reflectances(reference, chart, GRID)
+    excluded = excluded_patches(leave_out, chart, "leave_out")
+    shown = []
+    for number, one in enumerate(photos):
+        photo = one if isinstance(one, Photo) else open_photo(one)
+        samples = measure_chart(photo.image, chart, reflectances, GRID)
+        shown.append(ChartPhoto(samples, reflectances, lights[number if len(lights) > 1 else 0],
+                                excluded=excluded, chart=chart))
+    count = shown[0].samples.mean.shape[1]
+    bands = ("R", "G", "B") if count == 3 else tuple(f"band {k + 1}" for k in range(count))
+    learnt = None if prior is None else load_camera_prior(Path(prior))
+    return CameraEstimate(fit_curves(shown, GRID, CalibrationOptions(method, learnt), seed), bands)

@@ -1,0 +1,373 @@
+"""The estimate of one surface's spectrum: everything that is known of it, from one posterior."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from spectrabox.api.notebook import spectrum_html
+from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
+from spectrabox.radiometry.appearance import tristimulus_weights
+from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples, SpectrumSummary
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
+from spectrabox.sampling.summary import check_draws, check_level
+
+if TYPE_CHECKING:
+    from colour import SpectralDistribution
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+COLOUR_DRAWS = 2000         # behind a colour's standard error, where no draws are held
+COLOUR_SEED = 1
+DRAWS_SHOWN = 30
+
+
+class Colour(NamedTuple):
+    """A colour value with its standard error."""
+
+    value: np.ndarray
+    standard_error: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumEstimate:
+    """What is known of the reflectance of one surface.
+
+    Attributes
+    ----------
+    name : str
+    summary : SpectrumSummary or None
+        Mean, standard deviation, band and exact bounds on P wavelengths; None where the spectrum
+        was given.
+    measurement : SpectralMeasurement or None
+        The signal (K,), relative to white, that the estimate explains.
+    errors : mapping of (K, K) arrays
+        Covariance of the signal by cause of error; they add up to that of the measurement.
+    prior : LogitMixture or None
+        On reflectances; None where another method than the learnt prior drew.
+    samples : SpectrumSamples or None
+        The draws that the summary was made from, where there were any.
+    inverse_rendering : (P,) array or None
+        The one spectrum of the fit to the photo of a scene.
+    given : (nm, reflectance) or None
+        Of a surface whose spectrum is known.
+    """
+
+    name: str
+    summary: SpectrumSummary | None
+    measurement: SpectralMeasurement | None = None
+    errors: Mapping[str, np.ndarray] = field(default_factory=dict)
+    prior: LogitMixture | None = None
+    samples: SpectrumSamples | None = None
+    inverse_rendering: np.ndarray | None = None
+    given: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def nm(self) -> np.ndarray:
+        """Wavelengths (P,) in nm."""
+        return self.given[0] if self.given is not None else self._summary.grid.nm
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean reflectance (P,), 0 to 1."""
+        return self.given[1] if self.given is not None else self._summary.mean
+
+    @property
+    def standard_deviation(self) -> np.ndarray:
+        """Standard deviation (P,) of the reflectance; zero where the spectrum was given."""
+        return np.zeros_like(self.mean) if self.given is not None \
+            else self._summary.standard_deviation
+
+    def band(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper reflectance (P,) of the pointwise central band.
+
+        Parameters
+        ----------
+        level : float
+            Probability, 0 to 1, that it holds the reflectance at a wavelength.
+
+        Raises
+        ------
+        InputError
+            If the level is no probability.
+        ConvergenceError
+            If there are too few draws for this level, and no learnt prior to compute it from.
+        """
+        check_level(level)
+        if self.given is not None:
+            return self.mean, self.mean
+        if level == self._summary.level:
+            return self._summary.lower, self._summary.upper
+        if self.prior is not None:
+            lower, upper = self.posterior.band(level)
+            grid_nm = PRIOR_GRID.nm
+        else:
+            draws = self._held_draws
+            check_draws(draws.effective_samples, level)
+            lower, upper = np.quantile(draws.spectra, [(1 - level) / 2, (1 + level) / 2], axis=0)
+            grid_nm = draws.grid.nm
+        return np.interp(self.nm, grid_nm, lower), np.interp(self.nm, grid_nm, upper)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Exact lowest and highest reflectance (P,) of any smooth spectrum behind the signal."""
+        if self.given is not None:
+            return self.mean, self.mean
+        return self._summary.bound_lower, self._summary.bound_upper
+
+    def draws(self, count: int = 4000, seed: int = 1) -> np.ndarray:
+        """Independent draws (count, P) from all reflectances that explain the signal.
+
+        Raises
+        ------
+        InputError
+            For a count below 1, or an estimate without a learnt prior that holds fewer draws.
+        ConvergenceError
+            If draws do not reach the signal.
+        """
+        if self.given is not None:
+            return np.repeat(self.mean[None], count, axis=0)
+        held = self.samples
+        if held is not None and held.seed == seed and len(held.spectra) == count:
+            return _on(self.nm, held.grid.nm, held.spectra)
+        if self.prior is None:
+            if count > len(self._held_draws.spectra):
+                raise InputError(f"{count} draws were asked for and {self.name!r} holds "
+                                 f"{len(self._held_draws.spectra)}, of a method that cannot draw "
+                                 "more here; ask for fewer, or estimate again with more draws")
+            return _on(self.nm, self._held_draws.grid.nm, self._held_draws.spectra[:count])
+        return _on(self.nm, PRIOR_GRID.nm, self.posterior.draws(count, seed))
+
+    def lab(self, light: str = "D65") -> Colour:
+        """L*, a*, b* (3,) of the mean under a light, 2 degree observer, with standard errors.
+
+        Parameters
+        ----------
+        light : str
+            CIE name: D65, A, FL11, LED-B3.
+
+        Raises
+        ------
+        InputError
+            If no light of that name is published.
+        """
+        mean, draws = (self._lab_of(light, spectra) for spectra in (self.mean, self._colour_draws))
+        return Colour(mean, draws.std(axis=0))
+
+    def delta_e(self, light: str, other: SpectrumEstimate | np.ndarray) -> Colour:
+        """CIEDE2000 between the means of two surfaces under a light, with its standard error.
+
+        Parameters
+        ----------
+        light : str
+            CIE name: D65, A, FL11, LED-B3.
+        other : SpectrumEstimate or (P,) array
+            Another estimate, whose errors are taken to be independent, or a reflectance on the
+            wavelengths of this one.
+        """
+        if isinstance(other, SpectrumEstimate):
+            theirs, drawn = other._lab_of(light, other.mean), other._lab_of(light,
+                                                                            other._colour_draws)
+        else:
+            theirs = drawn = self._lab_of(light, np.asarray(other, dtype=float))
+        mine = self._lab_of(light, self._colour_draws)
+        count = min(len(mine), len(drawn)) if drawn.ndim == 2 else len(mine)
+        spread = ciede2000(mine[:count], drawn[:count] if drawn.ndim == 2 else drawn)
+        return Colour(np.asarray(ciede2000(self._lab_of(light, self.mean), theirs)),
+                      np.asarray(spread.std()))
+
+    @cached_property
+    def causes(self) -> dict[str, float]:
+        """Share of each cause in the variance of the spectrum, mean over wavelength; sums to 1.
+
+        Metamerism is what would remain if the signal were perfect. Empty where the spectrum was
+        given, or drawn by another method than the learnt prior.
+        """
+        if self.prior is None or self.measurement is None:
+            return {}
+        return self.posterior.variance_shares(self.errors)
+
+    @property
+    def error_budget(self) -> dict[str, np.ndarray]:
+        """Relative standard error (K,) of the signal by cause."""
+        if self.measurement is None:
+            return {}
+        return {cause: np.sqrt(np.diag(covariance)) / self.measurement.signal
+                for cause, covariance in self.errors.items()}
+
+    @property
+    def outcome(self) -> str:
+        """How the estimate ended, and what it is conditional on, in a sentence."""
+        if self.given is not None:
+            return "The spectrum was given."
+        return self.samples.sentence if self.samples is not None else self.posterior.sentence
+
+    @property
+    def next_reading_nm(self) -> float | None:
+        """Wavelength at which one more reading would narrow the band most; None if given."""
+        return None if self.given is not None else self._summary.next_measurement_nm
+
+    @property
+    def band_width(self) -> float:
+        """Mean width of the band over wavelength, in reflectance."""
+        lower, upper = self.band() if self.given is not None else (self._summary.lower,
+                                                                   self._summary.upper)
+        return float(np.mean(upper - lower))
+
+    @cached_property
+    def posterior(self) -> SignalPosterior:
+        """The posterior under the learnt prior, solved once.
+
+        Raises
+        ------
+        InputError
+            If the estimate comes from another method.
+        """
+        if self.prior is None or self.measurement is None:
+            raise InputError(f"{self.name!r} was not estimated with the learnt prior")
+        return solve_posterior(self.prior, self.measurement)
+
+    def plot(self, axes: Axes | None = None, *, truth: np.ndarray | None = None) -> Axes:
+        """Draws, band, exact bounds and mean over wavelength, as in the report.
+
+        Parameters
+        ----------
+        axes : matplotlib Axes, optional
+            To draw into; new ones by default.
+        truth : (P,) array, optional
+            A measured reflectance to compare with.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = plt.subplots(figsize=(6.6, 3.7), layout="constrained")[1] if axes is None else axes
+        if self.given is not None:
+            plot_given(axes, self.nm, self.mean)
+        else:
+            held = self.samples
+            draws, draws_nm = (self.draws(DRAWS_SHOWN, COLOUR_SEED), self.nm) if held is None \
+                else (held.spectra, held.grid.nm)
+            plot_estimate(axes, self._summary, draws, draws_nm, self.inverse_rendering)
+        if truth is not None:
+            plot_truth(axes, self.nm, truth)
+        axes.set_title(self.name)
+        axes.legend(frameon=False, fontsize="small")
+        return axes
+
+    def to_xarray(self, draws: int = 0, seed: int = 1) -> Dataset:
+        """The estimate as an xarray Dataset over ``wavelength`` (nm), and ``draw`` if asked for.
+
+        Parameters
+        ----------
+        draws : int
+            How many to include; none by default.
+        seed : int
+
+        Raises
+        ------
+        EnvironmentProblem
+            If xarray is not installed.
+        """
+        return estimates_to_xarray({self.name: self}, draws, seed).isel(surface=0)
+
+    def to_colour(self) -> SpectralDistribution:
+        """The mean as a colour-science SpectralDistribution."""
+        from colour import SpectralDistribution  # takes a second to import
+        return SpectralDistribution(dict(zip(self.nm.tolist(), self.mean.tolist(), strict=True)),
+                                    name=self.name)
+
+    def _repr_html_(self) -> str:
+        return spectrum_html([self])
+
+    def renamed(self, name: str) -> SpectrumEstimate:
+        """The same estimate under another name."""
+        return dataclasses.replace(self, name=name)
+
+    @property
+    def _summary(self) -> SpectrumSummary:
+        assert self.summary is not None, "an estimate has a summary unless its spectrum was given"
+        return self.summary
+
+    @property
+    def _held_draws(self) -> SpectrumSamples:
+        assert self.samples is not None, "a method without a learnt prior keeps its draws"
+        return self.samples
+
+    @cached_property
+    def _colour_draws(self) -> np.ndarray:
+        if self.given is None and self.samples is not None:
+            return _on(self.nm, self.samples.grid.nm, self.samples.spectra)
+        return self.draws(COLOUR_DRAWS, COLOUR_SEED)
+
+    def _lab_of(self, light: str, spectra: np.ndarray) -> np.ndarray:
+        weights = tristimulus_weights(self.nm, light)
+        return lab_from_xyz(spectra @ weights.T, weights.sum(axis=1))
+
+    def __repr__(self) -> str:
+        if self.given is not None:
+            return f"<SpectrumEstimate {self.name!r}: given>"
+        lightness, a, b = self.lab().value
+        return (f"<SpectrumEstimate {self.name!r}: L*a*b* {lightness:.1f} {a:.1f} {b:.1f}, "
+                f"{100 * self._summary.level:.4g} % band {self.band_width:.3f} wide>")
+
+
+def _on(nm: np.ndarray, own_nm: np.ndarray, spectra: np.ndarray) -> np.ndarray:
+    """Spectra (T, Q) at other wavelengths (P,), by straight lines between their own."""
+    if np.array_equal(nm, own_nm):
+        return spectra
+    return np.array([np.interp(nm, own_nm, spectrum) for spectrum in spectra])
+
+
+def estimates_to_xarray(estimates: Mapping[str, SpectrumEstimate], draws: int,
+                        seed: int) -> Dataset:
+    """Estimates on the same wavelengths as an xarray Dataset.
+
+    Parameters
+    ----------
+    estimates : mapping of SpectrumEstimate
+    draws : int
+        How many of each to include.
+    seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``surface``, ``wavelength`` (nm), and ``draw`` where draws are asked for;
+        variables are reflectances, 0 to 1.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If xarray is not installed.
+    """
+    try:
+        import xarray
+    except ImportError:
+        raise EnvironmentProblem("to_xarray needs xarray, which is not installed: pip install "
+                                 "'spectrabox[xarray]'") from None
+    each = list(estimates.values())
+    columns: dict[str, Any] = {
+        "mean": [one.mean for one in each],
+        "standard_deviation": [one.standard_deviation for one in each],
+        "lower": [one.band()[0] for one in each], "upper": [one.band()[1] for one in each],
+        "bound_lower": [one.bounds()[0] for one in each],
+        "bound_upper": [one.bounds()[1] for one in each]}
+    reflectance: dict[str, Any] = {"units": "1", "long_name": "reflectance"}
+    variables: dict[str, Any] = {name: (("surface", "wavelength"), np.array(values), reflectance)
+                                 for name, values in columns.items()}
+    if draws:
+        variables["draws"] = (("surface", "draw", "wavelength"),
+                              np.array([one.draws(draws, seed) for one in each]),
+                              reflectance | {"seed": seed})
+    nm = ("wavelength", each[0].nm, {"units": "nm"})
+    return xarray.Dataset(variables, {"surface": list(estimates), "wavelength": nm},
+                          {"title": "reflectance estimates", "band_level": 0.95,
+                           "outcome": [one.outcome for one in each]})

@@ -1,0 +1,111 @@
+"""The estimates of several surfaces, by name."""
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from spectrabox.api.estimate import SpectrumEstimate, estimates_to_xarray
+from spectrabox.api.notebook import spectrum_html
+from spectrabox.measure.plots import frame_wavelengths
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+
+class SpectrumEstimates(Mapping[str, SpectrumEstimate]):
+    """Estimates by the name of their surface, in their order; also by number.
+
+    Parameters
+    ----------
+    estimates : sequence of SpectrumEstimate
+        Of different names.
+    """
+
+    def __init__(self, estimates: Sequence[SpectrumEstimate]) -> None:
+        self._estimates = {estimate.name: estimate for estimate in estimates}
+
+    @overload
+    def __getitem__(self, name: str) -> SpectrumEstimate: ...
+    @overload
+    def __getitem__(self, name: int) -> SpectrumEstimate: ...
+
+    def __getitem__(self, name: str | int) -> SpectrumEstimate:
+        if isinstance(name, int):
+            return list(self._estimates.values())[name]
+        if name not in self._estimates:
+            raise KeyError(f"there is no surface {name!r}; there are "
+                           f"{', '.join(self._estimates)}")
+        return self._estimates[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._estimates)
+
+    def __len__(self) -> int:
+        return len(self._estimates)
+
+    def to_xarray(self, draws: int = 0, seed: int = 1) -> Dataset:
+        """All estimates as an xarray Dataset over ``surface``, ``wavelength`` (nm) and ``draw``.
+
+        Parameters
+        ----------
+        draws : int
+            How many of each surface to include; none by default.
+        seed : int
+
+        Raises
+        ------
+        EnvironmentProblem
+            If xarray is not installed.
+        """
+        return estimates_to_xarray(self, draws, seed)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write mean, standard deviation, band and bounds of every surface, a row a wavelength.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the file cannot be written; an older one is left as it was.
+        InputError
+            If there is no surface.
+        """
+        if not self._estimates:
+            raise InputError("there is no surface to write")
+        columns: dict[str, np.ndarray] = {}
+        for name, one in self._estimates.items():
+            (lower, upper), (lowest, highest) = one.band(), one.bounds()
+            columns |= {f"{name} mean": one.mean,
+                        f"{name} standard_deviation": one.standard_deviation,
+                        f"{name} lower": lower, f"{name} upper": upper,
+                        f"{name} bound_lower": lowest, f"{name} bound_upper": highest}
+        target = Path(path)
+        write_text_whole(target, table_text(self[0].nm, columns, quantity=Quantity.REFLECTANCE,
+                                            source="spectrabox"))
+        return target
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Means and bands of all surfaces."""
+        axes = plt.subplots(figsize=(6.6, 3.7), layout="constrained")[1] if axes is None else axes
+        for name, one in self._estimates.items():
+            line, = axes.plot(one.nm, one.mean, label=name)
+            axes.fill_between(one.nm, *one.band(), color=line.get_color(), alpha=0.15, lw=0)
+        frame_wavelengths(axes, self[0].nm)
+        axes.set(ylabel="Reflectance", ylim=(0, None))
+        axes.legend(frameon=False, fontsize="small")
+        return axes
+
+    def __repr__(self) -> str:
+        lines = [f"  {estimate!r}" for estimate in self._estimates.values()]
+        return "\n".join([f"<{type(self).__name__}, {len(lines)} surfaces>", *lines])
+
+    def _repr_html_(self) -> str:
+        return spectrum_html(list(self._estimates.values()))

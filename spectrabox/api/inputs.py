@@ -1,0 +1,137 @@
+"""What the public functions accept: paths, names, arrays and records, to records."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import WavelengthGrid, visible_grid
+from spectrabox.radiometry.records import Calibration, Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.spectra.named_spectra import sensitivities
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
+from spectrabox.radiometry.spectra.stated_light import stated_light
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+
+if TYPE_CHECKING:
+    from spectrabox.api.camera import CameraEstimate
+
+GRID = visible_grid()       # 400 to 700 nm in 1 nm steps, on which everything is integrated
+
+Curves = tuple[ArrayLike, ArrayLike]        # wavelengths (Q,) in nm, values
+LightLike = str | Path | Spectrum | UnknownLight | Curves
+CameraLike = "str | Path | CameraEstimate | Calibration | Curves"
+
+
+def as_light(light: LightLike) -> Spectrum | UnknownLight:
+    """A light from a file, a name, (nm, values), or a record.
+
+    Parameters
+    ----------
+    light : str, Path, (nm, values), Spectrum or UnknownLight
+        A spectral file, a CIE name such as "D65", "unknown", a temperature such as "3200K", or a
+        kind of lamp: daylight, halogen, led, fluorescent.
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a name.
+    """
+    if isinstance(light, Spectrum | UnknownLight):
+        return light
+    if isinstance(light, str | Path):
+        return stated_light(str(light), GRID)
+    nm, values = (np.asarray(part, dtype=float) for part in light)
+    return Spectrum(GRID, on_grid(nm, values, GRID, "light"), Quantity.RELATIVE, "given")
+
+
+def as_spectrum(light: LightLike) -> Spectrum:
+    """A light whose spectrum is stated.
+
+    Raises
+    ------
+    InputError
+        If it is not: "unknown", a temperature or a kind of lamp.
+    """
+    known = as_light(light)
+    if isinstance(known, UnknownLight):
+        raise InputError(f"the light is stated as {known.words}, and its spectrum is needed here; "
+                         "give a file, (nm, values) or a CIE name such as 'D65'")
+    return known
+
+
+def as_curves(camera: str | Path | CameraEstimate | Calibration | Curves,
+              grid: WavelengthGrid = GRID) -> np.ndarray:
+    """Sensitivities (K, P) on a grid.
+
+    Parameters
+    ----------
+    camera : str, Path, CameraEstimate, Calibration or (nm, curves)
+        A file of curves, a camera or observer by its name, a fitted camera, or wavelengths (Q,)
+        with curves (K, Q).
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a name, or the curves do not cover the grid.
+    """
+    if isinstance(camera, str | Path):
+        return sensitivities(str(camera), grid)
+    if isinstance(camera, tuple):
+        nm, curves = (np.asarray(part, dtype=float) for part in camera)
+        return on_grid(nm, np.atleast_2d(curves), grid, "camera")
+    calibration = camera if isinstance(camera, Calibration) else camera.calibration
+    fit = calibration.sensitivity
+    return on_grid(fit.grid.nm, fit.curves, grid, "camera")
+
+
+def relative_response(camera: str | Path | CameraEstimate | Calibration | Curves,
+                      light: LightLike) -> np.ndarray:
+    """Response (K, 301) of a camera's bands to reflectances under a light; rows sum to 1."""
+    matrix = response_matrix(GRID, as_curves(camera), spectrum_on_grid(as_spectrum(light), GRID))
+    return matrix / white_signal(matrix)[:, None]
+
+
+def as_prior(prior: str | Path | LogitMixture | None, families: Sequence[str] = ()) -> LogitMixture:
+    """The shipped prior, one of a file, or a record; of some families where they are stated."""
+    learnt = prior if isinstance(prior, LogitMixture) else load_prior(
+        None if prior is None else Path(prior))
+    return of_families(learnt, families)
+
+
+def as_chart(layout: str | Path | Chart | None) -> Chart:
+    """A chart by the name it is sold under, a layout file, or a record; the Classic by default."""
+    if isinstance(layout, Chart):
+        return layout
+    return CLASSIC if layout is None else chart_layout(str(layout))
+
+
+def listed(families: str | Sequence[str] | None) -> tuple[str, ...]:
+    """One family or several, as a tuple."""
+    if families is None:
+        return ()
+    return (families,) if isinstance(families, str) else tuple(families)
+
+
+def as_covariance(noise: ArrayLike, bands: int) -> np.ndarray:
+    """Noise covariance (K, K) from a standard error, one a band, or a covariance.
+
+    Raises
+    ------
+    InputError
+        If it is of another shape, or negative.
+    """
+    error = np.asarray(noise, dtype=float)
+    if error.shape == (bands, bands):
+        return error
+    if error.shape not in ((), (bands,)) or not np.all(error >= 0):
+        raise InputError(f"noise of shape {error.shape} was given for {bands} bands; give one "
+                         f"standard error, one a band ({bands},), or a covariance "
+                         f"({bands}, {bands}), none of them negative")
+    return np.diag(np.broadcast_to(error, bands) ** 2)

@@ -1,0 +1,68 @@
+"""Short HTML for notebooks: swatch, small plot and band width of each surface."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from markupsafe import Markup
+
+from spectrabox.measure.plots import band_colours
+from spectrabox.radiometry.appearance import reflectance_to_srgb
+
+if TYPE_CHECKING:
+    from spectrabox.api.camera import CameraEstimate
+    from spectrabox.api.estimate import SpectrumEstimate
+
+WIDTH, HEIGHT = 150, 36     # of the small plot, in pixels
+
+
+def spectrum_html(estimates: Sequence[SpectrumEstimate]) -> str:
+    """A table with one row a surface."""
+    rows = Markup("").join(_row(estimate) for estimate in estimates)
+    table = Markup("<table><thead><tr><th>surface</th><th>colour</th><th>400 to 700 nm, 0 to 1</th>"
+                   "<th>band width</th></tr></thead><tbody>{}</tbody></table>")
+    return str(table.format(rows))
+
+
+def _row(estimate: SpectrumEstimate) -> Markup:
+    nm = estimate.nm
+    red, green, blue = (round(255 * float(value)) for value
+                        in reflectance_to_srgb(nm, np.clip(estimate.mean, 0, 1)))
+    width = "given" if estimate.given is not None else f"{estimate.band_width:.3f}"
+    return Markup('<tr><td>{}</td><td><span style="display:inline-block;width:2.5em;height:1.4em;'
+                  'background:rgb({},{},{})"></span></td><td>{}</td><td>{}</td></tr>').format(
+                      estimate.name, red, green, blue, _small_plot(estimate), width)
+
+
+def _small_plot(estimate: SpectrumEstimate) -> Markup:
+    nm = estimate.nm
+    x = (nm - nm[0]) / (nm[-1] - nm[0]) * WIDTH
+    lower, upper = estimate.band()
+    step = max(len(nm) // 60, 1)
+
+    def points(values: np.ndarray, order: slice) -> str:
+        return " ".join(f"{a:.1f},{HEIGHT * (1 - min(float(b), 1.0)):.1f}"
+                        for a, b in zip(x[::step][order], values[::step][order], strict=True))
+
+    forward, backward = slice(None), slice(None, None, -1)
+    return Markup('<svg width="{}" height="{}" role="img" aria-label="mean and band of {}">'
+                  '<polygon points="{} {}" fill="#1f4e8c" fill-opacity=".18"/><polyline '
+                  'points="{}" fill="none" stroke="#1f4e8c" stroke-width="1.5"/></svg>').format(
+                      WIDTH, HEIGHT, estimate.name, points(upper, forward),
+                      points(lower, backward), points(estimate.mean, forward))
+
+
+def camera_html(camera: CameraEstimate) -> str:
+    """A small plot of the curves, and what was checked."""
+    nm, top = camera.nm, float(camera.curves.max())
+    x = (nm - nm[0]) / (nm[-1] - nm[0]) * 2 * WIDTH
+    step = max(len(nm) // 60, 1)
+    lines = Markup("").join(
+        Markup('<polyline points="{}" fill="none" stroke="{}" stroke-width="1.5"/>').format(
+            " ".join(f"{a:.1f},{2 * HEIGHT * (1 - max(float(b), 0.0) / top):.1f}"
+                     for a, b in zip(x[::step], curve[::step], strict=True)), colour)
+        for curve, colour in zip(camera.curves, band_colours(camera.bands), strict=True))
+    checks = Markup("").join(Markup("<li>{}</li>").format(check) for check in camera.checks)
+    return str(Markup('<svg width="{}" height="{}" role="img" aria-label="sensitivities">{}</svg>'
+                      "<ul>{}</ul>").format(2 * WIDTH, 2 * HEIGHT, lines, checks))

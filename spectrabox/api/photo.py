@@ -1,0 +1,199 @@
+"""Photos as linear camera signal, and the colour chart in them."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.api.inputs import GRID, as_chart
+from spectrabox.capture.chart.detection import find_chart as detect_chart
+from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
+from spectrabox.capture.develop.developed import develop_photos
+from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.measure.camera import chart_signals
+from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PREVIEW_PX = 1200       # of the longest side of a plotted photo
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A photo as linear camera signal.
+
+    Attributes
+    ----------
+    image : LinearImage
+        Signal (H, W, K) as a fraction of (white - black), with its variance.
+    notes : tuple of str
+        What happened while it was developed.
+    """
+
+    image: LinearImage
+    notes: tuple[str, ...] = ()
+
+    @property
+    def signal(self) -> np.ndarray:
+        """Signal (H, W, K), black-subtracted, without white balance, as a fraction of white."""
+        return self.image.signal
+
+    @property
+    def bands(self) -> int:
+        """Number K of camera bands."""
+        return int(self.image.signal.shape[2])
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the photo in pixels of the sensor."""
+        height, width = self.image.signal.shape[:2]
+        return round(width * self.image.sensor_step), round(height * self.image.sensor_step)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """The photo, stretched for the screen; the axes count pixels of the sensor."""
+        axes = plt.subplots(layout="constrained")[1] if axes is None else axes
+        width, height = self.size_px
+        step = -(-max(self.image.signal.shape[:2]) // PREVIEW_PX)
+        axes.imshow(preview_rgb8(self.image, step), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+        axes.set(xlabel="pixel", ylabel="pixel")
+        return axes
+
+    def __repr__(self) -> str:
+        width, height = self.size_px
+        exposure = "exposure not stated" if self.image.exposure_s is None \
+            else f"{self.image.exposure_s:.4g} s"
+        return (f"<Photo {self.image.source}: {self.image.camera or 'camera not stated'}, "
+                f"{width} x {height} pixels, {self.bands} bands, {exposure}>")
+
+
+def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] | None = None,
+               flat: str | Path | None = None, not_linear: bool = False) -> Photo:
+    """Open a photo as linear camera signal.
+
+    Parameters
+    ----------
+    photo : path, or list of paths
+        Camera raw, DNG, linear EXR or TIFF; several are an exposure bracket and are merged.
+    dark : list of paths, optional
+        Dark frames at the photo's exposure and ISO.
+    flat : path, optional
+        An evenly lit white card in the same place; divides the photo.
+    not_linear : bool
+        Take JPEG and PNG too, decoded as sRGB.
+
+    Returns
+    -------
+    Photo
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or its values are not proportional to light.
+    CheckError
+        If exposures of a bracket, dark frames or flat field do not fit the photo.
+
+    Examples
+    --------
+    >>> photo = sb.open_photo("painting/photos/painting.dng")
+    """
+    paths = [Path(one) for one in (photo if isinstance(photo, list) else [photo])]
+    image, notes = develop_photos(paths, [Path(one) for one in dark or []],
+                                  None if flat is None else Path(flat), not_linear)
+    return Photo(image, tuple(notes))
+
+
+@dataclass(frozen=True, eq=False)
+class ChartInPhoto:
+    """A colour chart in a photo, its patches, and whether the photo is good enough.
+
+    Attributes
+    ----------
+    photo : Photo
+    layout : Chart
+    detection : ChartDetection
+    quality : ChartVerdict
+    """
+
+    photo: Photo
+    layout: Chart
+    detection: ChartDetection
+    quality: ChartVerdict
+
+    @property
+    def verdict(self) -> str:
+        """"good" or "re-shoot"."""
+        return self.quality.verdict
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why to photograph the chart again, and what to do; empty if the photo is good."""
+        return self.quality.reasons
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Sampled quadrilaterals (I, 4, 2) of the patches, in pixels of the photo."""
+        return self.detection.corners_px
+
+    @property
+    def samples(self) -> PatchSamples:
+        """Mean signals (I, K) of the patches, with their covariance."""
+        return self.quality.samples
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """The photo with the sampled quadrilaterals of the patches."""
+        axes = self.photo.plot(axes)
+        for quad in self.corners:
+            axes.plot(*np.vstack([quad, quad[:1]]).T, color="white", lw=1.8)
+            axes.plot(*np.vstack([quad, quad[:1]]).T, color="black", lw=0.7)
+        axes.set_title(f"{self.layout.name}: {self.verdict}")
+        return axes
+
+    def __repr__(self) -> str:
+        return (f"<ChartInPhoto {self.layout.name} in {self.photo.image.source}: {self.verdict}, "
+                f"{len(self.corners)} patches, confidence {self.detection.confidence:.2f}>")
+
+
+def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None = None,
+               reference: str | None = None, corners: ArrayLike | None = None) -> ChartInPhoto:
+    """Find the colour chart in a photo and judge the photo.
+
+    Parameters
+    ----------
+    photo : path or Photo
+    layout : name, layout file or Chart, optional
+        A ColorChecker Classic by default.
+    reference : str, optional
+        Chart reflectances: a published average by name, or a file of measured ones.
+    corners : (4, 2) array, optional
+        Where the chart lies, in pixels: of a ColorChecker the outer corners of the patches at dark
+        skin, bluish green, black and white.
+
+    Raises
+    ------
+    ChartNotFoundError
+        If there is no chart, or none at the corners.
+    CheckError
+        If the photo shows the chart mirrored, or is not linear in the light.
+
+    Examples
+    --------
+    >>> chart = sb.find_chart(photo)
+    >>> chart.verdict
+    'good'
+    """
+    opened = photo if isinstance(photo, Photo) else open_photo(photo)
+    chart = as_chart(layout)
+    reflectances = None if chart.has_known_colours and reference is None else \
+        reference_reflectances(reference, chart, GRID)
+    signals = chart_signals(chart, reflectances, opened.bands, GRID)
+    given = None if corners is None else np.asarray(corners, dtype=float)
+    detection = detect_chart(opened.image, signals, given, chart)
+    return ChartInPhoto(opened, chart, detection, judge_chart(opened.image, detection, signals,
+                                                              chart))

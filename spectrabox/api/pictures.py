@@ -1,0 +1,64 @@
+"""The spectrum behind every pixel of an image."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.api.inputs import GRID, Curves, LightLike, as_prior, listed, relative_response
+from spectrabox.api.photo import Photo
+from spectrabox.measure.pictures.uplift import uplift_image
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import Calibration
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+
+if TYPE_CHECKING:
+    from spectrabox.api.camera import CameraEstimate
+
+
+def uplift(image: ArrayLike | Photo, *, camera: str | Path | CameraEstimate | Calibration | Curves,
+           light: LightLike, noise: float = 0.01, white: ArrayLike | None = None,
+           families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,
+           progress: Callable[[float], None] = lambda share: None
+           ) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of the reflectance behind every pixel.
+
+    Parameters
+    ----------
+    image : (H, W, K) array or Photo
+        Linear signal.
+    camera : name, path, CameraEstimate, or (nm, curves)
+    light : name, path, (nm, values) or Spectrum
+    noise : float
+        Relative standard error of every band.
+    white : (K,) array, optional
+        What a perfect white reads; 1 by default.
+    families : str or list of str, optional
+        What the surfaces are: paint, textile, leaves, skin, white, earth, animal.
+    prior : path or LogitMixture, optional
+        On reflectances; the shipped one by default.
+    progress : function, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    mean, standard_deviation : (H, W, P) arrays
+        At 400, 405 ... 700 nm.
+
+    Raises
+    ------
+    InputError
+        If image and camera have other bands.
+
+    Examples
+    --------
+    >>> mean, deviation = sb.uplift(image, camera="Nikon 5100 (NPL)", light="D65")
+    """
+    pixels = image.signal if isinstance(image, Photo) else np.asarray(image, dtype=float)
+    response = relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+    return uplift_image(pixels, response, as_prior(prior, listed(families)), noise,
+                        white=None if white is None else np.asarray(white, dtype=float),
+                        progress=progress)
