@@ -107,7 +107,7 @@ def train(libraries: dict[str, list[ReflectanceLibrary]], relative_response: np.
         For a library that cannot be left out, too few curves, or a family that there is not.
     """
     names = [f"{library.name} ({len(library.reflectances)})"
-             for found in libraries.values() for library in found]
+             for listed in libraries.values() for library in listed]
     parts = parts_of(libraries, families, seed, JUDGED)
     fitted = fitted_families(parts, families, seed)
     left_out = []
@@ -212,20 +212,20 @@ def certificates(prior: LogitMixture,
         Calibrated.
     left_out : sequence of LeftOut
     """
-    found = {}
+    table = {}
     for name in prior.families:
         mine = [part for part in left_out if part.family == name and not part.mixed]
         mine = [part for part in mine if part.measured] or mine
         if mine:
             bands = {kind: [band_figures(prior, part, kind) for part in mine
                             if getattr(part, kind) is not None] for kind in ("stated", "unstated")}
-            found[name] = FamilyCertificate(
+            table[name] = FamilyCertificate(
                 mine[0].measured, len(mine) if len(mine) > 1 else 0,
                 sum(part.curves for part in mine),
                 **{kind: BandCertificate(min(one.coverage for one in each),
                                          float(np.mean([one.width for one in each])))
                    for kind, each in bands.items()})
-    return found
+    return table
 
 
 def band_figures(prior: LogitMixture, part: LeftOut, kind: str) -> BandCertificate:
@@ -270,13 +270,13 @@ def _factor(judges: _Judges, place: int) -> np.ndarray:
 
 
 def _by_family(prior: LogitMixture, left_out: Sequence[LeftOut], kind: str) -> list[_Judges]:
-    found = []
+    judges = []
     for name in prior.families:
         scores = [(one.measured, judgement.scores) for one in left_out
                   if one.family == name and not (one.mixed and kind == "stated")
                   and (judgement := getattr(one, kind)) is not None]
         measured = [values for is_measured, values in scores if is_measured]
         models = [values for is_measured, values in scores if not is_measured]
-        found.append(_Judges(measured, [], MEASURED_LIMITS) if measured else
+        judges.append(_Judges(measured, [], MEASURED_LIMITS) if measured else
                      _Judges([np.concatenate(models, axis=1)], models, MODEL_LIMITS[kind]))
-    return found
+    return judges

@@ -62,8 +62,8 @@ def low_rank(prior: LogitMixture, relative_response: np.ndarray, noise: float, c
     """
     with threadpool_limits(1, "blas"):      # its sums depend on how many threads share them
         signals = drawn_reflectances(prior, SURFACES) @ relative_response.T
-        found = uplift_directly(prior, relative_response, signals, noise)
-        spectra = np.hstack([found[0][:, mean], found[1][:, spread]])
+        mean_curves, deviations = uplift_directly(prior, relative_response, signals, noise)
+        spectra = np.hstack([mean_curves[:, mean], deviations[:, spread]])
         if not MIN_COEFFICIENTS <= coefficients < spectra.shape[1]:
             raise InputError(f"{coefficients} coefficients a pixel are not between "
                              f"{MIN_COEFFICIENTS} and the {spectra.shape[1]} numbers of its "

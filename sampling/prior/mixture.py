@@ -139,13 +139,13 @@ def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Compone
     other = prior.where_stated
     replaced = set() if other is None else set(other.family.tolist())
     own = np.isin(prior.family, [index for index in kept if index not in replaced])
-    found = [(prior.weights[own], prior.means[own], prior.covariances[own], prior.family[own])]
+    parts = [(prior.weights[own], prior.means[own], prior.covariances[own], prior.family[own])]
     if other is not None:
         new = np.isin(other.family, kept)
         weights = other.weights[new] * shares[other.family[new].astype(int)]
-        found.append((weights, other.means[new], other.covariances[new], other.family[new]))
+        parts.append((weights, other.means[new], other.covariances[new], other.family[new]))
     weights, means, covariances, family = (np.concatenate(each)
-                                           for each in zip(*found, strict=True))
+                                           for each in zip(*parts, strict=True))
     return Components(weights / weights.sum(), means, covariances, family)
 
 

@@ -5,7 +5,7 @@ diag(p (1 - p)),
 
     Q = J S J' + R,   x <- mu + S J' Q^-1 (y - M p + J (x - mu))
 
-until x stands still. This is Gauss-Newton on the posterior's logarithm; its Gaussian at the end is
+until x converges. This is Gauss-Newton on the posterior's logarithm; its Gaussian at the end is
 the component's posterior (Laplace), and -r' Q^-1 r / 2 - log det Q / 2 its log evidence. All
 signals are treated at once; a component that is far behind after a few steps is given up for a
 signal, and weighs nothing.
@@ -23,9 +23,9 @@ from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.prior.quantiles import quantiles, stretched
 
-# of the filter; the largest change of a logit that counts as standing still
+# of the filter; the largest change of a logit at which it has converged
 STEPS, TOLERANCE = 25, 1e-6
-TRIED, EVIDENCE_CUTOFF = 2, 15.0     # steps before components are compared; nats that give one up
+TRIED, EVIDENCE_CUTOFF = 2, 15.0     # steps before components are compared; nats that exclude one
 BLOCK = 64                  # signals at a time: what they take then fits the cache
 NEGLIGIBLE = 2e-3           # weight of a component that is left out of a signal's posterior
 MAX_STEP = 2.0              # logits per step: keeps the linearisation where it is of use
@@ -71,7 +71,7 @@ class Observations:
 class _Pairs:
     """Some pairs of a component and a signal, as n rows."""
 
-    place: tuple[int | slice, int | slice]      # of the rows in arrays (C, T)
+    index: tuple[int | slice, int | slice]      # of the rows in arrays (C, T)
     seen: Observations                                 # a signal for each row
     mean: np.ndarray                            # (P,), or (n, P): one for each row
     covariance: np.ndarray                      # (P, P), or (n, P, P)
@@ -95,7 +95,7 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     start : MixturePosterior, optional
         Of the same signals under other noise, whose modes are near: a third of the work.
     tolerance : float
-        Change of a logit that ends the way to a mode.
+        Change of a logit at which the mode is reached.
     """
     noise = np.broadcast_to(with_floor(covariance), (len(signals), *covariance.shape[-2:]))
     seen = Observations(relative_response, signals, noise)
@@ -113,13 +113,13 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     plain, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
     close = rough > rough.max(axis=0) - EVIDENCE_CUTOFF
     for part in parts:
-        near = np.flatnonzero(close[part.place])
+        near = np.flatnonzero(close[part.index])
         gauss_newton(part.seen, near, part.mean, part.covariance, part.logits, STEPS, tolerance)
         variance, evidence, off, strange = laplace(part.seen, near, part.mean, part.covariance,
                                                    part.logits)
-        for found, values in ((variances, variance), (plain, evidence), (misfit, off),
+        for target, values in ((variances, variance), (plain, evidence), (misfit, off),
                               (surprise, strange)):
-            found[part.place][near] = values
+            target[part.index][near] = values
     plain += log_weights[:, None]
     score = plain - PENALTY * np.maximum(misfit - allowed_misfit(noise), 0)
     weights = np.exp(score - score.max(axis=0))
@@ -192,7 +192,7 @@ def gauss_newton(seen: Observations, rows: np.ndarray, mean: np.ndarray, covaria
 
 def _step(x: np.ndarray, active: np.ndarray, mean: np.ndarray, gain_base: np.ndarray,
           solved: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-    """Move logits x (T, P) of the active rows one step; those (n,) that did not stand still."""
+    """Move logits x (T, P) of the active rows one step; those (n,) that have not converged."""
     step = _own(mean, active, 1) + (solved.transpose(0, 2, 1) @ gain_base)[:, 0] - x[active]
     length = np.abs(step).max(axis=1)
     x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, TOLERANCE))[:, None]
@@ -315,10 +315,10 @@ def mixture_quantile(mixture: MixturePosterior, probability: float) -> np.ndarra
     probability : float
         Between 0 and 1.
     """
-    found = np.empty(mixture.logits.shape[1:])
+    quantile = np.empty(mixture.logits.shape[1:])
     for rows, weights, logits, deviations, skews in _blocks(mixture):
-        found[rows] = quantiles(weights, logits, deviations, skews, probability)
-    return found
+        quantile[rows] = quantiles(weights, logits, deviations, skews, probability)
+    return quantile
 
 
 def _blocks(mixture: MixturePosterior) -> Iterator[tuple[Any, ...]]:
@@ -374,7 +374,7 @@ def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
 
 def novelty(prior: LogitMixture, mixture: MixturePosterior,
             covariance: np.ndarray) -> np.ndarray:
-    """How unlike what the prior knows signals (T,) are; beyond 1 it does not explain them.
+    """Novelty (T,) of signals: beyond 1 the prior does not explain them.
 
     Parameters
     ----------

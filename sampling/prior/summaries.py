@@ -77,21 +77,22 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     noise = np.sum(list(causes.values()), axis=0)
     mixture = posterior(prior, relative_response, signals, noise)
     allowed = allowed_misfit(noise)
-    strange = (mixture.surprise > prior.familiar_surprise) | (mixture.misfit > allowed)
-    found = _of_mixture(prior, relative_response, signals, noise, mixture, level)
+    unfamiliar = (mixture.surprise > prior.familiar_surprise) | (mixture.misfit > allowed)
+    summary = _of_mixture(prior, relative_response, signals, noise, mixture, level)
     budgets = error_budgets(prior, relative_response, mixture, causes)
-    found = replace(found, budget=np.column_stack(list(shares_by_cause(budgets).values())))
-    if not strange.any():
-        return found
+    summary = replace(summary, budget=np.column_stack(list(shares_by_cause(budgets).values())))
+    if not unfamiliar.any():
+        return summary
     smooth = smoothness_prior()
-    wider = posterior(smooth, relative_response, signals[strange], noise[strange])
-    rest = _of_mixture(smooth, relative_response, signals[strange], noise[strange], wider,
-                       level)
+    wider = posterior(smooth, relative_response, signals[unfamiliar], noise[unfamiliar])
+    wider_summary = _of_mixture(smooth, relative_response, signals[unfamiliar],
+                                noise[unfamiliar], wider, level)
     for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm"):
-        getattr(found, name)[strange] = getattr(rest, name)
-    found.outcome[strange] = Outcome.UNFAMILIAR
-    found.outcome[np.flatnonzero(strange)[wider.misfit > allowed[strange]]] = Outcome.TOO_ROUGH
-    return found
+        getattr(summary, name)[unfamiliar] = getattr(wider_summary, name)
+    summary.outcome[unfamiliar] = Outcome.UNFAMILIAR
+    too_rough = np.flatnonzero(unfamiliar)[wider.misfit > allowed[unfamiliar]]
+    summary.outcome[too_rough] = Outcome.TOO_ROUGH
+    return summary
 
 
 def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,

@@ -158,11 +158,11 @@ def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str,
         For a family that there is not.
     """
     rng, parts = np.random.default_rng(seed), []
-    for family, found in libraries.items():
+    for family, listed in libraries.items():
         if family not in (*families, MIXED):
             raise InputError(f"{family!r} is no family of surfaces; known are "
                              f"{', '.join(families)} and {MIXED}")
-        for library in found:
+        for library in listed:
             curves = library.reflectances
             parts.append(Part(library.name, "paint" if family == MIXED else family, True,
                               family == MIXED, False, without_near_duplicates(curves),
@@ -170,9 +170,9 @@ def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str,
     for stated in (False, True):
         for name, one in families.items():
             for model, count in (one.stated_models if stated else one.models).items():
-                made = np.clip(model(rng, count + judged), EDGE, 1 - EDGE)
-                parts.append(Part(model.__name__, name, False, False, stated, made[:count],
-                                  made[count:]))
+                curves = np.clip(model(rng, count + judged), EDGE, 1 - EDGE)
+                parts.append(Part(model.__name__, name, False, False, stated, curves[:count],
+                                  curves[count:]))
     return parts
 
 

@@ -114,9 +114,10 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     signals, same = np.unique(lattice(len(wanted))[wanted], axis=0, return_inverse=True)
     row = np.full(wanted.shape, -1, dtype=np.int32)
     row[wanted] = same.ravel()
-    return [UpliftTable(made.mean.astype(np.float32), made.standard_deviation.astype(np.float32),
-                        made.novelty.astype(np.float32), row, relative_response)
-            for made in _uplifted(prior, relative_response, signals, errors(signals), progress,
+    return [UpliftTable(uplifted.mean.astype(np.float32),
+                        uplifted.standard_deviation.astype(np.float32),
+                        uplifted.novelty.astype(np.float32), row, relative_response)
+            for uplifted in _uplifted(prior, relative_response, signals, errors(signals), progress,
                                   TABLE_TOLERANCE, map_parts)]
 
 
@@ -152,9 +153,9 @@ def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals:
         Relative standard error of the signals.
     progress : function of the share that is done
     """
-    made = uplift_signals(prior, relative_response, signals, relative_errors(signals, noise),
+    uplifted = uplift_signals(prior, relative_response, signals, relative_errors(signals, noise),
                           progress)
-    return made.mean, made.standard_deviation
+    return uplifted.mean, uplifted.standard_deviation
 
 
 def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
