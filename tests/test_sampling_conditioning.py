@@ -132,9 +132,10 @@ def test_nothing_to_plan_is_an_error(draws):
 
 # ---- budget and scores ---------------------------------------------------------------------------
 
-def test_the_budget_adds_up_to_the_posterior_variance():
+@pytest.mark.parametrize("noise", [1e-4, 1e-8], ids=["noise", "the model's floor alone"])
+def test_the_budget_adds_up_to_the_posterior_variance(noise):
     prior = load_prior()
-    causes = {"photo noise": 1e-4 * np.eye(3), "light": 4e-4 * np.ones((3, 3))}
+    causes = {"photo noise": noise * np.eye(3), "light": 4 * noise * np.ones((3, 3))}
     measured = seen(TRUTH)
     measured = type(measured)(measured.grid, measured.relative_response, measured.signal,
                               sum(causes.values()))
