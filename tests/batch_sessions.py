@@ -4,7 +4,7 @@ import shutil
 from flat_example import HEAD, regions_toml, write_flat
 
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.session.batch.manifest import made_by
+from spectrabox.session.batch.manifest import program_of_batch
 from spectrabox.session.batch.tasks import Order
 
 KEPT = {".npz", ".csv", ".xml", ".png"}
@@ -43,4 +43,4 @@ def results_of(folder):
 
 
 def order_of(folders, out, made=None):
-    return Order(tuple(folders), out, "cpu", False, made_by() if made is None else made)
+    return Order(tuple(folders), out, "cpu", False, program_of_batch() if made is None else made)

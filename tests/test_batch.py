@@ -13,16 +13,18 @@ import pytest
 from batch_sessions import begun, copies, order_of, results_of, write_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.session.batch.batch import kept_outcomes, run_batch
-from spectrabox.session.batch.folders import session_folders
+from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
 from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
-from spectrabox.session.batch.needs import PeakMemory
-from spectrabox.session.batch.page import link, write_page
-from spectrabox.session.batch.pool import Finished, Lost
+from spectrabox.session.batch.overview import (
+    batch_facts,
+    batch_text,
+    duration_text,
+    link,
+    write_page,
+)
+from spectrabox.session.batch.pool import Finished, Lost, do_work
 from spectrabox.session.batch.processes import open_processes, shares_of_cores
-from spectrabox.session.batch.progress import spoken
-from spectrabox.session.batch.table import batch_facts, batch_text
-from spectrabox.session.batch.tasks import Task, do_task
+from spectrabox.session.batch.tasks import PeakMemory, Task
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
@@ -87,7 +89,7 @@ class Here:
 
     about, budget_bytes, largest_bytes = "", None, None
 
-    def __init__(self, work=do_task, workers=1, **limits):
+    def __init__(self, work=do_work, workers=1, **limits):
         self.work, self.workers, self.tasks = work, workers, []
         vars(self).update(limits)
         self.started, self.at_once = [], []
@@ -105,7 +107,7 @@ class Here:
 
 def stand_in(task):
     """The outcome of a session that nobody has run."""
-    return Outcome(str(task.folder), "ready" if task.look else "done", verdict="pass",
+    return Outcome(str(task.folder), "ready" if task.check else "done", verdict="pass",
                    needed_bytes=task.needed_bytes)
 
 
@@ -153,9 +155,9 @@ def test_what_is_done_is_not_run_again_until_something_changes(session, tmp_path
     assert {state for each in outcomes for state, _ in each.stages.values()} == {"kept"}
     assert (folders[1] / "report.html").is_file()
     assert list(kept_outcomes(order)) == folders
-    assert kept_outcomes(dataclasses.replace(order, made_by="another program")) == {}
+    assert kept_outcomes(dataclasses.replace(order, program="another program")) == {}
     path = next((order.out / "sessions").iterdir())
-    for damaged in ("", "[]", "{}", "[" * 100_000, path.read_text().replace('"of"', '"off"')):
+    for damaged in ("", "[]", "{}", "[" * 100_000, path.read_text().replace('"files"', '"off"')):
         path.write_text(damaged, encoding="utf-8")
         assert len(kept_outcomes(order)) == 1
 
@@ -217,7 +219,7 @@ def test_a_task_is_tried_twice(tmp_path):
     pool = Here(lambda task: Lost(task, "by signal 9 (SIGKILL)"))
     order = order_of([tmp_path / "a"], tmp_path / "out", "x")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("spectrabox.session.batch.batch.tried_task",
+        patch.setattr("spectrabox.session.batch.batch.first_task",
                       lambda folder, order: Task(folder, order, False, 1))
         (outcome,) = run_batch(order, [*order.folders], pool)
     assert [task.tries for task in pool.started] == [0, 1]
@@ -259,16 +261,16 @@ def test_workers_end_with_their_parent(session, tmp_path):
 
 # ---- who runs what
 
-def tasks_of(needs, order, look=False):
+def tasks_of(needs, order, check=False):
     """Patched in place of reading the sessions: a task for each, which needs so much."""
     each = iter(needs)
-    return lambda folder, order: Task(folder, order, look, next(each))
+    return lambda folder, order: Task(folder, order, check, next(each))
 
 
 @pytest.mark.parametrize("budget, at_once", [(None, 3), (100, 2), (10, 1)])
 def test_no_more_run_at_once_than_memory_allows(tmp_path, monkeypatch, budget, at_once):
     order = order_of([tmp_path / str(number) for number in range(6)], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task", tasks_of([40] * 6, order))
+    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([40] * 6, order))
     pool = Here(stand_in, workers=3, budget_bytes=budget)
     assert len(list(run_batch(order, [*order.folders], pool))) == 6
     assert max(pool.at_once) == at_once
@@ -276,7 +278,7 @@ def test_no_more_run_at_once_than_memory_allows(tmp_path, monkeypatch, budget, a
 
 def test_no_worker_waits_while_an_outcome_is_stored(tmp_path, monkeypatch):
     order = order_of([tmp_path / str(number) for number in range(3)], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task", tasks_of([40] * 3, order))
+    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([40] * 3, order))
     pool = Here(stand_in)
     outcomes = run_batch(order, [*order.folders], pool)
     assert Path(next(outcomes).folder).name == "0" and len(pool.tasks) == 1
@@ -285,19 +287,19 @@ def test_no_worker_waits_while_an_outcome_is_stored(tmp_path, monkeypatch):
 
 def test_a_scene_is_looked_at_before_it_runs_with_what_it_needs(tmp_path, monkeypatch):
     order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task",
-                        tasks_of([40, 40], order, look=True))
+    monkeypatch.setattr("spectrabox.session.batch.batch.first_task",
+                        tasks_of([40, 40], order, check=True))
     pool = Here(lambda task: dataclasses.replace(stand_in(task), needed_bytes=70)
-                if task.look else stand_in(task))
+                if task.check else stand_in(task))
     assert len(list(run_batch(order, [*order.folders], pool))) == 2
     # what has been looked at runs before the next is looked at
-    assert [(task.folder.name, task.look, task.needed_bytes) for task in pool.started] == [
+    assert [(task.folder.name, task.check, task.needed_bytes) for task in pool.started] == [
         ("a", True, 40), ("a", False, 70), ("b", True, 40), ("b", False, 70)]
 
 
 def test_a_session_too_large_for_any_worker_is_one_row(tmp_path, monkeypatch):
     order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.tried_task",
+    monkeypatch.setattr("spectrabox.session.batch.batch.first_task",
                         tasks_of([2**30, 2**20], order))
     outcomes = list(run_batch(order, [*order.folders], Here(stand_in, largest_bytes=2**29)))
     assert [each.word for each in outcomes] == ["ERROR", "PASS"]
@@ -309,11 +311,11 @@ def test_everything_that_is_wrong_with_a_scene_is_in_its_row(captured, tmp_path)
     order = order_of([captured], tmp_path / "out")
     (outcome,) = run_batch(order, [captured], Here())
     assert outcome.state == "failed" and "box.dng" in outcome.says
-    assert stored_outcome(order.out, captured, order.made_by) is None      # it is tried again
+    assert stored_outcome(order.out, captured, order.program) is None      # it is tried again
 
 
 def test_a_worker_with_another_program_refuses(session, tmp_path):
-    outcome = do_task(Task(session, order_of([session], tmp_path, "another"), False, 0))
+    outcome = Task(session, order_of([session], tmp_path, "another"), False, 0)()
     assert outcome.exit_code == 7 and "program, packages or kept cameras" in outcome.says
 
 
@@ -323,7 +325,7 @@ def test_what_nobody_foresaw_is_a_row_too(session, tmp_path, monkeypatch, error,
     def fail(*_):
         raise error
     monkeypatch.setattr("spectrabox.session.batch.tasks._run", fail)
-    outcome = do_task(Task(session, order_of([session], tmp_path), False, 0))
+    outcome = Task(session, order_of([session], tmp_path), False, 0)()
     assert outcome.exit_code == code and said in outcome.says
 
 
@@ -412,7 +414,7 @@ def test_outcomes_come_back_as_they_were_stored(tmp_path):
     (tmp_path / "a" / "x").write_text("x", encoding="utf-8")
     state = (tmp_path / "a" / "x").stat()
     outcome = dataclasses.replace(outcomes_in(tmp_path)[0],
-                                  of={"x": (state.st_size, state.st_mtime_ns)})
+                                  files={"x": (state.st_size, state.st_mtime_ns)})
     store_outcome(tmp_path, outcome, "m")
     back = stored_outcome(tmp_path, tmp_path / "a", "m")
     assert dataclasses.asdict(back) == json.loads(json.dumps(dataclasses.asdict(outcome)))
@@ -421,7 +423,7 @@ def test_outcomes_come_back_as_they_were_stored(tmp_path):
 
 @pytest.mark.parametrize("seconds, said", [(7.4, "7 s"), (200, "3 min"), (9000, "2.5 h")])
 def test_times_are_spoken_in_a_fitting_unit(seconds, said):
-    assert spoken(seconds) == said
+    assert duration_text(seconds) == said
 
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="no Linux: peaks unknown")

@@ -19,7 +19,7 @@ from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.batch import needs, processes
+from spectrabox.session.batch import processes, tasks
 from spectrabox.session.flat.white_at_regions import PhotoWhite
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.texture_files import write_textures
@@ -282,13 +282,12 @@ def test_processes_leave_a_tenth_of_the_free_memory(monkeypatch, workers):
 
 
 def test_a_session_needs_memory_for_its_largest_photo_and_what_goes_with_it(monkeypatch):
-    from spectrabox.capture.photo import linear
     sizes = {"chart": (100, 50), "box": (400, 300), "flat": (400, 300), "dark": (10, 10)}
-    monkeypatch.setattr(linear, "photo_size", sizes.__getitem__)
+    monkeypatch.setattr(tasks, "photo_size", sizes.__getitem__)
     config = SimpleNamespace(
         path=lambda name: name, photos=SimpleNamespace(flats={"photo": "flat"},
                                                        dark_files=("dark",)),
         all_views=[SimpleNamespace(photo_files=("box",), chart_files=("chart",)),
                    SimpleNamespace(photo_files=("box", "box"), chart_files=("chart",))])
     pixels = 120_000 + 100 + 2 * 120_000
-    assert needs.needed_bytes(config) == needs.PROGRAM_BYTES + needs.BYTES_A_PIXEL * pixels
+    assert tasks.needed_bytes(config) == tasks.PROGRAM_BYTES + tasks.BYTES_A_PIXEL * pixels

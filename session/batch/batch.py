@@ -1,35 +1,74 @@
-"""A batch from its sessions to their outcomes: what is done is kept, the rest is given to workers
-as their memory allows.
+"""A batch from its sessions to their outcomes: those that are up to date are kept, the others are
+given to workers as their memory allows.
 """
 from __future__ import annotations
 
 import dataclasses
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
 from spectrabox.session.batch.pool import Finished, Lost, Pool
-from spectrabox.session.batch.tasks import Order, Task, failed, tried_task
+from spectrabox.session.batch.tasks import Order, Task, failed, first_task
 
 TRIES = 2               # a task whose worker dies is tried once more
 WORKER_DIED = 7         # exit code: something about this machine
 
 
+def session_folders(named: Iterable[Path], listed: Path | None) -> list[Path]:
+    """Folders of sessions, absolute, each once, in the order in which they are named.
+
+    Parameters
+    ----------
+    named : iterable of Path
+        On the command line.
+    listed : Path or None
+        A file with one folder a line, relative to its own folder; empty lines and those that begin
+        with # are passed over.
+
+    Raises
+    ------
+    InputError
+        If none is named, or the list cannot be read.
+    """
+    folders = [folder.resolve() for folder in named]
+    if listed is not None:
+        try:
+            text = listed.read_text(encoding="utf-8-sig")
+        except (OSError, ValueError) as error:
+            raise InputError(f"{listed} cannot be read as a list of sessions ({error}); give a "
+                             "text file with one folder a line") from None
+        lines = [line.strip() for line in text.splitlines()]
+        folders += [(listed.parent / line).resolve() for line in lines
+                    if line and not line.startswith("#")]
+    if not folders:
+        raise InputError("no session is named; give session folders, or --list FILE with one a "
+                         "line")
+    return list(dict.fromkeys(folders))
+
+
 def kept_outcomes(order: Order) -> dict[Path, Outcome]:
-    """Sessions that are done already."""
-    kept = {folder: stored_outcome(order.out, folder, order.made_by) for folder in order.folders}
+    """Outcomes of sessions that are up to date already, by folder."""
+    kept = {folder: stored_outcome(order.out, folder, order.program) for folder in order.folders}
     return {folder: outcome for folder, outcome in kept.items() if outcome is not None}
 
 
 def run_batch(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome]:
-    """Outcomes of sessions, run on the workers of a pool, each stored before it is told.
+    """Run sessions on the workers of a pool.
 
     Parameters
     ----------
+    order : Order
     waiting : list of Path
-        Those that are not done.
+        Sessions that are not up to date.
     pool : Pool
+
+    Yields
+    ------
+    Outcome
+        As sessions end, each stored before.
 
     Raises
     ------
@@ -37,17 +76,17 @@ def run_batch(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome
         If the workers are out of reach. What is stored then stays so.
     """
     for outcome in _outcomes(order, waiting, pool):
-        store_outcome(order.out, outcome, order.made_by)
+        store_outcome(order.out, outcome, order.program)
         yield outcome
 
 
 def _outcomes(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome]:
-    # made when they are wanted: a task is known only once its session has been read
-    coming = (tried_task(folder, order) for folder in waiting)
-    again, running, told = deque[Task](), list[Task](), deque[Outcome]()
+    # made one by one: a task is known only once its session has been read
+    new_tasks = (first_task(folder, order) for folder in waiting)
+    retries, running, ended = deque[Task](), list[Task](), deque[Outcome]()
     while True:
         while len(running) < pool.workers:
-            task = again.popleft() if again else next(coming, None)
+            task = retries.popleft() if retries else next(new_tasks, None)
             if task is None:
                 break
             if isinstance(task, Outcome):
@@ -55,42 +94,38 @@ def _outcomes(order: Order, waiting: list[Path], pool: Pool) -> Iterator[Outcome
             elif pool.largest_bytes is not None and task.needed_bytes > pool.largest_bytes:
                 yield failed(task, f"{_mib(task.needed_bytes)} of memory are needed and a worker "
                              f"has {_mib(pool.largest_bytes)}; give the workers more", WORKER_DIED)
-            elif running and not _fits(pool, task, running):
-                again.appendleft(task)
+            elif running and pool.budget_bytes is not None and pool.budget_bytes < sum(
+                    each.needed_bytes for each in (task, *running)):
+                retries.appendleft(task)
                 break
             else:
                 running.append(task)
                 pool.start(task)
-        # once all workers have something to do: to store and to tell takes a moment
-        yield from told
-        told.clear()
+        # Only now, when all workers have something to do: whoever takes these needs a moment.
+        yield from ended
+        ended.clear()
         if not running:
             return
-        for ended in pool.wait():
-            running.remove(ended.task)
-            following = _after(ended)
+        for result in pool.wait():
+            running.remove(result.task)
+            following = _following(result)
             if isinstance(following, Task):
-                again.append(following)
+                retries.append(following)
             else:
-                told.append(following)
+                ended.append(following)
 
 
-def _fits(pool: Pool, task: Task, running: list[Task]) -> bool:
-    needed = task.needed_bytes + sum(each.needed_bytes for each in running)
-    return pool.budget_bytes is None or needed <= pool.budget_bytes
-
-
-def _after(ended: Finished | Lost) -> Task | Outcome:
-    """What follows on a task: its session's outcome, or another task."""
-    task = ended.task
-    if isinstance(ended, Finished):
-        if ended.outcome.state != "ready":
-            return ended.outcome
-        return dataclasses.replace(task, look=False, needed_bytes=ended.outcome.needed_bytes,
+def _following(result: Finished | Lost) -> Task | Outcome:
+    """The next task of the same session, or its outcome."""
+    task = result.task
+    if isinstance(result, Finished):
+        if result.outcome.state != "ready":
+            return result.outcome
+        return dataclasses.replace(task, check=False, needed_bytes=result.outcome.needed_bytes,
                                    tries=0)
     if task.tries + 1 < TRIES:
         return dataclasses.replace(task, tries=task.tries + 1)
-    return failed(task, f"its worker died twice, the second time {ended.why}; run this session by "
+    return failed(task, f"its worker died twice, the second time {result.why}; run this session by "
                   "itself, with more memory where memory ran out", WORKER_DIED)
 
 

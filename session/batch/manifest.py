@@ -1,8 +1,8 @@
-"""What of a batch is done: one small file a session in the batch's folder, whole or not there.
+"""Outcomes of a batch's sessions: one small file a session in the batch's folder.
 
-A session counts as done while none of the files it was made from, or left, has changed in size or
-time, and neither have the program and the cameras that the operator keeps under a name. Whatever is
-in doubt is run again, which keeps the stages that are up to date.
+A session is up to date while none of its input and output files has changed in size or time, and
+neither have the program and the cameras that the operator keeps under a name. In doubt it is run
+again, which keeps the stages that are up to date.
 """
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ SESSIONS = "sessions"       # in the batch's folder
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a session, as the manifest keeps it."""
+    """The outcome of a session, as its file in the batch's folder holds it."""
 
     folder: str
-    state: str                  # "done", "failed", or "ready": looked at
+    state: str                  # "done", "failed", or "ready": checked
     name: str = ""
     verdict: str = ""           # "pass", "warn" or "fail" of a session that is done
     says: str = ""              # the verdict's sentence, or that of the failure
@@ -39,26 +39,25 @@ class Outcome:
     stages: dict[str, tuple[str, float]] = field(default_factory=dict)   # state, seconds
     needed_bytes: int = 0
     peak_bytes: int | None = None       # that it took; None where the system does not say
-    of: dict[str, tuple[int, int]] = field(default_factory=dict)    # files: size, time of change
+    files: dict[str, tuple[int, int]] = field(default_factory=dict)     # size, time of change
 
     @property
     def word(self) -> str:
-        """What the table calls it."""
+        """Its word in the table."""
         return self.verdict.upper() if self.state == "done" else "ERROR"
 
 
 @functools.cache
-def made_by() -> str:
-    """Digest of all that a result depends on beside its session: program, packages, cameras kept
-    under a name.
+def program_of_batch() -> str:
+    """Digest of what results depend on besides their session: the program, packages, and cameras
+    kept under a name.
     """
     return fingerprint({"program": program_digest(),
                         "cameras": {name: sha256_of(path) for name, path in own_cameras().items()}})
 
 
-def files_behind(config: SessionConfig) -> dict[str, tuple[int, int]]:
-    """Every file that a finished session was made from, and those that it left, with size and time
-    of change.
+def input_states(config: SessionConfig) -> dict[str, tuple[int, int]]:
+    """Size and time of change of every input and output file of a finished session.
 
     Returns
     -------
@@ -74,35 +73,33 @@ def files_behind(config: SessionConfig) -> dict[str, tuple[int, int]]:
     return {name: state for name, state in states.items() if state is not None}
 
 
-def store_outcome(out: Path, outcome: Outcome, made: str) -> None:
-    """Keep what came of a session.
+def store_outcome(out: Path, outcome: Outcome, program: str) -> None:
+    """Store the outcome of a session.
 
     Parameters
     ----------
     out : Path
         The batch's folder.
     outcome : Outcome
-    made : str
-        As ``made_by`` gave it when the batch began.
+    program : str
+        Of ``program_of_batch``, when the batch began.
     """
-    kept = dataclasses.asdict(outcome) | {"made by": made}
-    write_text_whole(_path(out, outcome.folder), json.dumps(kept, indent=1))
+    record = dataclasses.asdict(outcome) | {"program": program}
+    write_text_whole(_path(out, outcome.folder), json.dumps(record, indent=1))
 
 
-def stored_outcome(out: Path, folder: Path, made: str) -> Outcome | None:
-    """What a session's results say that are as they were left; None where there are none, or
-    something has changed since.
-    """
+def stored_outcome(out: Path, folder: Path, program: str) -> Outcome | None:
+    """Stored outcome of a session, or None if anything has changed since."""
     try:
-        kept = json.loads(_path(out, str(folder)).read_text(encoding="utf-8"))
-        if kept.pop("made by") != made or kept["state"] != "done":
+        record = json.loads(_path(out, str(folder)).read_text(encoding="utf-8"))
+        if record.pop("program") != program or record["state"] != "done":
             return None
-        outcome = Outcome(**kept)
+        outcome = Outcome(**record)
         unchanged = all(_state(folder / name) == tuple(state)
-                        for name, state in outcome.of.items())
+                        for name, state in outcome.files.items())
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
-    return outcome if unchanged and outcome.of else None
+    return outcome if unchanged and outcome.files else None
 
 
 def _path(out: Path, folder: str) -> Path:
@@ -111,7 +108,7 @@ def _path(out: Path, folder: str) -> Path:
 
 def _state(path: Path) -> tuple[int, int] | None:
     try:
-        of = path.stat()
+        stat = path.stat()
     except OSError:
         return None
-    return of.st_size, of.st_mtime_ns
+    return stat.st_size, stat.st_mtime_ns

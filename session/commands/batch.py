@@ -51,18 +51,20 @@ class BatchRequest(CommonOptions):
 def batch(request: BatchRequest) -> Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
     check_device(request.device)
-    from spectrabox.session.batch.batch import kept_outcomes, run_batch
-    from spectrabox.session.batch.folders import session_folders
-    from spectrabox.session.batch.manifest import made_by
-    from spectrabox.session.batch.page import write_page
-    from spectrabox.session.batch.progress import BatchProgress
-    from spectrabox.session.batch.table import batch_facts, batch_text
+    from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
+    from spectrabox.session.batch.manifest import program_of_batch
+    from spectrabox.session.batch.overview import (
+        BatchProgress,
+        batch_facts,
+        batch_text,
+        write_page,
+    )
     from spectrabox.session.batch.tasks import Order
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.progress_display import progress_display
     from spectrabox.session.store.locks import sole_batch
     order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),
-                  request.device, request.allow_outside, made_by())
+                  request.device, request.allow_outside, program_of_batch())
     with sole_batch(order.out):
         outcomes = kept_outcomes(order)
         kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
@@ -77,7 +79,7 @@ def batch(request: BatchRequest) -> Answer:
                                          not request.quiet and not sys.stderr.isatty())
                 for outcome in run_batch(order, waiting, pool):
                     outcomes[Path(outcome.folder)] = outcome
-                    progress.heard(outcome)
+                    progress.add(outcome)
         finally:    # also of what is done when Ctrl-C ends it
             ended = [outcomes[each] for each in order.folders if each in outcomes]
             page = write_page(order.out, ended, len(order.folders))

@@ -1,0 +1,146 @@
+"""A batch as people and scripts see it: progress, JSON object, table, and the page of verdicts."""
+from __future__ import annotations
+
+import io
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from rich.console import Console
+from rich.table import Table
+
+from spectrabox.radiometry.files import whole_file
+from spectrabox.session.batch.manifest import Outcome
+from spectrabox.session.command_line import tell
+from spectrabox.session.progress_display import StageProgress
+from spectrabox.session.report.page import style_sheet, templates
+
+WIDTH = 110             # of the table, in characters
+MAX_SENTENCE = 60       # of its characters in the table; the page has all
+FILE = "batch.html"
+# the status whose colours a row of the page has
+ROW_STATUS = {"pass": "PASS", "warn": "WARN", "fail": "FAIL", "": "FAIL"}
+
+
+class BatchProgress:
+    """A bar on a terminal, or a line for each session, with the time left at the pace so far.
+
+    Parameters
+    ----------
+    show : StageProgress
+    sessions, kept : int
+        All of them, and those that were up to date before.
+    lines : bool
+        Print a line for each session too.
+    """
+
+    def __init__(self, show: StageProgress, sessions: int, kept: int, lines: bool) -> None:
+        self._show, self._lines = show, lines
+        self._sessions, self._kept = sessions, kept
+        self._ended = self._failed = 0
+        self._start = time.monotonic()
+        show("batch", kept / sessions, f"{kept} of {sessions} were done before" if kept
+             else f"{sessions} sessions")
+
+    def add(self, outcome: Outcome) -> None:
+        """Count one more outcome."""
+        self._ended += 1
+        self._failed += outcome.state == "failed"
+        ended = self._kept + self._ended
+        left = self._sessions - ended
+        pace = (time.monotonic() - self._start) / self._ended
+        count = f"{ended} of {self._sessions}, {self._failed} failed"
+        if left:
+            count += f", {duration_text(pace * left)} left"
+        if self._lines:
+            tell(f"{outcome.word:<6} {outcome.folder} in {outcome.seconds:.1f} s; {count}")
+        self._show("batch", ended / self._sessions, count)
+
+
+def duration_text(seconds: float) -> str:
+    """A time in its largest fitting unit."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def batch_facts(outcomes: Sequence[Outcome], kept: int, page: Path, workers: int) -> dict[str, Any]:
+    """The ``--json`` object of ``batch``.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        In the order in which the sessions were named.
+    kept : int
+        Number that was up to date before.
+    page : Path
+    workers : int
+    """
+    return {"page": str(page), "workers": workers, "kept": kept, "counts": counts(outcomes),
+            "sessions": [{"folder": each.folder, "name": each.name, "state": each.state,
+                          "verdict": each.verdict or None, "says": each.says,
+                          "exit_code": each.exit_code, "seconds": each.seconds,
+                          "report": each.report, "needed_bytes": each.needed_bytes,
+                          "peak_bytes": each.peak_bytes,
+                          "stages": [{"name": name, "state": state, "seconds": seconds}
+                                     for name, (state, seconds) in each.stages.items()]}
+                         for each in outcomes]}
+
+
+def counts(outcomes: Sequence[Outcome]) -> dict[str, int]:
+    """How many passed, are in doubt, failed their verdict, or could not be run."""
+    return {name: sum((each.verdict or "could not be run") == name for each in outcomes)
+            for name in ("pass", "warn", "fail", "could not be run")}
+
+
+def batch_text(outcomes: Sequence[Outcome], kept: int, page: Path) -> str:
+    """A table with a row for each session, and how many of each verdict."""
+    table = Table(title_justify="left")
+    for heading in ("session", "verdict", "s", "says"):
+        table.add_column(heading, justify="right" if heading == "s" else "left",
+                         overflow="fold" if heading == "session" else "ellipsis")
+    for each in outcomes:
+        sentence = each.says.splitlines()[0] if each.says else ""
+        if len(sentence) > MAX_SENTENCE:
+            sentence = f"{sentence[:MAX_SENTENCE - 1].rstrip()}…"
+        table.add_row(os.path.relpath(each.folder), each.word, f"{each.seconds:.1f}", sentence)
+    stream = io.StringIO()
+    Console(file=stream, width=WIDTH, markup=False, emoji=False, highlight=False).print(table)
+    verdicts = ", ".join(f"{count} {name}" for name, count in counts(outcomes).items() if count)
+    before = f"; {kept} were done before" if kept else ""
+    return (f"{stream.getvalue().rstrip()}\n{len(outcomes)} sessions: {verdicts}{before}\n"
+            f"page: {page}")
+
+
+def write_page(out: Path, outcomes: Sequence[Outcome], sessions: int) -> Path:
+    """Write ``batch.html`` into the batch's folder, whole or not at all.
+
+    Parameters
+    ----------
+    out : Path
+        The batch's folder.
+    outcomes : sequence of Outcome
+        In the order in which the sessions were named.
+    sessions : int
+        All that were named; those without an outcome have not been run yet.
+    """
+    page = out / FILE
+    rows = [{"name": each.name, "folder": os.path.relpath(each.folder, out),
+             "link": None if each.report is None else link(Path(each.report), out),
+             "status": ROW_STATUS[each.verdict], "word": each.word, "seconds": each.seconds,
+             "says": each.says.splitlines()} for each in outcomes]
+    text = templates().get_template("batch.html.j2").render(
+        rows=rows, sessions=sessions, counts=counts(outcomes), style=style_sheet())
+    with whole_file(page) as unfinished:
+        unfinished.write_bytes(text.encode("utf-8", "backslashreplace"))
+    return page
+
+
+def link(file: Path, folder: Path) -> str:
+    """The relative link from a page in a folder to a file, whatever its name."""
+    return "./" + quote(os.fsencode(Path(os.path.relpath(file, folder)).as_posix()))
