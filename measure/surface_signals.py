@@ -24,9 +24,6 @@ from spectrabox.radiometry.records import (
     SpectralMeasurement,
     SurfaceSignals,
 )
-from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
-from spectrabox.sampling.prior.mixture import load_prior, of_families
-from spectrabox.sampling.prior.signal_posterior import solve_posterior
 
 
 def scene_signals(joint: JointReconstruction,
@@ -101,40 +98,3 @@ def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray
     value = signals.signal[index][np.isfinite(signals.signal[index])]
     return {cause: np.sqrt(np.diag(covariance)) / value
             for cause, covariance in errors_by_cause(signals, index).items()}
-
-
-def variance_shares(signals: SurfaceSignals, index: int,
-                    families: Sequence[str]) -> dict[str, float]:
-    """Share of each cause in the variance of a spectrum drawn from the learnt prior.
-
-    Parameters
-    ----------
-    index : int
-        Of the surface.
-    families : sequence of str
-        Which it is said to be of.
-
-    Returns
-    -------
-    dict
-        From each cause to its share, 0 to 1, mean over wavelengths; they sum to 1.
-    """
-    posterior = solve_posterior(of_families(load_prior(), families), measurement(signals, index))
-    return posterior.variance_shares(errors_by_cause(signals, index))
-
-
-def families_allowed(signals: SurfaceSignals, index: int,
-                     stated: Sequence[str]) -> tuple[FamilyCoverage, ...]:
-    """The families that a surface's signal allows, or those stated, and how their bands were
-    certified.
-
-    Parameters
-    ----------
-    index : int
-        Of the surface.
-    stated : sequence of str
-        Which it is said to be of.
-    """
-    prior = of_families(load_prior(), stated)
-    shares = solve_posterior(prior, measurement(signals, index)).family_shares
-    return family_coverages(shares, prior.stated, prior.certificates)

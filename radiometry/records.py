@@ -517,3 +517,14 @@ class SpectrumSummary(Record):
     level: float
     conditional_on: str
     next_measurement_nm: float  # one more reading here would narrow the band most
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSpectrum(Record):
+    """What is known of the spectrum of one surface."""
+
+    samples: SpectrumSamples
+    summary: SpectrumSummary
+    # of the variance of a spectrum, by cause; none of draws of all surfaces at once
+    variance_shares: dict[str, float]
+    family_shares: dict[str, float]     # that the signal allows; none without the learnt prior

@@ -23,6 +23,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
+from spectrabox.measure.scene_errors import with_photo_errors
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError
@@ -42,7 +43,6 @@ from spectrabox.session.stages.reconstruct_stage import (
     glare_error,
     settings_of,
     views_of,
-    with_errors,
 )
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 from spectrabox.session.store.store import StoredStage
@@ -155,8 +155,9 @@ class Rehearsed:
 
     def again(self, number: int, rng: np.random.Generator) -> JointReconstruction:
         """The reconstruction from photos of one truth."""
-        return with_errors(self.config, self.stored, self.drift,
-                           replay(self.stage, self.truth(number, rng), rng))
+        return with_photo_errors(replay(self.stage, self.truth(number, rng), rng), self.drift,
+                                 glare_error(self.config, self.stored),
+                                 self.config.stray_light.ambient)
 
     def truth(self, number: int, rng: np.random.Generator) -> Truth:
         """What is photographed in one replay."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image as raster
 
+from spectrabox.measure.truth_scores import Scores
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
@@ -26,7 +27,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     SurfaceAgreement,
 )
-from spectrabox.session.store.results import ChartResult, MaterialResult, Scores, SessionResults
+from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults
 
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12

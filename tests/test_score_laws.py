@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from spectrabox.measure.truth_scores import score
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
@@ -17,7 +18,6 @@ from spectrabox.session.report.verdict import (
     root_mean_square,
     worst_entry,
 )
-from spectrabox.session.scores import score
 
 
 @pytest.mark.parametrize("inside", [0.905, 0.945, 0.955])

@@ -15,6 +15,7 @@ from spectrabox.measure.chart_check import patches_without
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
+from spectrabox.measure.truth_scores import score
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
@@ -24,7 +25,6 @@ from spectrabox.session.flat.white_at_regions import PhotoWhite
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped
-from spectrabox.session.scores import score
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
 
 SIGMAS = 3.9

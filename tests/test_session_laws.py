@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from test_error_budget import calibration, curves_and_covariance, joint
 
+from spectrabox.measure import scene_errors
 from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
+from spectrabox.measure.surface_spectra import resample_summary
 from spectrabox.radiometry.error_model import drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import LightDrift, LightScale, SpectrumSummary, StrayLight
 from spectrabox.session.stages import calibrate_stage, reconstruct_stage
-from spectrabox.session.stages.drawing import on_finer_grid
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
 COLOUR = np.array([0.02, 0.0, -0.03])
@@ -84,16 +85,14 @@ def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(m
 @pytest.mark.parametrize("changed", [True, False])
 def test_a_drift_of_colour_is_an_error_of_the_first_photo_alone(monkeypatch, changed):
     """The light was 2 % redder: what the first photo's bands differ by is no property of paint."""
-    monkeypatch.setattr(reconstruct_stage, "glare_error", lambda *_: None)
-    monkeypatch.setattr(reconstruct_stage, "with_stray_light", lambda found, *_: found)
+    monkeypatch.setattr(scene_errors, "with_stray_light", lambda found, *_: found)
     before = 1e-4 * (np.eye(6) + 0.5)[None]
     two = joint(COEFFICIENTS, model=before)
     said = [dataclasses.make_dataclass("Noted", ["light_scale", ("notes", tuple, ())], frozen=True)(
         view.light_scale) for view in two.views]
     two = dataclasses.replace(two, views=tuple(said))
     measured = drift(changed)
-    after = reconstruct_stage.with_errors(SimpleNamespace(stray_light=SimpleNamespace(
-        ambient=None)), {}, measured, two)
+    after = scene_errors.with_photo_errors(two, measured, np.zeros(3), 0.0)
     expected = before.copy()
     if changed:
         expected[0, :3, :3] += np.outer(COLOUR, COLOUR)
@@ -126,7 +125,7 @@ def test_a_summary_on_another_grid_is_the_same_curves(step):
     summary = SpectrumSummary(grid_from_nm(nm), **curves, level=0.95, conditional_on="",
                               next_measurement_nm=450.0)
     other = np.arange(400.0, 701.0, step)
-    found = on_finer_grid(summary, grid_from_nm(other))
+    found = resample_summary(summary, grid_from_nm(other))
     np.testing.assert_array_equal(found.grid.nm, other)
     for number, name in enumerate(curves):
         # round-off of sums near 1

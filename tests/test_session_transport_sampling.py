@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from spectrabox.measure.scene_draws import _of_stray_light, _of_tails
+from spectrabox.measure.scene_errors import with_stray_light
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -12,9 +14,7 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
-from spectrabox.session.stages.scene_sampling import _of_stray_light, _of_tails
 from spectrabox.session.stages.stored_records import calibrations_of
-from spectrabox.session.stages.stray_light import with_stray_light
 
 
 def through(folder, how, more=""):

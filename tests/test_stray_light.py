@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
+from spectrabox.measure.scene_errors import with_stray_light
 from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.error_model import CAUSES, GLARE, LAMP_AT_CHART, STRAY_LIGHT
@@ -18,7 +19,6 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of
-from spectrabox.session.stages.stray_light import with_stray_light
 
 GRID = visible_grid(50)
 SIGNAL = np.array([[0.8, 0.7, 0.6], [0.1, 0.05, 0.2]])     # a white and a dark paint

@@ -6,33 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.surface_signals import families_allowed, relative_errors, variance_shares
-from spectrabox.radiometry.error_model import DISAGREEMENT, PHOTO_NOISE
-from spectrabox.radiometry.records import SurfaceSignals
-from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.calibration_facts import light_facts
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
 from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
 from spectrabox.session.flat.region_stage import regions_of
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.scores import score
 from spectrabox.session.stages.assemble import (
     chart_result,
     doubtful_materials,
     input_files,
     sensitivity_truth,
+    surface_result,
 )
-from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
+from spectrabox.session.stages.inputs import band_names
 from spectrabox.session.stages.stored_records import (
     calibrations_of,
     chart_of,
     notes_of,
     photo_of,
-    samples_of,
     signals_of,
 )
-from spectrabox.session.store.results import VALID_OUTCOMES, MaterialResult
 from spectrabox.session.store.store import StoredStage
 
 
@@ -42,7 +36,8 @@ def assemble_flat(config: SessionConfig, run: FinishedRun,
     stored = run.stored
     calibration, signals = calibrations_of(config, stored)[0], signals_of(stored)
     photo = photo_of(stored)
-    regions = [_region(config, signals, stored, index) for index in range(len(signals.names))]
+    regions = [surface_result(config, signals, run, index, None)
+               for index in range(len(signals.names))]
     return FlatResults(
         folder=config.folder, name=config.session.name, operator=config.session.operator,
         notes=config.session.notes, bands=band_names(config, photo.signal.shape[2]),
@@ -57,28 +52,6 @@ def assemble_flat(config: SessionConfig, run: FinishedRun,
                 for name, stage in stored.items()],
         photos=[_photo(config, stored, view) for view in config.all_views], signals=signals,
         light=light_facts(calibration), picture=picture_of(config, stored))
-
-
-def _region(config: SessionConfig, signals: SurfaceSignals, stored: Mapping[str, StoredStage],
-            index: int) -> MaterialResult:
-    name = signals.names[index]
-    section = config.regions[name]
-    truth = None if section.truth is None else read_reflectance(config, section.truth)
-    by_cause = {error.cause: error.covariance[index] for error in signals.errors}
-    signal = signals.signal[index]
-    with np.errstate(invalid="ignore"):
-        model = by_cause[DISAGREEMENT] / np.outer(signal, signal)
-    measured = (signal, by_cause[PHOTO_NOISE], model)
-    if signals.known[index]:
-        return MaterialResult(name, signals.spectra[index], *measured, None, None, {}, truth, None)
-    samples, summary = samples_of(stored, name)
-    scores = None if truth is None else score(spectrum_on_grid(truth, GRID), None, summary, samples)
-    by_prior = config.sampling.method == "prior"
-    shares = variance_shares(signals, index, section.families) if by_prior else {}
-    families = families_allowed(signals, index, section.families) \
-        if by_prior and samples.outcome in VALID_OUTCOMES else ()
-    return MaterialResult(name, None, *measured, summary, samples, relative_errors(signals, index),
-                          truth, scores, shares, families)
 
 
 def _photo(config: SessionConfig, stored: Mapping[str, StoredStage],

@@ -31,8 +31,7 @@ from spectrabox.session.signals.signal_options import (
     optional_numbers,
     response_of_names,
 )
-from spectrabox.session.stages.stored_records import calibrations_of, samples_of
-from spectrabox.session.stages.surface_signals import surface_signals
+from spectrabox.session.stages.stored_records import calibrations_of, samples_of, signals_of
 
 COMMON = ("D65", "A", "LED-B1", "LED-B5", "LED-RGB1", "LED-V1", "FL11")
 
@@ -90,7 +89,7 @@ def _plan_session(request: PlanRequest) -> tuple[dict[str, Any], str]:
     second = read_lamps_at_hand(request.lamps, request.filters)
     config = read_session(request.folder, request.allow_outside)
     stored = load_finished(config).stored
-    signals = surface_signals(config, stored)
+    signals = signals_of(stored)
     curves, present = curves_and_light(calibrations_of(config, stored)[0])
     rankings: dict[str, list[PlannedStep]] = {}
     for index, name in enumerate(signals.names):

@@ -5,19 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.surface_signals import (
-    families_allowed,
-    relative_errors,
-    scene_signals,
-    variance_shares,
-)
+from spectrabox.measure.surface_signals import relative_errors
+from spectrabox.measure.truth_scores import score
+from spectrabox.radiometry.error_model import DISAGREEMENT, PHOTO_NOISE, RENDERING_NOISE
 from spectrabox.radiometry.records import Calibration, JointReconstruction, SurfaceSignals
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
+from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.scores import score
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
 from spectrabox.session.stages.stored_records import (
     calibrations_of,
@@ -29,7 +27,8 @@ from spectrabox.session.stages.stored_records import (
     notes_of,
     photo_of,
     prior_influence_of,
-    samples_of,
+    signals_of,
+    spectrum_of,
 )
 from spectrabox.session.store.rehearsals import stored_rehearsal
 from spectrabox.session.store.results import (
@@ -48,10 +47,11 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
     stored = run.stored
     calibrations, joint = calibrations_of(config, stored), joint_of(stored)
     calibration, reconstruction = calibrations[0], joint.views[0]
-    photo, signals = photo_of(stored), scene_signals(joint, calibrations)
+    photo, signals = photo_of(stored), signals_of(stored)
     bands = band_names(config, photo.signal.shape[2])
-    materials = [_material(config, signals, joint, stored, joint.materials.index(name))
-                 for name in config.materials if name in joint.materials]
+    indices = [joint.materials.index(name) for name in config.materials if name in joint.materials]
+    materials = [surface_result(config, signals, run, index, joint.spectra[index])
+                 for index in indices]
     previews = config.results_folder / "photo"
     views = [ViewResult(view.name, bands, calibrations[number],
                         previews / f"{view.record('preview')}.png", joint.views[number])
@@ -72,24 +72,38 @@ def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]
         geometry=geometry_of(stored), picture=picture_of(config, stored))
 
 
-def _material(config: SessionConfig, signals: SurfaceSignals, joint: JointReconstruction,
-              stored: dict[str, Any], index: int) -> MaterialResult:
-    name, spectrum = joint.materials[index], joint.spectra[index]
-    section = config.materials[name]
+def surface_result(config: SessionConfig, signals: SurfaceSignals, run: FinishedRun, index: int,
+                   inverse_rendering: np.ndarray | None) -> MaterialResult:
+    """What the report shows of one surface.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    index : int
+        Of the surface.
+    inverse_rendering : (P,) array or None
+        The one spectrum of inverse rendering, where there is one.
+    """
+    name, signal = signals.names[index], signals.signal[index]
+    section = config.surfaces[name]
     truth = None if section.truth is None else read_reflectance(config, section.truth)
-    known = (name, spectrum, joint.signal[index], joint.signal_covariance[index],
-             joint.model_covariance[index])
-    if joint.known[index]:
-        return MaterialResult(*known, None, None, {}, truth, None)
-    samples, summary = samples_of(stored, name)
-    errors = relative_errors(signals, index)
-    scores = None if truth is None else score(spectrum_on_grid(truth, joint.grid), spectrum,
-                                              summary, samples)
-    by_prior = config.sampling.method == "prior" and config.sampling.through == "surface"
-    shares = variance_shares(signals, index, section.families) if by_prior else {}
-    by_learnt = config.sampling.method == "prior" and samples.outcome in VALID_OUTCOMES
-    families = families_allowed(signals, index, section.families) if by_learnt else ()
-    return MaterialResult(*known, summary, samples, errors, truth, scores, shares, families)
+    by_cause = {error.cause: error.covariance[index] for error in signals.errors}
+    noise = by_cause[PHOTO_NOISE if PHOTO_NOISE in by_cause else RENDERING_NOISE]
+    with np.errstate(invalid="ignore"):
+        disagreement = by_cause[DISAGREEMENT] / np.outer(signal, signal)
+    if signals.known[index]:
+        return MaterialResult(name, signals.spectra[index], signal, noise, disagreement, None, None,
+                              {}, truth, None)
+    spectrum = spectrum_of(run.stored, name)
+    scores = None if truth is None else score(spectrum_on_grid(truth, GRID), inverse_rendering,
+                                              spectrum.summary, spectrum.samples)
+    families: tuple[FamilyCoverage, ...] = ()
+    if spectrum.family_shares and spectrum.samples.outcome in VALID_OUTCOMES:
+        prior = of_families(load_prior(), section.families)
+        families = family_coverages(spectrum.family_shares, prior.stated, prior.certificates)
+    return MaterialResult(name, inverse_rendering, signal, noise, disagreement, spectrum.summary,
+                          spectrum.samples, relative_errors(signals, index), truth, scores,
+                          spectrum.variance_shares, families)
 
 
 def chart_result(config: SessionConfig, run: FinishedRun) -> ChartResult | None:

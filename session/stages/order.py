@@ -38,14 +38,14 @@ STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_
           "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos", PHOTO_ROOMS),
           "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views", FIT_ROOMS),
           "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos", FIT_ROOMS),
-          "sample": Stage(f"{ROOM}.sample_stage", "sample_materials", FIT_ROOMS)}
+          "sample": Stage(f"{ROOM}.sample_stage", "draw_surfaces", FIT_ROOMS)}
 # where the session asks for one
 SCENE_PICTURE = {"picture": Stage(f"{PICTURE_ROOM}.scene_stage", "picture_of_scene", PICTURE_ROOMS)}
 FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_ROOMS),
                "photo": Stage(f"{FLAT_ROOM}.region_stage", "measure_regions", PHOTO_ROOMS),
                "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos", FIT_ROOMS),
                "signals": Stage(f"{FLAT_ROOM}.signals_stage", "find_signals", FIT_ROOMS),
-               "sample": Stage(f"{FLAT_ROOM}.sample_stage", "sample_regions", FIT_ROOMS),
+               "sample": Stage(f"{ROOM}.sample_stage", "draw_surfaces", FIT_ROOMS),
                "picture": Stage(f"{PICTURE_ROOM}.flat_stage", "picture_of_spectra", PICTURE_ROOMS)}
 
 

@@ -1,18 +1,19 @@
 """The stage that finds spectra: photos, scenes and calibrations to one reconstruction."""
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.error_model import REPEATABILITY, drift_covariance, with_common_error
+from spectrabox.measure.scene_draws import require_one_transport
+from spectrabox.measure.scene_errors import with_photo_errors
+from spectrabox.measure.surface_signals import scene_signals
+from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import drift_between, scale_after_drift, scale_for_photo
 from spectrabox.radiometry.records import (
     Calibration,
-    JointReconstruction,
     LearntSpectra,
     LightDrift,
     LightScale,
@@ -34,7 +35,6 @@ from spectrabox.session.stages.inputs import (
     read_known_light,
     read_reflectance,
 )
-from spectrabox.session.stages.one_transport import require_one_transport
 from spectrabox.session.stages.scenes import read_session_scene, require_materials
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.stages.stored_records import (
@@ -44,7 +44,6 @@ from spectrabox.session.stages.stored_records import (
     photo_of,
     reference_signals,
 )
-from spectrabox.session.stages.stray_light import with_stray_light
 from spectrabox.session.store.store import StoredStage
 
 FIRST_VIEW = "photo"
@@ -60,8 +59,8 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     Returns
     -------
     dict
-        "joint", a JointReconstruction, the "drift" of the light, a LightDrift or None, and the
-        "geometry" that was estimated, a SceneGeometry.
+        "joint", a JointReconstruction, the "signals" of its materials, the "drift" of the light, a
+        LightDrift or None, and the "geometry" that was estimated, a SceneGeometry.
     """
     config, stored = task.config, task.stored
     start_mitsuba(task.device)
@@ -70,17 +69,10 @@ def invert_photos(task: StageTask) -> dict[str, Any]:
     _require_picture(config, views)
     joint = reconstruct_views(views, settings_of(config), task.progress,
                               config.results_folder / TRACE)
-    return {"drift": drift, "joint": with_errors(config, stored, drift, joint),
-            "geometry": scene_geometry(config)}
-
-
-def with_errors(config: SessionConfig, stored: Mapping[str, StoredStage],
-                drift: LightDrift | None, joint: JointReconstruction) -> JointReconstruction:
-    """The reconstruction with the errors of which its photos tell nothing: a drift between them,
-    and stray light.
-    """
-    return with_stray_light(joint if drift is None else _widened(joint, drift),
-                            glare_error(config, stored), config.stray_light.ambient)
+    joint = with_photo_errors(joint, drift, glare_error(config, stored),
+                              config.stray_light.ambient)
+    return {"drift": drift, "joint": joint, "geometry": scene_geometry(config),
+            "signals": scene_signals(joint, calibrations_of(config, stored))}
 
 
 def glare_error(config: SessionConfig, stored: Mapping[str, StoredStage]) -> np.ndarray:
@@ -201,17 +193,6 @@ def view_of_chart(config: SessionConfig, view: ViewInputs) -> ViewInputs | None:
     """
     first = config.all_views[0]
     return view if view.chart else first if first.chart and view.light == first.light else None
-
-
-def _widened(joint: JointReconstruction, drift: LightDrift) -> JointReconstruction:
-    """The same with a change of the light's colour among what photo and model disagree by, and said
-    in a note.
-    """
-    model = np.array(joint.model_covariance)
-    mine = np.flatnonzero(joint.view_of_band == 0)
-    model[:, mine[:, None], mine] += drift_covariance(drift)
-    first = dataclasses.replace(joint.views[0], notes=(*joint.views[0].notes, drift.sentence))
-    return dataclasses.replace(joint, model_covariance=model, views=(first, *joint.views[1:]))
 
 
 def _learnt_spectra(spectrum_prior: str, families: Sequence[str]) -> LearntSpectra | None:

@@ -19,6 +19,7 @@ from spectrabox.radiometry.records import (
     SpectrumSamples,
     SpectrumSummary,
     SurfaceSignals,
+    SurfaceSpectrum,
 )
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.store.store import StoredStage
@@ -104,14 +105,22 @@ def geometry_of(stored: Mapping[str, StoredStage]) -> SceneGeometry | None:
 
 
 def signals_of(stored: Mapping[str, StoredStage]) -> SurfaceSignals:
-    """The signals of the regions of flat samples."""
-    signals: SurfaceSignals = stored["signals"].record(SurfaceSignals, "signals")
+    """The signals of all surfaces, with their errors, of flat samples or of a scene."""
+    stage = stored["signals"] if "signals" in stored else stored["reconstruct"]
+    signals: SurfaceSignals = stage.record(SurfaceSignals, "signals")
     return signals
 
 
 def reconstruction_of(stored: Mapping[str, StoredStage]) -> Reconstruction:
     """What the reconstruction says of the first photo."""
     return joint_of(stored).views[0]
+
+
+def spectrum_of(stored: Mapping[str, StoredStage], name: str) -> SurfaceSpectrum:
+    """What is known of the spectrum of one unknown surface."""
+    stage = stored["sample"]
+    return SurfaceSpectrum(*samples_of(stored, name), stage.record(dict, f"variance shares {name}"),
+                           stage.record(dict, f"family shares {name}"))
 
 
 def samples_of(stored: Mapping[str, StoredStage],

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.scene_geometry import SceneGeometry
+from spectrabox.measure.truth_scores import Scores
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Calibration,
@@ -28,21 +29,6 @@ from spectrabox.session.pictures.picture_results import PictureOfSpectra
 
 # outcomes of a sampler without reservation
 VALID_OUTCOMES = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
-
-
-@dataclass(frozen=True)
-class Scores:
-    """How near a recovered spectrum came to a measured truth, over 400-700 nm."""
-
-    rmse_mean: float                  # reflectance, mean of the samples
-    # reflectance, the one spectrum of inverse rendering; None of a flat sample
-    rmse_inverse_rendering: float | None
-    coverage: float  # share of wavelengths at which the band at the session's level holds the truth
-    coverage_95: float                # the same for the 95 % band
-    coverage_bounds: float            # the same for the exact bounds
-    band_width: float                 # mean width of the band, reflectance
-    # CIEDE2000 under D65, 2 degree observer, mean of the samples against truth
-    delta_e00_mean: float
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spectrabox.radiometry.error_model import curve_errors, scale_covariances
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
     Calibration,
@@ -18,9 +19,30 @@ from spectrabox.radiometry.records import (
 from spectrabox.radiometry.response import white_signal
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
-from spectrabox.session.stages.one_transport import require_one_transport
 
 KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
+
+
+def require_one_transport(photos: int, traced: bool) -> None:
+    """Refuse draws through the transport where there is not just one.
+
+    Parameters
+    ----------
+    photos : int
+        Of the session.
+    traced : bool
+        Whether the engine traces one light transport, for lights of one spectrum.
+
+    Raises
+    ------
+    InputError
+    """
+    if photos > 1 or not traced:
+        reason = "the session has several photos" if photos > 1 else \
+            "the engine kept no light transport, or the lights differ in spectrum"
+        raise InputError("sampling.through = \"transport\" takes one photo under lights of one "
+                         f"spectrum, fitted by the transport engine, and {reason}; set [sampling] "
+                         "through = \"surface\"")
 
 
 def draw_through_transport(calibration: Calibration, joint: JointReconstruction, draws: int,

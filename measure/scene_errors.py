@@ -12,9 +12,37 @@ import dataclasses
 
 import numpy as np
 
-from spectrabox.radiometry.error_model import GLARE, STRAY_LIGHT
-from spectrabox.radiometry.records import JointReconstruction, Reconstruction, StrayLight
+from spectrabox.radiometry.error_model import GLARE, STRAY_LIGHT, drift_covariance
+from spectrabox.radiometry.records import (
+    JointReconstruction,
+    LightDrift,
+    Reconstruction,
+    StrayLight,
+)
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
+
+
+def with_photo_errors(joint: JointReconstruction, drift: LightDrift | None, glare: np.ndarray,
+                      ambient: float) -> JointReconstruction:
+    """The reconstruction with the errors of which its photos tell nothing: a drift of the light
+    between chart and first photo, and stray light.
+
+    A change of the light's colour is among what photo and model disagree by.
+
+    Parameters
+    ----------
+    joint : JointReconstruction
+    drift : LightDrift or None
+    glare, ambient
+        As of ``with_stray_light``.
+    """
+    if drift is not None:
+        model = np.array(joint.model_covariance)
+        mine = np.flatnonzero(joint.view_of_band == 0)
+        model[:, mine[:, None], mine] += drift_covariance(drift)
+        first = dataclasses.replace(joint.views[0], notes=(*joint.views[0].notes, drift.sentence))
+        joint = dataclasses.replace(joint, model_covariance=model, views=(first, *joint.views[1:]))
+    return with_stray_light(joint, glare, ambient)
 
 
 def with_stray_light(joint: JointReconstruction, glare: np.ndarray,

@@ -1,11 +1,27 @@
 """How near recovered spectra came to measured truths."""
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.records import SpectrumSamples, SpectrumSummary
-from spectrabox.session.store.results import Scores
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How near a recovered spectrum came to a measured truth, over 400-700 nm."""
+
+    rmse_mean: float                  # reflectance, mean of the samples
+    # reflectance, the one spectrum of inverse rendering; None of a flat sample
+    rmse_inverse_rendering: float | None
+    coverage: float  # share of wavelengths at which the band at the session's level holds the truth
+    coverage_95: float                # the same for the 95 % band
+    coverage_bounds: float            # the same for the exact bounds
+    band_width: float                 # mean width of the band, reflectance
+    # CIEDE2000 under D65, 2 degree observer, mean of the samples against truth
+    delta_e00_mean: float
 
 
 def score(truth: np.ndarray, inverse_rendering: np.ndarray | None, summary: SpectrumSummary,

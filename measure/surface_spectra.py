@@ -1,0 +1,100 @@
+"""Spectra behind the signals of surfaces, of flat samples and of scenes alike."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.measure.surface_signals import errors_by_cause, measurement
+from spectrabox.radiometry.records import (
+    Progress,
+    SpectralMeasurement,
+    SpectrumSamples,
+    SpectrumSummary,
+    SurfaceSignals,
+    SurfaceSpectrum,
+    WavelengthGrid,
+)
+from spectrabox.sampling.draw_methods import draw_spectra
+from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.sampling.summary import summarise
+
+
+@dataclass(frozen=True)
+class DrawOptions:
+    """How the spectra behind a signal are drawn."""
+
+    method: str = "prior"           # a key of sampling.draw_methods.METHODS
+    draws: int = 4000
+    coefficients: int = 13          # of the splines that are fitted to the draws
+    level: float = 0.95             # of the band
+    seed: int = 0
+
+
+def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
+                    families: Mapping[str, Sequence[str]], progress: Progress,
+                    joint_draws: Mapping[str, SpectrumSamples] | None = None
+                    ) -> dict[str, SurfaceSpectrum]:
+    """Draws of every unknown surface, and their summary.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    options : DrawOptions
+    families : mapping
+        From the name of a surface to the families it is said to be of.
+    progress : callable
+    joint_draws : mapping, optional
+        Draws of all surfaces at once, where they were made so (``scene_draws``).
+
+    Raises
+    ------
+    InputError, CalibrationError, ConvergenceError
+        As ``sampling.draw_methods.draw_spectra``.
+    """
+    spectra = {}
+    for index, name in enumerate(signals.names):
+        if not signals.known[index]:
+            progress(index / len(signals.names), name)
+            spectra[name] = _sample_surface(
+                signals, index, dataclasses.replace(options, seed=options.seed + index),
+                families.get(name, ()), (joint_draws or {}).get(name))
+    return spectra
+
+
+def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
+                    families: Sequence[str], draws: SpectrumSamples | None) -> SurfaceSpectrum:
+    seen, prior = measurement(signals, index), of_families(load_prior(), families)
+    variance_shares: dict[str, float] = {}
+    family_shares: dict[str, float] = {}
+    if options.method == "prior":
+        posterior = solve_posterior(prior, seen)
+        family_shares = posterior.family_shares
+        if draws is None:
+            variance_shares = posterior.variance_shares(errors_by_cause(signals, index))
+            draws = posterior.samples(options.draws, options.seed, options.coefficients)
+    if draws is None:
+        draws = draw_spectra(seen, options.method, options.draws, options.seed,
+                             options.coefficients, prior)
+    summary = summarise(draws, seen, options.level, describe_conditions(draws, seen))
+    return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
+                           family_shares)
+
+
+def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -> str:
+    """What the band rests on, in words."""
+    errors = ", ".join(f"{100 * error:.2g}"
+                       for error in np.sqrt(np.diag(measured.noise_covariance)))
+    return (f"Conditional on Gaussian errors of the signal of {errors} % of white, on the sampler "
+            f"and its prior ({draws.method}), and, for the exact bounds, on splines of "
+            f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.sentence}")
+
+
+def resample_summary(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:
+    """The same summary on another grid, by straight lines between its wavelengths."""
+    curves = ("mean", "standard_deviation", "lower", "upper", "bound_lower", "bound_upper")
+    return dataclasses.replace(summary, grid=grid, **{
+        name: np.interp(grid.nm, summary.grid.nm, getattr(summary, name)) for name in curves})
