@@ -83,23 +83,6 @@ def decoding(folder: Path, megapixels: float, repeats: int) -> dict[str, Any]:
             "mosaic_mb": mosaic_mb, "peak_over_mosaic": (peak - before) / mosaic_mb}
 
 
-def chart_command(folder: Path, repeats: int) -> dict[str, float]:
-    """Seconds of ``spectrabox chart`` on 24 megapixels, from the start of Python to its answer."""
-    corners = (UNIT - 0.5) * GRID_MM * 2400 / GRID_MM[0] + np.array([3000, 2000])
-    scene = chart_scene(4000, 6000, CAMERA_GAIN * TYPICAL_SIGNALS, corners, 0.2, subsamples=1)
-    path = folder / "chart24.dng"
-    write_dng(path, mosaic(scene, "RGGB", np.round(BLACK), WHITE, ELECTRONS, READ_DN,
-                           np.random.default_rng(1)), black=np.round(BLACK))
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "spectrabox", "chart", str(path), "--json"],
-                       check=True, capture_output=True)
-        seconds.append(time.perf_counter() - start)
-    path.unlink()
-    return {"median_seconds": float(np.median(seconds)), "best_seconds": min(seconds)}
-
-
 def noise_accuracy(folder: Path) -> dict[str, Any]:
     """Stated variance / true variance in flat shades, over four tile orders and four bit depths;
     patch chi-square.
@@ -248,7 +231,6 @@ def main() -> None:
         facts: dict[str, Any] = {
             "decoding": [decoding(folder, megapixels, arguments.repeats)
                          for megapixels in arguments.megapixels],
-            "chart_command": chart_command(folder, arguments.repeats),
             "noise": noise_accuracy(folder)}
     if arguments.data is not None:
         facts["seven_bands"] = seven_bands(arguments.data / "flea3_chart")
@@ -262,9 +244,6 @@ def main() -> None:
         print(f"{row['megapixels']:>10.1f}{row['seconds']:>9.2f}"
               f"{row['postprocess_seconds']:>15.2f}{row['ratio']:>7.1f}"
               f"{row['peak_mb']:>9.0f}{row['mosaic_mb']:>11.0f}{row['peak_over_mosaic']:>13.1f}")
-    command = facts["chart_command"]
-    print(f"spectrabox chart on 24 megapixels: {command['median_seconds']:.2f} s "
-          f"(best {command['best_seconds']:.2f} s)")
     noise = facts["noise"]
     print(f"variance: stated / true - 1 at most {noise['worst_variance_error']:.1%} over 4 tile "
           "orders, 10 to 16 bits; noiseless patch means off by at most "
