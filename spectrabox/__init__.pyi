@@ -8,6 +8,11 @@ from .api.photo import Photo as Photo
 from .api.photo import find_chart as find_chart
 from .api.photo import open_photo as open_photo
 from .api.pictures import uplift as uplift
+from .api.priors import certify as certify
+from .api.priors import judge as judge
+from .api.priors import train_prior as train_prior
+from .api.signals import match as match
+from .api.signals import sample as sample
 from .radiometry.errors import CalibrationError as CalibrationError
 from .radiometry.errors import ChartNotFoundError as ChartNotFoundError
 from .radiometry.errors import CheckError as CheckError

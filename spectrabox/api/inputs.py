@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,7 @@ GRID = visible_grid()       # 400 to 700 nm in 1 nm steps, on which everything i
 
 Curves = tuple[ArrayLike, ArrayLike]        # wavelengths (Q,) in nm, values
 LightLike = str | Path | Spectrum | UnknownLight | Curves
-CameraLike = "str | Path | CameraEstimate | Calibration | Curves"
+CameraLike = Union[str, Path, "CameraEstimate", Calibration, Curves]
 
 
 def as_light(light: LightLike) -> Spectrum | UnknownLight:
@@ -66,7 +66,7 @@ def as_spectrum(light: LightLike) -> Spectrum:
     return known
 
 
-def as_curves(camera: str | Path | CameraEstimate | Calibration | Curves,
+def as_curves(camera: CameraLike,
               grid: WavelengthGrid = GRID) -> np.ndarray:
     """Sensitivities (K, P) on a grid.
 
@@ -91,7 +91,7 @@ def as_curves(camera: str | Path | CameraEstimate | Calibration | Curves,
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
 
 
-def relative_response(camera: str | Path | CameraEstimate | Calibration | Curves,
+def relative_response(camera: CameraLike,
                       light: LightLike) -> np.ndarray:
     """Response (K, 301) of a camera's bands to reflectances under a light; rows sum to 1."""
     matrix = response_matrix(GRID, as_curves(camera), spectrum_on_grid(as_spectrum(light), GRID))
@@ -112,26 +112,9 @@ def as_chart(layout: str | Path | Chart | None) -> Chart:
     return CLASSIC if layout is None else chart_layout(str(layout))
 
 
-def listed(families: str | Sequence[str] | None) -> tuple[str, ...]:
+def families_of(families: str | Sequence[str] | None) -> tuple[str, ...]:
     """One family or several, as a tuple."""
     if families is None:
         return ()
     return (families,) if isinstance(families, str) else tuple(families)
 
-
-def as_covariance(noise: ArrayLike, bands: int) -> np.ndarray:
-    """Noise covariance (K, K) from a standard error, one a band, or a covariance.
-
-    Raises
-    ------
-    InputError
-        If it is of another shape, or negative.
-    """
-    error = np.asarray(noise, dtype=float)
-    if error.shape == (bands, bands):
-        return error
-    if error.shape not in ((), (bands,)) or not np.all(error >= 0):
-        raise InputError(f"noise of shape {error.shape} was given for {bands} bands; give one "
-                         f"standard error, one a band ({bands},), or a covariance "
-                         f"({bands}, {bands}), none of them negative")
-    return np.diag(np.broadcast_to(error, bands) ** 2)

@@ -3,23 +3,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.inputs import GRID, Curves, LightLike, as_prior, listed, relative_response
+from spectrabox.api.inputs import (
+    GRID,
+    CameraLike,
+    LightLike,
+    as_prior,
+    families_of,
+    relative_response,
+)
 from spectrabox.api.photo import Photo
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import Calibration
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
-if TYPE_CHECKING:
-    from spectrabox.api.camera import CameraEstimate
 
-
-def uplift(image: ArrayLike | Photo, *, camera: str | Path | CameraEstimate | Calibration | Curves,
+def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
            light: LightLike, noise: float = 0.01, white: ArrayLike | None = None,
            families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,
            progress: Callable[[float], None] = lambda share: None
@@ -59,6 +61,6 @@ def uplift(image: ArrayLike | Photo, *, camera: str | Path | CameraEstimate | Ca
     """
     pixels = image.signal if isinstance(image, Photo) else np.asarray(image, dtype=float)
     response = relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
-    return uplift_image(pixels, response, as_prior(prior, listed(families)), noise,
+    return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
                         white=None if white is None else np.asarray(white, dtype=float),
                         progress=progress)

@@ -1,0 +1,181 @@
+"""Priors on reflectances: training, certificates, and other methods' spectra judged."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.api.inputs import (
+    GRID,
+    CameraLike,
+    LightLike,
+    as_prior,
+    families_of,
+    relative_response,
+)
+from spectrabox.measure.judgement import JudgeOptions, PictureJudgement, judge_picture
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
+from spectrabox.radiometry.spectra.spectrum_files import read_table
+from spectrabox.sampling.judge.certificate import Certificate
+from spectrabox.sampling.judge.certificate import certify as certify_library
+from spectrabox.sampling.judge.cube_regions import Region
+from spectrabox.sampling.judge.cubes import Cube
+from spectrabox.sampling.prior.band_calibration import train
+from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library, usable
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.session.signals.judge_answer import open_picture
+
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
+DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
+
+LibraryLike = str | Path | ArrayLike
+
+
+def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
+                nm: ArrayLike | None = None, camera: CameraLike = OBSERVER,
+                light: LightLike = "D65", seed: int = 0) -> LogitMixture:
+    """A prior on reflectances from your own measurements.
+
+    Parameters
+    ----------
+    libraries : mapping
+        From the name of a family (paint, textile, leaves, skin, white, earth, animal, or "mixed")
+        to reflectances (n, P), a folder of them, or a list of these. A family without models
+        needs two, so that each can be left out in turn.
+    nm : (P,) array, optional
+        Wavelengths of reflectances that are given as arrays.
+    camera, light
+        With which the bands are calibrated.
+    seed : int
+
+    Returns
+    -------
+    LogitMixture
+        For ``prior=`` of the other functions.
+
+    Raises
+    ------
+    InputError
+        For a family that there is not, a library that cannot be left out, or too few curves.
+    """
+    read = {family: [_library(one, nm, f"{family} {number}") for number, one in
+                     enumerate(value if isinstance(value, list | tuple) else [value], start=1)]
+            for family, value in libraries.items()}
+    prior, _ = train(read, _coarse(camera, light), seed)
+    return prior
+
+
+def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
+            nm: ArrayLike | None = None, camera: CameraLike = OBSERVER, light: LightLike = "D65",
+            noise: float = 0.0, families: str | Sequence[str] | None = None,
+            seed: int = 0) -> Certificate:
+    """Do the bands of a prior hold the spectra of a library that it never saw?
+
+    Parameters
+    ----------
+    prior : path, LogitMixture or None
+        None for the shipped one.
+    library : folder, or (n, P) array at wavelengths ``nm``
+        Ten reflectances or more.
+    camera, light
+        That see them.
+    noise : float
+        Relative standard error of the signals.
+    families : str or sequence of str, optional
+        What the surfaces are.
+    seed : int
+
+    Returns
+    -------
+    Certificate
+        ``verdict``, a sentence; ``coverage`` by level, ``rmse``, ``width``, ``delta_e00``.
+
+    Raises
+    ------
+    InputError
+        For fewer than ten usable curves.
+    """
+    return certify_library(as_prior(prior, families_of(families)), _library(library, nm, "library"),
+                           _coarse(camera, light), noise, seed, DELTA_LIGHTS)
+
+
+def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
+          truth: str | Path | Mapping[str, ArrayLike], *, nm: ArrayLike | None = None,
+          truth_nm: ArrayLike | None = None, camera: CameraLike = OBSERVER,
+          light: LightLike = "D65", white_region: str | None = None,
+          full_scale: float = 1.0) -> PictureJudgement:
+    """Score another method's cube of spectra next to ours.
+
+    Parameters
+    ----------
+    cube : path or (H, W, C) array
+        Reflectances, of an ENVI, MATLAB, Zarr or spectral EXR file, or at wavelengths ``nm``.
+    regions : mapping
+        From names to (x0, y0, x1, y1) in pixels, the ends not counted.
+    truth : path or mapping
+        Measured reflectances: a table with a column for each region, or arrays (Q,) by region at
+        wavelengths ``truth_nm``.
+    camera, light
+        That our methods see the truth with.
+    white_region : str, optional
+        Region of known reflectance to divide by.
+    full_scale : float
+        What reflectance 1 reads in the cube.
+
+    Returns
+    -------
+    PictureJudgement
+        ``rows`` by region and method, ``means`` by method: RMSE, coverage, width, CIEDE2000.
+
+    Raises
+    ------
+    InputError
+        If cube and truth do not both cover 420 to 680 nm, or a region leaves the cube.
+    """
+    if isinstance(cube, str | Path):
+        opened = open_picture(Path(cube), None if nm is None else np.asarray(nm, float), None)
+    else:
+        values = np.asarray(cube, dtype=float)
+        if nm is None or values.ndim != 3 or len(np.asarray(nm)) != values.shape[2]:
+            raise InputError("a cube that is given as an array needs (height, width, C) values and "
+                             "its C wavelengths nm")
+        height, width = values.shape[:2]
+        opened = Cube("cube", np.asarray(nm, dtype=float), height, width,
+                      lambda first, last: values[first:last])
+    boxes = []
+    for name, box in regions.items():
+        x0, y0, x1, y1 = (int(value) for value in box)
+        if not (0 <= x0 < x1 <= opened.width and 0 <= y0 < y1 <= opened.height):
+            raise InputError(f"region {name!r} is {tuple(box)}; x0 < x1 up to {opened.width} and "
+                             f"y0 < y1 up to {opened.height} are needed")
+        boxes.append(Region(name, None, (x0, y0, x1, y1), None))
+    if isinstance(truth, Mapping):
+        if truth_nm is None:
+            raise InputError("truths that are given as arrays need their wavelengths truth_nm")
+        table = SpectralTable(np.asarray(truth_nm, dtype=float), tuple(truth),
+                              np.array([np.asarray(one, dtype=float) for one in truth.values()]),
+                              {"quantity": "reflectance"}, "truth")
+    else:
+        table = read_table(Path(truth))
+    return judge_picture(opened, boxes, table, relative_response(camera, light), as_prior(None),
+                         JudgeOptions(DELTA_LIGHTS, full_scale=full_scale,
+                                      white_region=white_region))
+
+
+def _library(library: LibraryLike, nm: ArrayLike | None, name: str) -> ReflectanceLibrary:
+    if isinstance(library, str | Path):
+        return read_library(Path(library))
+    if nm is None:
+        raise InputError("reflectances that are given as arrays need their wavelengths nm")
+    curves, reasons = usable(np.asarray(nm, dtype=float),
+                             np.atleast_2d(np.asarray(library, dtype=float)))
+    return ReflectanceLibrary(name, curves, reasons)
+
+
+def _coarse(camera: CameraLike, light: LightLike) -> np.ndarray:
+    """Relative response (K, 61) on the prior's wavelengths."""
+    return relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)

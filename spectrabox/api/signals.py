@@ -1,0 +1,183 @@
+"""Spectra behind camera signals, and what could have given a signal."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.api.inputs import (
+    CameraLike,
+    LightLike,
+    as_prior,
+    families_of,
+    relative_response,
+)
+from spectrabox.measure.matching import SpectralLibrary, SurfaceMatch, match_signal
+from spectrabox.measure.signals import SampleOptions, causes_of_error, sample_signals
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import SpectrumSummary
+from spectrabox.radiometry.spectra.spectrum_files import on_grid
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.session.signals.spectral_library import read_spectral_libraries
+
+if TYPE_CHECKING:
+    from spectrabox.measure.signals import SignalEstimate
+
+VARIATION = 0.01        # of white: how much surfaces of one material differ
+
+
+def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: ArrayLike = 0.0,
+           white: ArrayLike | None = None, light_error: float = 0.0,
+           sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,
+           method: str = "prior", draws: int = 2000, seed: int = 0, coefficients: int = 13,
+           level: float = 0.95, prior: str | Path | LogitMixture | None = None,
+           names: Sequence[str] | None = None) -> SpectrumEstimate | SpectrumEstimates:
+    """Every reflectance behind one signal, or behind each of many.
+
+    Parameters
+    ----------
+    signals : (K,) or (S, K) array
+        Relative to what a perfect white reads; in the unit of ``white`` where that is given.
+    camera : name, path, CameraEstimate, Calibration or (nm, curves)
+        A measured camera or observer by name, or its sensitivities.
+    light : name, path, (nm, values) or Spectrum
+    noise : float or (K,) array
+        Standard error of the signal in each band, in its unit.
+    white : (K,) array, optional
+        What a perfect white reads in each band; 1 by default.
+    light_error, sensitivity_error : float
+        Relative standard errors of the light's strength and of each curve.
+    families : str or sequence of str, optional
+        Kind of surface, if you know it: paint, textile, leaves, skin, white, earth or animal.
+    method : {"prior", "uniform", "paper"}
+        The learnt prior; all splines alike; or the sampler of Xia et al. 2025, section 5.
+    draws, seed, coefficients : int
+        T draws of a single signal, their seed, and N of the spline class of the exact bounds.
+    level : float
+        Of the band, 0 to 1.
+    prior : path or LogitMixture, optional
+        On reflectances; the shipped one by default.
+    names : sequence of S str, optional
+        Of the surfaces; "signal 1", "signal 2" ... by default.
+
+    Returns
+    -------
+    SpectrumEstimate or SpectrumEstimates
+        One for a signal (K,), as ``spectrabox sample --signal`` draws it; else one for each row,
+        as ``--signals`` computes them without draws.
+
+    Raises
+    ------
+    InputError
+        If signal, noise and camera are not of the same bands, or a name is not known.
+    CalibrationError
+        If two bands respond alike.
+    ConvergenceError
+        If there are too few draws for the band.
+
+    Examples
+    --------
+    >>> spectra = sb.sample([[0.53, 0.24, 0.08]], camera="Nikon 5100 (NPL)", light="D65",
+    ...                     noise=0.003)
+    """
+    response = relative_response(camera, light)
+    given, bands = np.asarray(signals, dtype=float), len(response)
+    rows = np.atleast_2d(given)
+    if given.ndim not in (1, 2) or rows.shape[1] != bands:
+        raise InputError(f"signals of shape {given.shape} were given and the camera has {bands} "
+                         f"bands; give ({bands},) or (number, {bands})")
+    errors = np.asarray(noise, dtype=float)
+    if errors.shape not in ((), (bands,)):
+        raise InputError(f"noise of shape {errors.shape} was given for {bands} bands; give one "
+                         f"standard error, or one a band ({bands},)")
+    labels = [f"signal {number}" for number in range(1, len(rows) + 1)] if names is None \
+        else list(names)
+    if len(labels) != len(rows) or len(set(labels)) != len(labels):
+        raise InputError(f"{len(labels)} names were given for {len(rows)} signals; give one name "
+                         "of its own for each")
+    learnt = as_prior(prior, families_of(families))
+    each = sample_signals(
+        response, rows, SampleOptions(method, draws, seed, coefficients, level),
+        white=None if white is None else np.asarray(white, dtype=float),
+        noise=np.broadcast_to(errors, bands).copy(), light_error=light_error,
+        sensitivity_error=sensitivity_error, prior=learnt, with_draws=given.ndim == 1)
+    made = [_estimate(name, one, learnt if method == "prior" else None, light_error,
+                      sensitivity_error) for name, one in zip(labels, each, strict=True)]
+    return made[0] if given.ndim == 1 else SpectrumEstimates(made)
+
+
+def match(signal: SpectrumEstimate | ArrayLike,
+          library: str | Path | Sequence[str | Path] | Mapping[str, ArrayLike], *,
+          camera: CameraLike | None = None, light: LightLike | None = None,
+          noise: ArrayLike = 0.0, nm: ArrayLike | None = None, variation: float = VARIATION,
+          evidence_ratio: float | None = None,
+          prior: str | Path | LogitMixture | None = None) -> SurfaceMatch:
+    """Which measured spectra could have given a signal, or that none could.
+
+    Parameters
+    ----------
+    signal : SpectrumEstimate or (K,) array
+        An estimate brings its camera, light and errors; an array needs ``camera`` and ``light``.
+    library : path, several, or mapping of names to reflectances
+        Spectral files, folders and archives as of ``spectrabox match --library``; or reflectances
+        (P,) at wavelengths ``nm``.
+    noise : float or (K,) array
+        Of a signal that is given as an array.
+    nm : (P,) array, optional
+        Wavelengths of a mapping.
+    variation : float
+        Standard deviation of surfaces of one material, in reflectance.
+    evidence_ratio : float, optional
+        Below which a spectrum may still be it; 100 by default.
+
+    Returns
+    -------
+    SurfaceMatch
+        ``matches``, the best first; ``indistinguishable``, how many may be it; ``none_fits``.
+
+    Raises
+    ------
+    InputError
+        If no spectrum of the library can be used.
+    """
+    if not isinstance(signal, SpectrumEstimate):
+        if camera is None or light is None:
+            raise InputError("a signal that is given as numbers needs its camera and its light")
+        one = sample(signal, camera=camera, light=light, noise=noise, prior=prior)
+        assert isinstance(one, SpectrumEstimate)
+        signal = one
+    if signal.measurement is None:
+        raise InputError(f"the spectrum of {signal.name!r} was given: there is nothing to identify")
+    if isinstance(library, Mapping):
+        if nm is None:
+            raise InputError("reflectances of a library need their wavelengths: give nm")
+        spectra = on_grid(np.asarray(nm, dtype=float),
+                          np.array([np.asarray(one, dtype=float) for one in library.values()]),
+                          signal.measurement.grid, "library")
+        known = SpectralLibrary(tuple(library), ("given",) * len(library), spectra,
+                                np.zeros_like(spectra), ())
+    else:
+        words = [library] if isinstance(library, str | Path) else list(library)
+        known = read_spectral_libraries([str(word) for word in words], signal.measurement.grid)
+    return match_signal(signal.name, signal.measurement, known, as_prior(prior),
+                        variation=variation, evidence_ratio=evidence_ratio)
+
+
+def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None, light_error: float,
+              sensitivity_error: float) -> SpectrumEstimate:
+    """The public estimate of one signal."""
+    scale_and_curves = causes_of_error(one.measurement.signal,
+                                       np.zeros_like(one.measurement.noise_covariance),
+                                       light_error, sensitivity_error)
+    noise = one.measurement.noise_covariance - sum(scale_and_curves.values())
+    summary = SpectrumSummary(PRIOR_GRID, one.mean, one.standard_deviation, one.lower, one.upper,
+                              one.bound_lower, one.bound_upper, one.level, one.conditional_on,
+                              one.next_measurement_nm)
+    return SpectrumEstimate(name, summary, one.measurement,
+                            scale_and_curves | {"photo noise": noise}, prior, one.draws)
+
