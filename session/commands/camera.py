@@ -162,7 +162,7 @@ class CameraPriorRequest(CommonOptions):
         metavar="NAME", help="A camera to leave out; may be repeated.")] = ()
     source: Annotated[str | None, typer.Option(
         help="Stored with the prior; the folder by default.")] = None
-    licence: Annotated[str, typer.Option(help="Of the curves.")] = "not stated"
+    licence: Annotated[str, typer.Option(help="Licence of the curves.")] = "not stated"
 
 
 @command

@@ -52,9 +52,9 @@ class LightRequest(CommonOptions):
     lens_file: Annotated[Path | None, typer.Option(
         "--lens", metavar="lens.json", help="Undistort the photo with this lens first.")] = None
     width: Annotated[int, typer.Option(
-        min=16, max=1024, help="Of the rendered view in pixels.")] = 96
+        min=16, max=1024, help="Width of the rendered view in pixels.")] = 96
     spp: Annotated[int, typer.Option(min=1, help="Paths per pixel of each rendering.")] = 256
-    seed: Annotated[int, typer.Option(min=0, help="Of the paths.")] = 1
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of the paths.")] = 1
     force: Force = False
     device: Device = "auto"
 

@@ -26,7 +26,7 @@ class RehearseRequest(SessionOptions):
     """Options of ``spectrabox rehearse``."""
 
     times: Annotated[int, typer.Option(help="Photos of known truth, from 20 up.")] = 200
-    seed: Annotated[int, typer.Option(help="Of truths, photos and draws.")] = 1
+    seed: Annotated[int, typer.Option(help="Random seed of truths, photos and draws.")] = 1
     device: Device = "auto"
     quiet: Quiet = False
 

@@ -137,10 +137,10 @@ class PlanRequest(MeasuredSignal):
     second_camera: Annotated[tuple[str, ...], typer.Option(help="Another camera's curves.")] = ()
     lamps: Lamps = None
     filters: Filters = None
-    reading_minutes: Annotated[float, typer.Option(help="Of one spot reading.")] = 2.0
-    photo_minutes: Annotated[float, typer.Option(help="Of one more photo.")] = 5.0
+    reading_minutes: Annotated[float, typer.Option(help="Minutes of one spot reading.")] = 2.0
+    photo_minutes: Annotated[float, typer.Option(help="Minutes of one more photo.")] = 5.0
     spot_minutes: Annotated[float | None, typer.Option(
-        help="Of a whole spectrum by a spectrometer.")] = None
+        help="Minutes of a whole spectrum by a spectrometer.")] = None
     seed: Seed = 0
     allow_outside: Outside = False
 

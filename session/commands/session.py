@@ -42,7 +42,7 @@ class DemoRequest(CommonOptions):
         "--flat", help="A painting with a chart in one photo, without a scene.")] = False
     picture: Annotated[bool, typer.Option(
         "--picture", help="A box with painted patterns: a spectrum for every pixel.")] = False
-    seed: Annotated[int, typer.Option(help="Of the synthetic photos.")] = 1
+    seed: Annotated[int, typer.Option(help="Random seed of the synthetic photos.")] = 1
     device: Device = "auto"
 
 
@@ -188,7 +188,7 @@ class RelightRequest(SessionOptions):
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by default; the same as EXR lies "
         "beside it.")] = None
-    width: Annotated[int, typer.Option(min=16, max=4096, help="In pixels.")] = 480
+    width: Annotated[int, typer.Option(min=16, max=4096, help="Width in pixels.")] = 480
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64
     device: Device = "auto"
 
