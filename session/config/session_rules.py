@@ -198,7 +198,11 @@ def _regions(config: SessionConfig) -> list[str]:
                                      ("camera.lens", config.camera.lens),
                                      ("light.by_id", config.light.by_id),
                                      ("[reconstruct]", "reconstruct" in config.model_fields_set),
-                                     ("[scale]", "scale" in config.model_fields_set)) if written]
+                                     ("[scale]", "scale" in config.model_fields_set),
+                                     ("repeatability.lamp_position", "lamp_position"
+                                      in config.repeatability.model_fields_set),
+                                     ("stray_light.ambient", "ambient"
+                                      in config.stray_light.model_fields_set)) if written]
     problems += [f"{FILE_NAME}: views.{name}.scene belongs to a scene; leave it out"
                  for name, view in config.views.items() if view.scene is not None]
     if config.sampling.through == "transport":
