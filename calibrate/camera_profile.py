@@ -66,7 +66,13 @@ def target(name: str, grid: WavelengthGrid, fitted: np.ndarray,
 
 
 def matrices(curves: np.ndarray, aim: Target) -> IlluminantMatrices:
-    """Colour and forward matrix of curves (3, P), of any scale."""
+    """Colour and forward matrix of curves (3, P), of any scale.
+
+    Parameters
+    ----------
+    curves : (3, P) array
+    aim : Target
+    """
     response = curves * aim.power
     signals, white = aim.fitted @ response.T, response.sum(axis=1)
     colour = np.linalg.lstsq(aim.fitted_xyz, signals, rcond=None)[0].T

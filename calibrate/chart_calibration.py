@@ -243,7 +243,13 @@ def curve_band(calibration: ChartCalibration, seed: int = 0) -> CurveBand | None
 
 
 def unknown_irradiance(patches: int) -> np.ndarray:
-    """Irradiance (I,) that gives a reflectance of 1 a signal without scale."""
+    """Irradiance (I,) that gives a reflectance of 1 a signal without scale.
+
+    Parameters
+    ----------
+    patches : int
+        I, of the chart.
+    """
     return np.full(patches, np.pi)
 
 

@@ -46,7 +46,13 @@ class PatchError(NamedTuple):
 
 
 def patch_errors(own: Sequence[float]) -> tuple[PatchError, ...]:
-    """What is held possible of the disagreement: every own error with every one in common."""
+    """What is held possible of the disagreement: every own error with every one in common.
+
+    Parameters
+    ----------
+    own : sequence of float
+        Relative errors of one band by itself.
+    """
     return tuple(PatchError(*pair) for pair in product(own, COMMON_ERRORS))
 
 

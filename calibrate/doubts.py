@@ -54,7 +54,12 @@ DOUBTFUL = 4.5               # mean square in spreads; 1 in 20 cameras with the 
 
 
 def unlike_cameras(fit: PriorFit) -> bool:
-    """Whether the photos are explained by a camera unlike those measured alone."""
+    """Whether the photos are explained by a camera unlike those measured alone.
+
+    Parameters
+    ----------
+    fit : PriorFit
+    """
     return dict(fit.families).get(UNLIKE, 0.0) > SURELY and len(fit.families) > 1
 
 
@@ -129,14 +134,30 @@ def matrix_deviation(camera_from_xyz: np.ndarray, curves: np.ndarray,
 
 
 def matrix_doubt(camera_from_xyz: np.ndarray, curves: np.ndarray, grid: WavelengthGrid) -> float:
-    """Mean square of the deviation, in spreads about what is typical: of most cameras about 1."""
+    """Mean square of the deviation, in spreads about what is typical: of most cameras about 1.
+
+    Parameters
+    ----------
+    camera_from_xyz : (3, 3) array
+    curves : (3, P) array
+    grid : WavelengthGrid
+        As in ``matrix_deviation``.
+    """
     deviation = matrix_deviation(camera_from_xyz, curves, grid)
     return float(np.sum(((deviation - TYPICAL) / SPREAD) ** 2) / FREEDOM)
 
 
 def matrix_contradicts(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
                        grid: WavelengthGrid) -> bool:
-    """Whether a file's colour matrix speaks against the curves; not where there is none."""
+    """Whether a file's colour matrix speaks against the curves; not where there is none.
+
+    Parameters
+    ----------
+    camera_from_xyz : (3, 3) array or None
+        Of a raw file; None where it states none.
+    curves : (K, P) array
+    grid : WavelengthGrid
+    """
     if camera_from_xyz is None or len(curves) != len(camera_from_xyz):
         return False
     return matrix_doubt(camera_from_xyz, curves, grid) >= DOUBTFUL

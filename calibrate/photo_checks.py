@@ -117,6 +117,11 @@ def disagreement(signal: np.ndarray, held_out: np.ndarray) -> float:
     """Rms relative difference of signals (I, K) and what the other patches predict of each.
 
     Of patches darker than 3 % of the brightest, relative to that.
+
+    Parameters
+    ----------
+    signal : (I, K) array
+    held_out : (I, K) array
     """
     scale = np.maximum(signal, DARK_SHARE * signal.max(axis=0))
     return float(np.sqrt(np.mean(((signal - held_out) / scale) ** 2)))

@@ -15,13 +15,13 @@ from unittest import mock
 import serial
 
 from spectrabox.capture.meter import serial_line
-from spectrabox.capture.meter.instruments.errors import InstrumentError
+from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
 from spectrabox.capture.meter.instruments.specbos1211 import DEFAULTS
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
-from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.capture.transcripts.transcript import Event, Transcript
+from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.meter_transcripts import SyntheticMeter
 from spectrabox.session.interruption import SIGNALS, Interruptions
 

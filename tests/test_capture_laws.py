@@ -13,14 +13,17 @@ from spectrabox.calibrate.geometry.pose import (
     lens_of_focal_length,
     pose_from_points,
 )
-from spectrabox.capture.chart.agreement import _log_fit, _mixture_fit, white_excess
+from spectrabox.capture.chart.chart_agreement import _log_fit, _mixture_fit, white_excess
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import _exposure_reasons
 from spectrabox.capture.chart.reference import TYPICAL_SIGNALS
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark
 from spectrabox.capture.develop.flat_field import smooth_flat
-from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
+from spectrabox.capture.meter.instruments.instrument_errors import (
+    LineFaultError,
+    UntrustedReadingError,
+)
 from spectrabox.capture.meter.instruments.interface import MeterSettings
 from spectrabox.capture.meter.instruments.pr655 import Pr655
 from spectrabox.capture.meter.measurement import READS, _read_twice

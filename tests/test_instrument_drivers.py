@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from spectrabox.capture.meter.instruments.catalogue import DRIVERS, driver_named
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.drivers import DRIVERS, driver_named
+from spectrabox.capture.meter.instruments.instrument_errors import (
     NoReplyError,
     RefusedError,
     UntrustedReadingError,
@@ -19,8 +19,8 @@ from spectrabox.capture.meter.instruments.interface import MeterSettings
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace, SerialLine
 from spectrabox.capture.transcripts.player import TranscriptPlayer
-from spectrabox.capture.transcripts.replay import replay_transcript, settings_of
 from spectrabox.capture.transcripts.transcript import Event, read_transcript
+from spectrabox.capture.transcripts.transcript_replay import replay_transcript, settings_of
 from spectrabox.fixtures.meter_transcripts import FOLDER, all_meters, clean_meters
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity

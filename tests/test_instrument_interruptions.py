@@ -7,9 +7,9 @@ import pytest
 
 from spectrabox.capture.meter.measurement import open_instrument, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
-from spectrabox.capture.transcripts.faults import Fault, FaultKind
 from spectrabox.capture.transcripts.player import TranscriptPlayer
-from spectrabox.capture.transcripts.replay import settings_of
+from spectrabox.capture.transcripts.transcript_replay import settings_of
+from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.fixtures.meter_transcripts import changed_meters
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.interruption import SIGNALS, Interruptions
@@ -101,7 +101,7 @@ def test_what_was_not_confirmed_is_tried_again(name, kind):
         last = [step for step, event in enumerate(transcript.events) if event.direction == "<"
                 and transcript.events[step - 1].data == b"SU0\r"]
     with TranscriptPlayer(transcript, time_scale=0.0, strict=False,
-                          fault=Fault(kind, last[0])) as player:
+                          distort=distortion(Fault(kind, last[0]))) as player:
         with opened(name, player) as meter:
             trusted_identity(meter)
             meter.settings(settings_of(transcript))

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from spectrabox.capture.meter.instruments import jeti
-from spectrabox.capture.meter.instruments.catalogue import DRIVERS
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.drivers import DRIVERS
+from spectrabox.capture.meter.instruments.instrument_errors import (
     LineFaultError,
     RefusedError,
     UntrustedReadingError,
@@ -17,8 +17,8 @@ from spectrabox.capture.meter.instruments.interface import Instrument, MeterSett
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
-from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.capture.transcripts.transcript import Event, Transcript
+from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.meter_transcripts import changed_meters, clean_meters
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from spectrabox.capture.meter.instruments.errors import UntrustedReadingError
+from spectrabox.capture.meter.instruments.instrument_errors import UntrustedReadingError
 from spectrabox.capture.meter.stated import (
     Number,
     Stated,

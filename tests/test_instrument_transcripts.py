@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from spectrabox.capture.meter.instruments.errors import NoReplyError
+from spectrabox.capture.meter.instruments.instrument_errors import NoReplyError
 from spectrabox.capture.meter.instruments.interface import MeterSettings
 from spectrabox.capture.meter.measurement import (
     measure_once,
@@ -14,9 +14,8 @@ from spectrabox.capture.meter.measurement import (
     trusted_identity,
 )
 from spectrabox.capture.meter.serial_line import Pace
-from spectrabox.capture.transcripts import replay
+from spectrabox.capture.transcripts import transcript_replay
 from spectrabox.capture.transcripts.player import TranscriptPlayer
-from spectrabox.capture.transcripts.replay import record, replay_transcript, settings_of
 from spectrabox.capture.transcripts.transcript import (
     Event,
     TranscriptWriter,
@@ -24,6 +23,7 @@ from spectrabox.capture.transcripts.transcript import (
     read_transcript,
     unescaped,
 )
+from spectrabox.capture.transcripts.transcript_replay import record, replay_transcript, settings_of
 from spectrabox.fixtures.meter_transcripts import FOLDER
 from spectrabox.radiometry.errors import InputError
 
@@ -117,7 +117,7 @@ def test_a_recording_can_be_recorded_again_and_replayed(tmp_path):
 @pytest.mark.parametrize("speed, expected", [(4.0, 0.25), (0.5, 2.0), (0.0, 0.0)])
 def test_a_recording_plays_as_fast_as_is_asked(monkeypatch, speed, expected):
     """Waits of the instrument and limits of its driver alike; without a speed nobody waits."""
-    player, paces = replay.TranscriptPlayer, []
+    player, paces = transcript_replay.TranscriptPlayer, []
     scales = []
 
     def play(transcript, time_scale, over_socket):
@@ -128,8 +128,8 @@ def test_a_recording_plays_as_fast_as_is_asked(monkeypatch, speed, expected):
         paces.append(scale)
         return Pace(0.0, **limits)
 
-    monkeypatch.setattr(replay, "TranscriptPlayer", play)
-    monkeypatch.setattr(replay, "Pace", pace)
+    monkeypatch.setattr(transcript_replay, "TranscriptPlayer", play)
+    monkeypatch.setattr(transcript_replay, "Pace", pace)
     replay_transcript(read_transcript(FOLDER / "pr655.transcript"), speed=speed)
     assert scales == [expected]
     assert paces == [expected] if expected else 0 < paces[0] < 0.1

@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from spectrabox.capture.transcripts.faults import Fault, FaultKind
 from spectrabox.capture.transcripts.transcript import read_transcript
+from spectrabox.fixtures.line_faults import Fault, FaultKind
 from spectrabox.fixtures.meter_transcripts import FOLDER, clean_meters
 
 from tests.transcript_trials import (

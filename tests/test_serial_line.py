@@ -7,7 +7,7 @@ import time
 import pytest
 import serial
 
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.instrument_errors import (
     LineFaultError,
     LineLostError,
     NoReplyError,

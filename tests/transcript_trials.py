@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.errors import InstrumentError
+from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
 from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
-from spectrabox.capture.transcripts.faults import Fault, FaultKind
 from spectrabox.capture.transcripts.player import TranscriptPlayer
-from spectrabox.capture.transcripts.replay import settings_of
 from spectrabox.capture.transcripts.transcript import Event, Transcript
+from spectrabox.capture.transcripts.transcript_replay import settings_of
+from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.fixtures.meter_transcripts import SpectrumFault, SyntheticMeter
 from spectrabox.radiometry.spectra.readings import SpectralReading
 
@@ -87,7 +87,7 @@ def run_trial(subject: Subject, name: str, fault: Fault | None) -> Trial:
     if name == WRONG_SPEED:
         facts = {**transcript.facts, "line": str(OTHER_SPEEDS[transcript.baud])}
         transcript = dataclasses.replace(transcript, facts=facts)
-    player = TranscriptPlayer(transcript, time_scale=0.0, strict=False, fault=fault,
+    player = TranscriptPlayer(transcript, time_scale=0.0, strict=False, distort=distortion(fault),
                               character_gap_s=TOO_FAST_GAP_S if name == TOO_FAST else 0.0)
     started = time.monotonic()
     with player:

@@ -81,6 +81,11 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
 def cameras_of_file(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Wavelengths (P,) and curves (K, P) of every camera of one file by name.
 
+    Parameters
+    ----------
+    path : Path
+        .json (rawtoaces), .txt (camspec) or .csv.
+
     Raises
     ------
     InputError

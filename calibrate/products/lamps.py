@@ -116,7 +116,12 @@ def colour_temperatures(spectra: np.ndarray) -> np.ndarray:
 
 
 def blackbodies(kelvin: np.ndarray) -> np.ndarray:
-    """Planck's spectra (n, P) of mean 1."""
+    """Planck's spectra (n, P) of mean 1.
+
+    Parameters
+    ----------
+    kelvin : (n,) array
+    """
     spectra = GRID.nm**-5.0 / np.expm1(SECOND_RADIATION / (GRID.nm * np.asarray(kelvin)[:, None]))
     return np.asarray(spectra / spectra.mean(axis=1, keepdims=True))
 

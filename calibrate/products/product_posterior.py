@@ -186,7 +186,15 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
 
 
 def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
-    """Reflectances (I, N) as seen by the mass at each node."""
+    """Reflectances (I, N) as seen by the mass at each node.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+        Of I patches.
+    nm : (N,) array
+        Nodes of the products.
+    """
     basis = interpolation_matrix(nm, GRID.nm)
     return np.asarray(photo.reflectances @ (basis * GRID.weights_nm[:, None])
                       / (GRID.weights_nm @ basis))
@@ -321,7 +329,14 @@ def states_of_components(posterior: ProductPosterior, hypothesis: Hypothesis, ch
 
 
 def weights_of_components(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
-    """Weights (C,) of the components when some rows are left out: over what they said of those."""
+    """Weights (C,) of the components when some rows are left out: over what they said of those.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    rows : slice
+        Of the signals that are left out.
+    """
     logs = hypothesis.log_weights + 0.5 * _surprise(hypothesis, rows)
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())

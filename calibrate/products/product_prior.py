@@ -76,7 +76,17 @@ def product_prior(cameras: CameraPrior, lamps: Lamps, seed: int,
 
 
 def paired(nm: np.ndarray, curves: np.ndarray, lamp: np.ndarray, lamps: Lamps) -> ProductPrior:
-    """Prior of given pairs of curves (C, K, N) at nodes and lamps, by index (C,)."""
+    """Prior of given pairs of curves (C, K, N) at nodes and lamps, by index (C,).
+
+    Parameters
+    ----------
+    nm : (N,) array
+        Nodes.
+    curves : (C, K, N) array
+    lamp : (C,) int array
+        Index into the lamps.
+    lamps : Lamps
+    """
     basis = interpolation_matrix(nm, GRID.nm)
     mass = GRID.weights_nm @ basis                  # of each node, nm
     at_nodes = (lamps.spectra * GRID.weights_nm) @ basis / mass

@@ -1,9 +1,9 @@
 """A chart detected in a photo, and how well it agrees (OpenCV's ``mcc`` module).
 
 OpenCV proposes where the patches of a ColorChecker lie; of other charts the operator gives four
-corners. The proposal is fitted to the patches' outlines and accepted only if the signals agree with
-those of the chart (capture/chart/agreement.py), each patch for itself, and on the Classic the gaps
-between patches are as wide as on the card.
+corners. The proposal is fitted to the outlines of the patches and accepted only if the signals
+agree with those of the chart (chart_agreement.py), each patch for itself, and on the Classic the
+gaps between patches are as wide as on the card.
 """
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from spectrabox.capture.chart.agreement import (
+from spectrabox.capture.chart.chart_agreement import (
     ACCEPTED_RESIDUAL,
     PATCH,
     WORST_ENCODED_PATCH,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.capture.chart.agreement import (
+from spectrabox.capture.chart.chart_agreement import (
     PATCH,
     chart_agreement,
     chart_units,

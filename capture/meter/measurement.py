@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.catalogue import driver_named
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.drivers import driver_named
+from spectrabox.capture.meter.instruments.instrument_errors import (
     InstrumentError,
     LineFaultError,
     NoReplyError,

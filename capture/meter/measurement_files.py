@@ -50,7 +50,12 @@ def readings_folder(spectra: Path, name: str) -> Path:
 
 
 def stored_readings(folder: Path) -> list[SpectralReading]:
-    """Every reading of a folder in the order it was taken; none where the folder does not exist."""
+    """Every reading of a folder in the order it was taken; none where the folder does not exist.
+
+    Parameters
+    ----------
+    folder : Path
+    """
     return [read_reading(path) for _, path in _numbered(folder)]
 
 
@@ -87,7 +92,12 @@ def set_aside(folder: Path) -> Path:
 
 
 def reading_facts(reading: SpectralReading) -> dict[str, Any]:
-    """A reading as plain values: what the file holds and what --json prints."""
+    """A reading as plain values: what the file holds and what --json prints.
+
+    Parameters
+    ----------
+    reading : SpectralReading
+    """
     facts: dict[str, Any] = {name: getattr(reading, name) for name in FACTS}
     facts.update(outcome=reading.outcome.name.lower(), sentence=reading.outcome.value,
                  flags=list(reading.flags), quantity=None, unit=None, wavelengths_nm=None,

@@ -55,7 +55,12 @@ def read_calibration(text: str) -> MeterCalibration:
 
 
 def makers_of(readings: Iterable[SpectralReading]) -> list[Maker]:
-    """The instruments of readings that hold a spectrum, each once, in the order they were used."""
+    """The instruments of readings that hold a spectrum, each once, in the order they were used.
+
+    Parameters
+    ----------
+    readings : iterable of SpectralReading
+    """
     return list(dict.fromkeys((reading.instrument, reading.serial_number) for reading in readings
                               if reading.spectrum is not None))
 

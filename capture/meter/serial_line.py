@@ -17,7 +17,7 @@ from typing import Any
 
 import serial
 
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.instrument_errors import (
     LineFaultError,
     LineLostError,
     NoReplyError,

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.instrument_errors import (
     InstrumentError,
     NoReplyError,
     UntrustedReadingError,

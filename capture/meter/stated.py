@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.errors import UntrustedReadingError
+from spectrabox.capture.meter.instruments.instrument_errors import UntrustedReadingError
 from spectrabox.radiometry.grid import trapezoid_weights_nm
 from spectrabox.radiometry.spectra.luminous import tristimulus_of
 

@@ -387,7 +387,12 @@ def _opened(path: Path) -> oiio.ImageInput:
 
 
 def open_as_stored(path: Path) -> oiio.ImageInput | None:
-    """A picture's open file; None where OpenImageIO cannot read it."""
+    """A picture's open file; None where OpenImageIO cannot read it.
+
+    Parameters
+    ----------
+    path : Path
+    """
     as_stored = oiio.ImageSpec()
     # else a TIFF's bands come multiplied by its alpha
     as_stored.attribute("oiio:UnassociatedAlpha", 1)

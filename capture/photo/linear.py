@@ -122,6 +122,10 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
 def signal_alone(frame: RawFrame) -> np.ndarray:
     """The signal (H, W, K) of ``linear_image``, float32, without its noise and what is clipped.
 
+    Parameters
+    ----------
+    frame : RawFrame
+
     Raises
     ------
     InputError

@@ -13,7 +13,14 @@ SAMPLES = 500_000  # enough to find a percentile
 
 
 def preview_rgb8(image: LinearImage, factor: int = 1) -> np.ndarray:
-    """As ``signal_rgb8``, of a linear image."""
+    """As ``signal_rgb8``, of a linear image.
+
+    Parameters
+    ----------
+    image : LinearImage
+    factor : int
+        As of ``signal_rgb8``.
+    """
     return signal_rgb8(image.signal, factor)
 
 

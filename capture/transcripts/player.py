@@ -1,7 +1,7 @@
 """Plays a transcript to a driver's own serial code, through a pseudo-terminal or a loopback socket.
 
 The line's settings are read from the pseudo-terminal itself, so that a driver at the wrong speed
-gets garbage. A fault can be laid over a clean recording (faults.py).
+gets garbage. A clean recording may be distorted, as by a faulty line.
 """
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ import select
 import socket
 import threading
 import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from spectrabox.capture.transcripts.faults import Fault, overlaid
 from spectrabox.capture.transcripts.transcript import Transcript
 
 SETTLE_LOOKS = 3            # of 10 ms each without a byte: the computer has finished
+# From a step of the recording, its reply and the command before it to the parts that are sent, each
+# after a pause in seconds; None closes the line.
+Distortion = Callable[[int, bytes, bytes], Sequence[tuple[float, bytes | None]]]
 
 
 class TranscriptPlayer:
@@ -32,7 +35,8 @@ class TranscriptPlayer:
         True: what the computer sends must follow the recording, else ``problems`` says where it
         left it and the line goes mute. False: a command out of turn is looked up in the recording,
         as a live instrument would answer it.
-    fault : Fault, optional
+    distort : Distortion, optional
+        Of the replies.
     character_gap_s : float
         Characters that follow each other faster are lost, as PR-655s lose them.
     over_socket : bool
@@ -42,7 +46,7 @@ class TranscriptPlayer:
     """
 
     def __init__(self, transcript: Transcript, *, time_scale: float = 1.0, strict: bool = True,
-                 fault: Fault | None = None, character_gap_s: float = 0.0,
+                 distort: Distortion | None = None, character_gap_s: float = 0.0,
                  over_socket: bool = False, deaf_while_busy: bool = False,
                  seed: int = 0) -> None:
         self.transcript = transcript
@@ -52,7 +56,7 @@ class TranscriptPlayer:
         self.mute = False               # it hears, and answers nothing
         self._scale = time_scale
         self._strict = strict
-        self._fault = fault
+        self._distort = distort
         self._gap = character_gap_s
         self._deaf = deaf_while_busy
         self._random = random.Random(seed)
@@ -112,12 +116,10 @@ class TranscriptPlayer:
         if self._wrong_speed():
             self._line.write(self._garbage(len(event.data)))
             return
-        fault = self._fault
-        if fault is not None and not (fault.step == step or (fault.every and step > fault.step)):
-            fault = None
-        if fault is not None and not fault.every:
-            self._fault = None  # once: a re-read of the same reply is clean
-        for pause, part in overlaid(event.data, fault, self._command):
+        parts: Sequence[tuple[float, bytes | None]] = [(0.0, event.data)]
+        if self._distort is not None:
+            parts = self._distort(step, event.data, self._command)
+        for pause, part in parts:
             self._wait(pause)
             if part is None:
                 self._line.close()

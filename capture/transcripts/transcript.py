@@ -114,6 +114,10 @@ def escaped(data: bytes) -> str:
 def unescaped(text: str) -> bytes:
     """Bytes of ASCII text; undoes ``escaped``.
 
+    Parameters
+    ----------
+    text : str
+
     Raises
     ------
     ValueError

@@ -171,8 +171,8 @@ def replay(request: ReplayRequest) -> Answer:
     """Play a recorded transcript to the driver's own code and show what it reads."""
     check_ending(request.png, {".png": "a picture of the spectrum"}, "--png")
     from spectrabox.capture.meter.measurement_files import reading_facts
-    from spectrabox.capture.transcripts.replay import replay_transcript
     from spectrabox.capture.transcripts.transcript import read_transcript
+    from spectrabox.capture.transcripts.transcript_replay import replay_transcript
     played = replay_transcript(read_transcript(request.transcript), speed=request.speed,
                                over_socket=request.over_socket)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
@@ -235,7 +235,7 @@ def _by_serial_line(folder: Path, instrument: str, port: str,
                     wanted: MeterSettings) -> Iterator[Taker]:
     """An instrument on its own line, set as wanted once ``check`` lets it measure."""
     from spectrabox.capture.meter.measurement import take_reading, trusted_identity
-    from spectrabox.capture.transcripts.replay import record
+    from spectrabox.capture.transcripts.transcript_replay import record
     with record(folder, instrument, wanted) as log, _instrument(instrument, port, log) as meter:
         identity = trusted_identity(meter)
         count = 0

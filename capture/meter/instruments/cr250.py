@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.errors import LineFaultError
+from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
 from spectrabox.capture.meter.instruments.interface import (
     RESTORE_S,
     HeldResult,

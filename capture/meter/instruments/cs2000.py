@@ -10,7 +10,10 @@ import re
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.errors import LineFaultError, UntrustedReadingError
+from spectrabox.capture.meter.instruments.instrument_errors import (
+    LineFaultError,
+    UntrustedReadingError,
+)
 from spectrabox.capture.meter.instruments.interface import (
     RESTORE_S,
     HeldResult,

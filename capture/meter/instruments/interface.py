@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.instrument_errors import (
     InstrumentError,
     LineFaultError,
     NoReplyError,

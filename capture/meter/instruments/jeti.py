@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import re
 
-from spectrabox.capture.meter.instruments.errors import LineFaultError, NoReplyError
+from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError, NoReplyError
 from spectrabox.capture.meter.instruments.interface import (
     NUMBER,
     RESTORE_S,
@@ -178,7 +178,12 @@ def _ended(instrument: Instrument, command: str, limit_s: float) -> int:
 
 
 def cancel(line: SerialLine) -> None:
-    """Break off a measurement under way."""
+    """Break off a measurement under way.
+
+    Parameters
+    ----------
+    line : SerialLine
+    """
     line.send(ESC)
     line.drain(0.5)
 
@@ -201,6 +206,10 @@ def obeyed(line: SerialLine, command: bytes) -> bool:
 
 def error_number(instrument: Instrument) -> int:
     """The number of the instrument's last error.
+
+    Parameters
+    ----------
+    instrument : Instrument
 
     Raises
     ------

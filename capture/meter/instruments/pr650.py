@@ -12,7 +12,7 @@ import re
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.errors import (
+from spectrabox.capture.meter.instruments.instrument_errors import (
     LineFaultError,
     NoReplyError,
     UntrustedReadingError,

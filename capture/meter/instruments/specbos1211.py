@@ -13,7 +13,7 @@ from contextlib import suppress
 import numpy as np
 
 from spectrabox.capture.meter.instruments import jeti
-from spectrabox.capture.meter.instruments.errors import LineFaultError, RefusedError
+from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError, RefusedError
 from spectrabox.capture.meter.instruments.interface import (
     HeldResult,
     Identity,

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from spectrabox.capture.meter.instruments import jeti
-from spectrabox.capture.meter.instruments.errors import LineFaultError
+from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
 from spectrabox.capture.meter.instruments.interface import (
     HeldResult,
     Identity,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from spectrabox.capture.meter.instruments.catalogue import driver_named
+from spectrabox.capture.meter.instruments.drivers import driver_named
 from spectrabox.capture.meter.instruments.interface import MeterSettings
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
@@ -95,7 +95,12 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
 
 
 def settings_text(wanted: MeterSettings) -> str:
-    """Settings as one line of a transcript; undone by ``settings_of``."""
+    """Settings as one line of a transcript; undone by ``settings_of``.
+
+    Parameters
+    ----------
+    wanted : MeterSettings
+    """
     return " ".join(f"{key}={value:g}" for key in SETTINGS
                     if (value := getattr(wanted, key)) is not None)
 

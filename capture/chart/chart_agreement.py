@@ -56,13 +56,25 @@ def chart_units(chart: Chart) -> np.ndarray:
 
 
 def in_units(chart: Chart, points: np.ndarray) -> np.ndarray:
-    """The same of any points (n, 2) of the chart."""
+    """The same of any points (n, 2) of the chart.
+
+    Parameters
+    ----------
+    chart : Chart
+    points : (n, 2) array
+        In the chart's own unit.
+    """
     scale = unit_scale(chart)
     return points * scale - chart.centres[0] * scale + chart.sizes[0] * scale / 2
 
 
 def unit_scale(chart: Chart) -> float:
-    """Such units in one of the chart's own."""
+    """Such units in one of the chart's own.
+
+    Parameters
+    ----------
+    chart : Chart
+    """
     return PATCH / float(np.sqrt(np.median(chart.sizes.prod(axis=1))))
 
 
