@@ -19,7 +19,6 @@ from spectrabox.session.store.locks import outputs_writer
 from spectrabox.session.store.program import LIBRARY, room_digests, versions
 from spectrabox.session.store.rehearsals import FILE
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
-from spectrabox.session.write_outputs import write_outputs
 
 STAGE = "report"
 
@@ -80,6 +79,8 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     device : {"auto", "cpu", "cuda"} or "stored results"
         For the report: where Mitsuba rendered.
     """
+    # here: Matplotlib takes a second, and a run that is up to date draws nothing
+    from spectrabox.session.write_outputs import write_outputs
     inputs = InputFiles(config)
     key = _key(config, finished, inputs)
     with outputs_writer(config.folder):
