@@ -11,6 +11,7 @@ from .api.pictures import uplift as uplift
 from .api.priors import certify as certify
 from .api.priors import judge as judge
 from .api.priors import train_prior as train_prior
+from .api.session import Session as Session
 from .api.signals import match as match
 from .api.signals import sample as sample
 from .radiometry.errors import CalibrationError as CalibrationError

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import spectrabox as sb
+from spectrabox.api.inputs import GRID, relative_response
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.session.cli import app
 
@@ -72,3 +73,77 @@ def test_errors_are_the_sentences_of_the_commands(tmp_path):
                 np.random.default_rng(1))
     with pytest.raises(sb.ChartNotFoundError):
         sb.find_chart(tmp_path / "dark.dng")
+
+
+def test_a_signal_is_sampled_as_the_command_samples_it():
+    camera, light, signal = "Nikon 5100 (NPL)", "D65", [0.53, 0.24, 0.08]
+    one = sb.sample(signal, camera=camera, light=light, noise=0.003, draws=2000, seed=1)
+    said = answer("sample", "--sensitivity", camera, "--light", light, "--signal", "0.53,0.24,0.08",
+                  "--noise", "0.003,0.003,0.003", "--samples", 2000, "--seed", 1)
+    np.testing.assert_array_equal(one.mean, said["mean"])
+    np.testing.assert_array_equal(one.band(0.95), [said["lower"], said["upper"]])
+    np.testing.assert_array_equal(one.bounds(), [said["bound_lower"], said["bound_upper"]])
+    assert one.outcome == said["outcome"] and one.next_reading_nm == said["next_measurement_nm"]
+    # every draw gives the camera the signal, within its noise: five standard errors
+    response = relative_response(camera, light)
+    seen = np.array([np.interp(GRID.nm, one.nm, draw) for draw in one.draws(500, seed=3)]) \
+        @ response.T
+    assert np.abs(seen - signal).max() < 5 * 0.003
+    assert sum(one.causes.values()) == pytest.approx(1)
+
+
+def test_a_colour_carries_the_scatter_of_the_draws():
+    narrow, wide = (sb.sample([0.5, 0.5, 0.5], camera="Nikon 5100 (NPL)", light="D65", noise=noise)
+                    for noise in (0.001, 0.02))
+    lightness = [one.lab().standard_error[0] for one in (narrow, wide)]
+    # a neutral of half the light of white has L* 76, which 1 % of white moves by 0.5
+    assert narrow.lab().value[0] == pytest.approx(76.1, abs=0.5)
+    assert lightness[0] < 0.25 * lightness[1] and lightness[1] == pytest.approx(0.9, abs=0.35)
+    same = wide.delta_e("D65", wide.mean)
+    assert same.value == 0 and same.standard_error > 0
+
+
+def test_estimates_become_labelled_arrays_and_spectral_distributions():
+    many = sb.sample([[0.5, 0.4, 0.3], [0.2, 0.3, 0.4]], camera="Nikon 5100 (NPL)", light="D65",
+                     noise=0.01, names=["warm", "cool"])
+    data = many.to_xarray(draws=5)
+    assert data["draws"].dims == ("surface", "draw", "wavelength")
+    assert data.wavelength.attrs["units"] == "nm"
+    np.testing.assert_array_equal(data["mean"].sel(surface="cool"), many["cool"].mean)
+    assert many["warm"].to_colour()[500] == pytest.approx(float(many["warm"].mean[20]))
+    assert "warm" in many._repr_html_() and "2 surfaces" in repr(many)
+    with pytest.raises(KeyError, match="there are warm, cool"):
+        many["hot"]
+
+
+def test_names_in_a_notebook_are_escaped():
+    one = sb.sample([[0.5, 0.4, 0.3]], camera="Nikon 5100 (NPL)", light="D65", noise=0.01,
+                    names=["<script>alert(1)</script>"])
+    assert "<script>" not in one._repr_html_()
+
+
+def test_a_session_gives_the_spectra_of_its_report(finished):
+    session = sb.Session(finished)
+    said = json.loads((CliRunner().invoke(app, ["run", str(finished), "--json"])).stdout)
+    assert session.verdict == said["verdict"]
+    table = np.genfromtxt(finished / "spectra.csv", delimiter=",", names=True, comments="#",
+                          deletechars="")
+    unknown = [name for name in session if session[name].given is None]
+    for name in unknown:
+        column = next(each for each in table.dtype.names if name in each and "mean" in each)
+        # the table holds six digits
+        np.testing.assert_allclose(session[name].mean, table[column], atol=1e-5)
+    assert set(session[unknown[0]].causes) >= {"metamerism", "sensitivities"}
+
+
+def test_what_is_trained_is_certified_and_used():
+    rng = np.random.default_rng(5)
+    nm = np.arange(400, 701, 5.0)
+    centre, width = rng.uniform(430, 670, (120, 1)), rng.uniform(40, 120, (120, 1))
+    curves = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centre) / width) ** 2)
+    verdict = sb.certify(None, curves[:40], nm=nm, noise=0.01)
+    assert verdict.curves == 40 and 0 < verdict.coverage[0.95] <= 1
+    found = sb.match([0.53, 0.24, 0.08], {"flat": np.full(61, 0.3), "itself": sb.sample(
+        [0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.01).mean}, nm=nm,
+        camera="Nikon 5100 (NPL)", light="D65", noise=0.01)
+    assert found.matches[0].name == "itself" and found.indistinguishable == 1

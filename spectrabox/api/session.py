@@ -1,0 +1,156 @@
+"""A session folder, as the command line knows it."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.notebook import spectrum_html
+from spectrabox.measure.surface_signals import errors_by_cause, measurement
+from spectrabox.radiometry.errors import CheckError
+from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.session.check import preflight_check
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import FinishedRun, load_finished, run_stages
+from spectrabox.session.run_outputs import outputs_of_run
+from spectrabox.session.stages.order import all_stages
+from spectrabox.session.stages.stored_records import joint_of, signals_of, spectrum_of
+from spectrabox.session.store.locks import only_writer
+
+StageProgress = Callable[[str, float, str], None]
+
+
+class Session(Mapping[str, SpectrumEstimate]):
+    """A session folder: check it, run it, and look at its surfaces by name.
+
+    Parameters
+    ----------
+    folder : path
+        With a ``session.toml``.
+    allow_outside : bool
+        Whether ``session.toml`` may name files outside of the folder.
+
+    Raises
+    ------
+    InputError
+        If there is no session, or its file is not right; every fault is named.
+
+    Examples
+    --------
+    >>> session = sb.Session("mybox")
+    >>> session.check()
+    >>> session.run()
+    >>> session["cube"].plot()
+    """
+
+    def __init__(self, folder: str | Path, allow_outside: bool = False) -> None:
+        self.folder = Path(folder)
+        self._allow_outside = allow_outside
+        self.config = read_session(self.folder, allow_outside)
+
+    def check(self) -> None:
+        """Read every input; run nothing long.
+
+        Raises
+        ------
+        CheckError
+            If anything would stop or spoil a run; its message names everything at once.
+        """
+        problems = preflight_check(self.folder, self._allow_outside).problems
+        if problems:
+            raise CheckError("\n".join(problem.sentence for problem in problems))
+
+    def run(self, *, device: str = "auto", force: bool = False,
+            progress: StageProgress | None = None) -> Session:
+        """Run every stage whose inputs changed, and write report and spectra into the folder.
+
+        Parameters
+        ----------
+        device : {"auto", "cpu", "cuda"}
+        force : bool
+            Run also what is up to date.
+        progress : function, optional
+            Called with the stage, the share of it that is done, and what it does.
+
+        Returns
+        -------
+        Session
+            This one.
+
+        Raises
+        ------
+        SpectraboxError
+            With the sentences of ``spectrabox run``.
+        """
+        show = progress or (lambda stage, share, message: None)
+        self.config = read_session(self.folder, self._allow_outside)
+        with only_writer(self.config.folder, all_stages(), "Session.run"):
+            finished = run_stages(self.config, device=device, only=None, force=force, progress=show)
+            outputs_of_run(self.config, finished, ["spectrabox", "run", self.folder.name,
+                                                   "--device", device], device, show)
+        return self
+
+    @property
+    def report(self) -> Path:
+        """The report of the last run."""
+        return self.config.folder / "report.html"
+
+    @property
+    def verdict(self) -> str:
+        """"pass", "warn" or "fail".
+
+        Raises
+        ------
+        InputError
+            If the session has not been run.
+        """
+        return str(self._facts["verdict"])
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the report warns of, in sentences."""
+        return list(self._facts["warnings"])
+
+    @property
+    def _facts(self) -> dict[str, Any]:
+        finished = self._finished
+        return outputs_of_run(self.config, finished, ["spectrabox", "report", self.folder.name],
+                              "stored results", lambda *_: None).facts
+
+    @property
+    def _finished(self) -> FinishedRun:
+        return load_finished(self.config)
+
+    def __getitem__(self, name: str) -> SpectrumEstimate:
+        stored = self._finished.stored
+        signals = signals_of(stored)
+        if name not in signals.names:
+            raise KeyError(f"there is no surface {name!r}; there are {', '.join(signals.names)}")
+        index = signals.names.index(name)
+        if signals.known[index]:
+            return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
+        spectrum, fitted = spectrum_of(stored, name), None
+        if not self.config.flat:
+            joint = joint_of(stored)
+            fitted = np.interp(spectrum.summary.grid.nm, joint.grid.nm,
+                               joint.spectra[joint.materials.index(name)])
+        prior = of_families(load_prior(), self.config.surfaces[name].families) \
+            if self.config.sampling.method == "prior" else None
+        return SpectrumEstimate(name, spectrum.summary, measurement(signals, index),
+                                errors_by_cause(signals, index), prior, spectrum.samples, fitted)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.config.surfaces)
+
+    def __len__(self) -> int:
+        return len(self.config.surfaces)
+
+    def __repr__(self) -> str:
+        return (f"<Session {self.folder}: {self.config.session.name}, "
+                f"{len(self)} surfaces: {', '.join(self)}>")
+
+    def _repr_html_(self) -> str:
+        return spectrum_html(list(self.values()))
