@@ -41,11 +41,11 @@ from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
+from spectrabox.radiometry.response import relative_response
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat.signals_stage import response_of
 from spectrabox.session.pictures import scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.inputs import GRID as FINE
@@ -149,7 +149,7 @@ def flat_scores(folder: Path, finished: Any, pixels: LitPhoto, some: np.ndarray,
     kind = 0 if rows.light is None else int(np.bincount(rows.light[some]).argmax())
     covariance = noise[:, :, None] * np.eye(3) + pixels.errors.by_curves(signals, kind)
     calibration = calibrations_of(read_session(folder), finished.stored)[0]
-    response = response_of(calibration) @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
+    response = relative_response(calibration, FINE) @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
     made = uplift_signals(pixels.errors.prior, response, signals, covariance)
     at = np.searchsorted(PRIOR_GRID.nm, NM_10)
     return scores(made.mean[:, at] - at_10(true), made.standard_deviation[:, at[::2]])

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records import Calibration, WavelengthGrid
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 
 def response_matrix(grid: WavelengthGrid, sensitivities: np.ndarray,
@@ -33,6 +34,21 @@ def white_signal(response: np.ndarray) -> np.ndarray:
         As ``response_matrix`` gives it.
     """
     return response.sum(axis=1)
+
+
+def relative_response(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
+    """Response (K, P) of a calibrated camera's bands to reflectances under its light; rows sum
+    to 1.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    grid : WavelengthGrid
+        Of its curves.
+    """
+    matrix = response_matrix(grid, calibration.sensitivity.curves,
+                             spectrum_on_grid(calibration.light, grid))
+    return np.asarray(matrix / white_signal(matrix)[:, None])
 
 
 def relative_operator(response: np.ndarray, basis: np.ndarray) -> np.ndarray:

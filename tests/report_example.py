@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image as raster
 
-from spectrabox.measure.truth_scores import Scores
+from spectrabox.measure.surface_spectra import Scores
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (

@@ -16,7 +16,10 @@ from spectrabox.calibrate.light_field import (
     PicturePoints,
     light_elsewhere,
 )
+from spectrabox.measure import white as module
+from spectrabox.measure.flat import errors_of_region
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.white import KNOWN_ERROR, FlatErrors, FlatPhoto, condition_on_known
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     DRIFT,
@@ -31,9 +34,6 @@ from spectrabox.radiometry.records import (
     PhotoKind,
     RegionSamples,
 )
-from spectrabox.session.flat import signals_stage
-from spectrabox.session.flat import white_at_regions as module
-from spectrabox.session.flat.white_at_regions import KNOWN_ERROR, white_at_regions, with_known
 from spectrabox.session.pictures import picture_maps
 
 SIGMAS, DRAWS = 3.9, 40_000
@@ -53,6 +53,7 @@ def photo(signal, exposure_s, name):
 
 CHART, OBJECT = photo(0.2, 0.0100, "chart.dng"), photo(0.05, 0.0213, "box.dng")
 EXPOSURE = 2.13
+ERRORS = FlatErrors(REPEATS, 0.01, PatchError(0.01, 0.02))
 
 
 def unknowns():
@@ -69,19 +70,17 @@ def samples():
                          np.zeros((2, 25, 2)))
 
 
+def flat_photo(drift=None):
+    """A photo of a cloth and a card, the chart in another."""
+    return FlatPhoto("photo", samples(), OBJECT, CHART, False, None, None, None, None, drift)
+
+
 @pytest.fixture
 def seen(monkeypatch):
     """White at the regions of a photo; ``drift`` of the light is measured or not."""
-    chart = SimpleNamespace(name="", chart_files=("chart.dng",), photo_files=("box.dng",))
     elsewhere = LightElsewhere(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
-    monkeypatch.setattr(module, "chart_of", lambda *_: (None, None, CHART))
-    monkeypatch.setattr(module, "photo_of", lambda *_: OBJECT)
     monkeypatch.setattr(module, "_light_at", lambda *_: elsewhere)
-    task = SimpleNamespace(
-        config=SimpleNamespace(repeatability=SimpleNamespace(relative_error=REPEATS)),
-        stored={"photo": SimpleNamespace(record=lambda *_: samples())})
-    chart.record = lambda kind: kind
-    return lambda drift=None: white_at_regions(task, chart, chart, drift)
+    return lambda drift=None: module.white_by_chart(flat_photo(drift), ERRORS)
 
 
 def drift():
@@ -131,7 +130,7 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(s
     white = dataclasses.replace(white, samples=dataclasses.replace(
         white.samples, covariance_of_mean=noisier**2 * white.samples.covariance_of_mean))
     model = np.diag((0.003 * target) ** 2)
-    found = with_known(white, {"card": target}, {"card": model})
+    found = condition_on_known(white, {"card": target}, {"card": model})
     rng = np.random.default_rng(63)
     draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
                        REPEATS * rng.standard_normal((DRAWS, 1)), np.zeros((DRAWS, 1))])
@@ -206,18 +205,14 @@ def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
 
 
 @pytest.mark.parametrize("photos", [1, 2, 4])
-def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, monkeypatch, photos):
+def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, photos):
     white = seen()
-    monkeypatch.setattr(signals_stage, "photo_of", lambda *_: OBJECT)
-    config = SimpleNamespace(stray_light=SimpleNamespace(glare=0.01))
-    view, model = SimpleNamespace(name="second"), PatchError(0.01, 0.02)
-    found = signals_stage._errors(SimpleNamespace(stored=None), config,
-                                  [(white, 0, view)] * photos, model, None)
+    found = errors_of_region("cloth", [(flat_photo(), white)] * photos, ERRORS)
     np.testing.assert_allclose(found[PHOTO_NOISE], white.noise(0) / photos, rtol=1e-12)
     for cause, covariance in white.errors(0).items():
         np.testing.assert_allclose(found[cause], covariance, rtol=1e-12)
     both = np.outer(white.signal[0], white.signal[0])
-    np.testing.assert_allclose(found[DISAGREEMENT], both * model.among_bands(3))
+    np.testing.assert_allclose(found[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
 
 
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):

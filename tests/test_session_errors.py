@@ -15,13 +15,13 @@ from spectrabox.measure.chart_check import patches_without
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
-from spectrabox.measure.truth_scores import score
+from spectrabox.measure.surface_spectra import score
+from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.batch import processes, tasks
-from spectrabox.session.flat.white_at_regions import PhotoWhite
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped

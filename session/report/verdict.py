@@ -6,6 +6,7 @@ from enum import Enum
 
 import numpy as np
 
+from spectrabox.measure.white import LEVEL_DOUBTED
 from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.radiometry.records import (
     CalibrationDoubt,
@@ -15,7 +16,6 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.session.calibration_facts import left_out_sentence
 from spectrabox.session.flat.flat_results import FlatResults
-from spectrabox.session.flat.white_at_regions import LEVEL_DOUBTED
 from spectrabox.session.report.words import deviation_words, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
 from spectrabox.session.store.results import VALID_OUTCOMES, CommonResults, SessionResults

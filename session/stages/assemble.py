@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.surface_signals import relative_errors
-from spectrabox.measure.truth_scores import score
+from spectrabox.measure.surface_spectra import score
 from spectrabox.radiometry.error_model import DISAGREEMENT, PHOTO_NOISE, RENDERING_NOISE
 from spectrabox.radiometry.records import Calibration, JointReconstruction, SurfaceSignals
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.scene_geometry import SceneGeometry
-from spectrabox.measure.truth_scores import Scores
+from spectrabox.measure.surface_spectra import Scores
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Calibration,

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.calibrate.light_field import LightElsewhere, PicturePoints, light_elsewhere
-from spectrabox.radiometry.chart import plane_centres, plane_from_picture, projected
+from spectrabox.radiometry.chart import Chart, plane_centres, plane_from_picture, projected
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.error_model import (
     DRIFT,
@@ -23,20 +24,58 @@ from spectrabox.radiometry.error_model import (
     REPEATABILITY,
     ROUNDED_EXPOSURES,
     WHITE,
+    proportional_covariance,
 )
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.light_scale import exposure_ratio, rounding_error
-from spectrabox.radiometry.records import ChartWhite, LightDrift, LinearImage, RegionSamples
-from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
-from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.stages.stored_records import chart_of, photo_of
+from spectrabox.radiometry.records import (
+    Calibration,
+    ChartWhite,
+    LightDrift,
+    LinearImage,
+    RegionSamples,
+)
+from spectrabox.radiometry.response import relative_response
 
+GRID = visible_grid()
 KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
 LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
 MAP_COLUMNS = 24            # of the map of the light over a photo
 FAR = 0.05                  # relative error of the light on a region, above which to say so
+
+
+@dataclass(frozen=True, eq=False)
+class FlatPhoto:
+    """One photo of flat samples, with the chart photo that shows its light."""
+
+    name: str
+    samples: RegionSamples | None   # None where it shows no region
+    image: LinearImage              # of the photo at any size: its exposure, mean signal and shape
+    chart_image: LinearImage        # of the chart photo, likewise
+    chart_in_photo: bool            # both are one photo
+    patches_px: np.ndarray          # (I, 4, 2) corners of the patches in the chart photo
+    layout: Chart
+    white: ChartWhite               # in the chart photo
+    calibration: Calibration        # of the camera under this light
+    drift: LightDrift | None = None     # of the light from the chart photo to this one
+
+    @property
+    def response(self) -> np.ndarray:
+        """Response (K, P) of the bands to reflectances; rows sum to 1."""
+        return relative_response(self.calibration, GRID)
+
+
+@dataclass(frozen=True)
+class FlatErrors:
+    """What no photo of flat samples tells of its errors."""
+
+    repeatability: float            # relative standard error of light and shutter between photos
+    glare: float                    # standard error, of the mean signal of a photo
+    disagreement: PatchError        # of the model and a surface, as the chart's patches show it
+    flat_field: bool = False        # the photos were divided by that of a white card
+    seed: int = 0                   # of the arrangements of lamps
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,38 +97,65 @@ class PhotoWhite:
     level_misfits: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
+    def level_part(self) -> slice:
+        """Of the unknowns: the log level (K,)."""
+        return slice(0, self.glare.size)
+
+    @property
+    def glare_part(self) -> slice:
+        """Of the unknowns: the glare (K,)."""
+        return slice(self.glare.size, 2 * self.glare.size)
+
+    @property
+    def field_part(self) -> slice:
+        """Of the unknowns: the log field (R,)."""
+        return slice(2 * self.glare.size, 2 * self.glare.size + len(self.samples.names))
+
+    @property
+    def exposure_part(self) -> slice:
+        """Of the unknowns: the errors of the exposure, by cause."""
+        return slice(self.field_part.stop, self.mean.size)
+
+    @property
     def white(self) -> np.ndarray:
         """Signal (R, K) of a perfect white at each region."""
-        bands, regions = self.glare.size, len(self.samples.names)
-        log = self.mean[:bands] + (self.elsewhere.field + self.mean[2 * bands:2 * bands + regions]
-                                   + self.mean[2 * bands + regions:].sum())[:, None]
+        log = self.mean[self.level_part] + (self.log_field
+                                            + self.mean[self.exposure_part].sum())[:, None]
         return np.asarray(self.exposure * self.elsewhere.level * np.exp(log))
+
+    @property
+    def log_field(self) -> np.ndarray:
+        """Logarithm (R,) of the light on each region, relative to the chart's mean."""
+        return np.asarray(self.elsewhere.field + self.mean[self.field_part])
+
+    @property
+    def field_error(self) -> np.ndarray:
+        """Relative standard error (R,) of the light on each region."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[self.field_part]))
 
     @property
     def signal(self) -> np.ndarray:
         """Signal (R, K) relative to white."""
-        bands = self.glare.size
-        glare = self.glare + self.mean[bands:2 * bands]
-        return np.asarray((self.samples.mean - glare) / self.white)
+        return np.asarray((self.samples.mean - self.glare - self.mean[self.glare_part])
+                          / self.white)
 
     def jacobian(self, region: int, signal: np.ndarray | None = None) -> np.ndarray:
         """Derivative (K, Z) of a region's relative signal by the unknowns, where the signal is the
         measured one or ``signal`` (K,).
         """
-        bands, regions = self.glare.size, len(self.samples.names)
         signal = self.signal[region] if signal is None else signal
-        rows = np.zeros((bands, self.mean.size))
-        rows[:, :bands] = np.diag(-signal)
-        rows[:, bands:2 * bands] = np.diag(-1 / self.white[region])
-        rows[:, 2 * bands + region] = -signal
-        rows[:, 2 * bands + regions:] = -signal[:, None]
+        rows = np.zeros((self.glare.size, self.mean.size))
+        rows[:, self.level_part] = np.diag(-signal)
+        rows[:, self.glare_part] = np.diag(-1 / self.white[region])
+        rows[:, self.field_part.start + region] = -signal
+        rows[:, self.exposure_part] = -signal[:, None]
         return rows
 
     def white_and_glare(self, region: int) -> np.ndarray:
         """Covariance (2 K, 2 K) of the logarithm of white at a region, and of the glare."""
-        bands, regions = self.glare.size, len(self.samples.names)
-        rows = np.eye(2 * bands, self.mean.size)
-        rows[:bands, [2 * bands + region, *range(2 * bands + regions, self.mean.size)]] = 1
+        rows = np.eye(2 * self.glare.size, self.mean.size)
+        rows[self.level_part, self.field_part.start + region] = 1
+        rows[self.level_part, self.exposure_part] = 1
         return np.asarray(rows @ self.covariance @ rows.T)
 
     def noise(self, region: int) -> np.ndarray:
@@ -99,10 +165,9 @@ class PhotoWhite:
 
     def errors(self, region: int) -> dict[str, np.ndarray]:
         """Covariance (K, K) of a region's relative signal by cause; they add up to the whole."""
-        bands, regions = self.glare.size, len(self.samples.names)
         rows, signal = self.jacobian(region), self.signal[region]
-        ends = [2 * bands, 2 * bands + regions,
-                *range(2 * bands + regions + 1, self.mean.size + 1)]
+        ends = [self.glare_part.stop, self.field_part.stop,
+                *range(self.exposure_part.start + 1, self.mean.size + 1)]
         totals = [rows[:, :end] @ self.covariance[:end, :end] @ rows[:, :end].T for end in ends]
         common = [_shared(total, signal) for total in totals]
         steps = np.maximum(np.diff(common), 0.0)
@@ -112,20 +177,17 @@ class PhotoWhite:
         return {WHITE: symmetric(totals[-1] - np.sum(list(parts.values()), axis=0)), **parts}
 
 
-def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
-                     drift: LightDrift | None,
+def white_at_regions(photo: FlatPhoto, known: Mapping[str, np.ndarray], errors: FlatErrors,
                      nodes_px: np.ndarray | None = None) -> PhotoWhite | None:
-    """White at every region of a photo, as the chart of ``chart_view`` gives it; None where the
-    photo shows no region.
+    """White at every region of a photo, as its chart and its regions of known spectrum tell; None
+    where the photo shows no region.
 
     Parameters
     ----------
-    view : ViewInputs
-        The photo of the regions.
-    chart_view : ViewInputs
-        Whose chart photo was taken under the same light.
-    drift : LightDrift or None
-        Of the light between both.
+    photo : FlatPhoto
+    known : mapping
+        From the names of regions, of any photo, to their reflectances (P,) on the grid.
+    errors : FlatErrors
     nodes_px : (N, 2) array, optional
         Further points of the photo, which stand after the regions, without a signal of their own.
 
@@ -133,24 +195,38 @@ def white_at_regions(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
     ------
     InputError
         If the photos do not state how their exposures compare.
+    CheckError
+        As ``condition_on_known``.
     """
-    config, stored = task.config, task.stored
-    samples = stored["photo"].record(RegionSamples, view.record("regions"))
+    white = white_by_chart(photo, errors, nodes_px)
+    if white is None:
+        return None
+    signals = {name: photo.response @ spectrum for name, spectrum in known.items()
+               if name in white.samples.names}
+    bands = white.glare.size
+    return condition_on_known(white, signals, {
+        name: proportional_covariance(signal, errors.disagreement.among_bands(bands))
+        for name, signal in signals.items()})
+
+
+def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
+                   nodes_px: np.ndarray | None = None) -> PhotoWhite | None:
+    """The same as the chart alone tells it.
+
+    Parameters, Returns and Raises as of ``white_at_regions``.
+    """
+    samples = photo.samples
     if samples is None:
         return None
     points = list(samples.points_px)
     if nodes_px is not None:
         points += list(nodes_px[:, None])
         samples = _with_nodes(samples, nodes_px)
-    chart, photo = chart_of(stored, chart_view), photo_of(stored, view)
-    assert chart is not None
-    chart_photo = chart[2]
-    elsewhere = _light_at(task, view, chart_view, points)
-    own = chart_view.chart_files == view.photo_files
-    exposure, causes = (1.0, {}) if own else _exposure(config, chart_photo, photo, drift)
+    elsewhere = _light_at(photo, errors, points)
+    exposure, causes = (1.0, {}) if photo.chart_in_photo else _exposure(photo, errors)
     # veiling glare is in proportion to the light of the whole picture
-    glare = elsewhere.glare if own else elsewhere.glare * (
-        photo.signal.mean(axis=(0, 1)) / chart_photo.signal.mean(axis=(0, 1)))
+    glare = elsewhere.glare if photo.chart_in_photo else elsewhere.glare * (
+        photo.image.signal.mean(axis=(0, 1)) / photo.chart_image.signal.mean(axis=(0, 1)))
     size = len(elsewhere.covariance)
     covariance = np.zeros((size + len(causes),) * 2)
     covariance[:size, :size] = elsewhere.covariance
@@ -173,32 +249,25 @@ def _with_nodes(samples: RegionSamples, nodes_px: np.ndarray) -> RegionSamples:
         np.vstack([samples.scatter, empty]), np.concatenate([samples.points_px, points]))
 
 
-def light_map(task: StageTask, view: ViewInputs, chart_view: ViewInputs) -> np.ndarray:
-    """Light over a photo relative to the chart's mean, and its relative error, (2, h, w).
-
-    Parameters
-    ----------
-    view, chart_view : ViewInputs
-        As in ``white_at_regions``.
-    """
-    photo = photo_of(task.stored, view)
-    height, width = photo.signal.shape[:2]
+def light_map(photo: FlatPhoto, errors: FlatErrors) -> np.ndarray:
+    """Light over a photo relative to the chart's mean, and its relative error, (2, h, w)."""
+    height, width = photo.image.signal.shape[:2]
     rows = max(round(MAP_COLUMNS * height / width), 2)
-    at = [(np.arange(count) + 0.5) / count * size * photo.sensor_step - 0.5
+    at = [(np.arange(count) + 0.5) / count * size * photo.image.sensor_step - 0.5
           for count, size in ((MAP_COLUMNS, width), (rows, height))]
     points = np.stack(np.meshgrid(*at), axis=-1).reshape(-1, 1, 2)
-    found = _light_at(task, view, chart_view, list(points))
-    bands = found.level.size
-    error = np.sqrt(np.diag(found.covariance)[2 * bands:])
-    return np.array([np.exp(found.field), error]).reshape(2, rows, MAP_COLUMNS)
+    light = _light_at(photo, errors, list(points))
+    error = np.sqrt(np.diag(light.covariance)[2 * light.level.size:])
+    return np.array([np.exp(light.field), error]).reshape(2, rows, MAP_COLUMNS)
 
 
-def with_known(found: PhotoWhite, known: Mapping[str, np.ndarray],
-               errors: Mapping[str, np.ndarray]) -> PhotoWhite:
+def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
+                       errors: Mapping[str, np.ndarray]) -> PhotoWhite:
     """The same after regions of known spectrum said how bright the light is upon them.
 
     Parameters
     ----------
+    white : PhotoWhite
     known : mapping
         From names of regions to their relative signal (K,).
     errors : mapping
@@ -212,33 +281,33 @@ def with_known(found: PhotoWhite, known: Mapping[str, np.ndarray],
     """
     misfits = {}
     for name in known:
-        region = found.samples.names.index(name)
-        misfits[name] = _level_misfit(found, region, known[name], errors[name])
-        rows, target = found.jacobian(region), known[name]
-        residual = target - found.signal[region]
-        spread = rows @ found.covariance @ rows.T + found.noise(region) + errors[name] \
+        region = white.samples.names.index(name)
+        misfits[name] = _level_misfit(white, region, known[name], errors[name])
+        rows, target = white.jacobian(region), known[name]
+        residual = target - white.signal[region]
+        spread = rows @ white.covariance @ rows.T + white.noise(region) + errors[name] \
             + KNOWN_ERROR**2 * np.outer(target, target)
-        _require_one_light(found.samples.names[region], residual / target,
+        _require_one_light(white.samples.names[region], residual / target,
                            spread / np.outer(target, target))
-        _require_one_level(name, found.signal[region], target, misfits[name])
-        gain = np.linalg.solve(spread, rows @ found.covariance).T
-        found = dataclasses.replace(
-            found, mean=found.mean + gain @ residual,
-            covariance=symmetric(found.covariance - gain @ rows @ found.covariance))
-    return dataclasses.replace(found, level_misfits=misfits)
+        _require_one_level(name, white.signal[region], target, misfits[name])
+        gain = np.linalg.solve(spread, rows @ white.covariance).T
+        white = dataclasses.replace(
+            white, mean=white.mean + gain @ residual,
+            covariance=symmetric(white.covariance - gain @ rows @ white.covariance))
+    return dataclasses.replace(white, level_misfits=misfits)
 
 
-def _level_misfit(found: PhotoWhite, region: int, target: np.ndarray, error: np.ndarray) -> float:
+def _level_misfit(white: PhotoWhite, region: int, target: np.ndarray, error: np.ndarray) -> float:
     """How far the level of a known region is from what the light gives, in standard errors.
 
     The errors are those that the signal has if ``target`` (K,) is right. Those of the light are
     relative and multiply; those of glare and noise add: a level that is too high is compared in
     the logarithm and one that is too low is not, so that large errors are never overstated.
     """
-    ratio = found.signal[region] / target
-    rows = found.jacobian(region, target) / target[:, None]
+    ratio = white.signal[region] / target
+    rows = white.jacobian(region, target) / target[:, None]
     both = np.outer(target, target)
-    covariance = rows @ found.covariance @ rows.T + (found.noise(region) + error) / both \
+    covariance = rows @ white.covariance @ rows.T + (white.noise(region) + error) / both \
         + KNOWN_ERROR**2
     weights = np.linalg.solve(covariance, np.ones(len(ratio)))
     level = float(weights @ ratio / weights.sum())
@@ -254,20 +323,18 @@ def _require_one_level(name: str, signal: np.ndarray, target: np.ndarray, misfit
                          "under one light, without a shadow on either")
 
 
-def level_notes(found: PhotoWhite) -> tuple[str, ...]:
+def level_notes(white: PhotoWhite) -> tuple[str, ...]:
     """Known regions whose level is further from the light's than chance explains."""
     return tuple(
         f"region {name!r} of known spectrum is {abs(misfit):.1f} standard errors "
         f"{'brighter' if misfit > 0 else 'darker'} than the chart's light makes it: check its "
         "stated reflectance, and for a shadow on it or on the chart"
-        for name, misfit in found.level_misfits.items() if abs(misfit) > LEVEL_DOUBTED)
+        for name, misfit in white.level_misfits.items() if abs(misfit) > LEVEL_DOUBTED)
 
 
-def far_notes(found: PhotoWhite) -> tuple[str, ...]:
+def far_notes(white: PhotoWhite) -> tuple[str, ...]:
     """Regions on which the light is known badly, because they lie far from the chart."""
-    bands = found.glare.size
-    errors = np.sqrt(np.diag(found.covariance)[2 * bands:2 * bands + len(found.samples.names)])
-    far = {name: error for name, error in zip(found.samples.names, errors, strict=True)
+    far = {name: error for name, error in zip(white.samples.names, white.field_error, strict=True)
            if error > FAR}
     if not far:
         return ()
@@ -278,34 +345,29 @@ def far_notes(found: PhotoWhite) -> tuple[str, ...]:
             "field",)
 
 
-def _light_at(task: StageTask, view: ViewInputs, chart_view: ViewInputs,
+def _light_at(photo: FlatPhoto, errors: FlatErrors,
               points_px: list[np.ndarray]) -> LightElsewhere:
     """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""
-    stored = task.stored
-    white = stored["calibrate"].record(ChartWhite, chart_view.record("white"))
-    chart, photo = chart_of(stored, chart_view), photo_of(stored, view)
-    assert chart is not None
-    centres_px, layout = chart[0].corners_px.mean(axis=1), session_chart(task.config)
-    patches = PicturePoints(plane_centres(layout), _in_picture(centres_px, chart[2]))
-    to_plane = plane_from_picture(centres_px, layout)
-    places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo))
+    centres_px = photo.patches_px.mean(axis=1)
+    patches = PicturePoints(plane_centres(photo.layout), _in_picture(centres_px, photo.chart_image))
+    to_plane = plane_from_picture(centres_px, photo.layout)
+    places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo.image))
               for points in points_px]
-    return light_elsewhere(white, patches, places, bool(task.config.photos.flats),
-                           task.config.session.seed)
+    return light_elsewhere(photo.white, patches, places, errors.flat_field, errors.seed)
 
 
-def _exposure(config: SessionConfig, chart_photo: LinearImage, photo: LinearImage,
-              drift: LightDrift | None) -> tuple[float, dict[str, float]]:
+def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, float]]:
     """Exposure and light of a photo relative to the chart's, and its relative errors by cause."""
-    if chart_photo.exposure_s is None or photo.exposure_s is None:
-        raise InputError(f"{chart_photo.source} and {photo.source} do not both state how long they "
+    before, after = photo.chart_image, photo.image
+    if before.exposure_s is None or after.exposure_s is None:
+        raise InputError(f"{before.source} and {after.source} do not both state how long they "
                          "were exposed, so the samples cannot be compared with the chart; show "
                          "both in one photo, or give files that state it")
-    ratio = exposure_ratio(chart_photo, photo)
+    ratio, drift = exposure_ratio(before, after), photo.drift
     if drift is not None:
         return ratio * drift.level, {DRIFT: drift.level_error / drift.level}
-    return ratio, {REPEATABILITY: config.repeatability.relative_error,
-                   ROUNDED_EXPOSURES: rounding_error(chart_photo, photo)}
+    return ratio, {REPEATABILITY: errors.repeatability,
+                   ROUNDED_EXPOSURES: rounding_error(before, after)}
 
 
 def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray) -> None:

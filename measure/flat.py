@@ -1,0 +1,135 @@
+"""Flat samples: photos of regions beside a chart, to signals relative to white with every error."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from spectrabox.measure.surface_signals import with_errors
+from spectrabox.measure.white import GRID, FlatErrors, FlatPhoto, PhotoWhite
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    DRIFT_OF_COLOUR,
+    GLARE,
+    LIGHT_SPECTRUM,
+    PHOTO_NOISE,
+    SENSITIVITIES,
+    added_covariance,
+    drift_covariance,
+    glare_signal,
+    light_covariance,
+    proportional_covariance,
+    sensitivity_covariance,
+)
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import SurfaceSignals
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
+from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
+
+SAME = 1e-9             # relative: responses closer than this are one
+EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
+
+
+def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],
+                 families: Mapping[str, Sequence[str]], known: Mapping[str, np.ndarray],
+                 bands: Sequence[str], errors: FlatErrors) -> SurfaceSignals:
+    """Signals of all regions in the bands of all photos; photos of one response are averaged.
+
+    Parameters
+    ----------
+    photos : sequence of FlatPhoto
+    whites : sequence of PhotoWhite or None
+        At the regions of each photo, from ``white.white_at_regions``.
+    families : mapping
+        From the name of each region, in the order of the result, to the families of surfaces that
+        it is said to be of; none for any.
+    known : mapping
+        From names of regions to their known reflectances (P,) on the grid.
+    bands : sequence of K str
+        Names of the camera's bands.
+    errors : FlatErrors
+    """
+    responses = [photo.response for photo in photos]
+    of_photo = [next(other for other in range(number + 1)
+                     if _same(responses[other], responses[number]))
+                for number in range(len(photos))]
+    distinct = sorted(set(of_photo))
+    names, count = tuple(families), len(bands)
+    labels = tuple(f"{photos[number].name}: {band}" if len(photos) > 1 else band
+                   for number in distinct for band in bands)
+    signal = np.full((len(names), len(labels)), np.nan)
+    causes: dict[str, np.ndarray] = {}
+    for index, name in enumerate(names):
+        for block, number in enumerate(distinct):
+            shown = [(photo, white) for photo, white, other
+                     in zip(photos, whites, of_photo, strict=True)
+                     if other == number and white is not None and name in white.samples.names]
+            if not shown:
+                continue
+            own = slice(block * count, (block + 1) * count)
+            signal[index, own] = np.mean([white.signal[white.samples.names.index(name)]
+                                          for _, white in shown], axis=0)
+            for cause, covariance in errors_of_region(name, shown, errors).items():
+                whole = causes.setdefault(cause, np.zeros((len(names), *(2 * [len(labels)]))))
+                whole[index, own, own] = covariance
+    response = np.vstack([responses[number] for number in distinct])
+    spectra = np.array([known[name] if name in known
+                        else _expected_spectrum(families[name], response, signal[index])
+                        for index, name in enumerate(names)])
+    signals = SurfaceSignals(names, tuple(name in known for name in names), GRID, spectra, labels,
+                             np.repeat(distinct, count), response, signal, ())
+    filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
+    calibrations = [photo.calibration for photo in photos]
+    causes[SENSITIVITIES] = sensitivity_covariance(calibrations, filled)
+    causes[LIGHT_SPECTRUM] = light_covariance(calibrations, filled)
+    return with_errors(signals, causes)
+
+
+def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
+                     errors: FlatErrors) -> dict[str, np.ndarray]:
+    """Covariance (K, K) by cause of a region's mean signal over photos of one response.
+
+    Noise is averaged; the other errors are taken as common to the photos.
+
+    Parameters
+    ----------
+    name : str
+        Of the region.
+    shown : sequence of (FlatPhoto, PhotoWhite)
+        The photos that show it.
+    errors : FlatErrors
+    """
+    rows = [white.samples.names.index(name) for _, white in shown]
+    noise = np.sum([white.noise(row) for row, (_, white) in zip(rows, shown, strict=True)],
+                   axis=0) / len(shown) ** 2
+    parts: list[dict[str, np.ndarray]] = []
+    for row, (photo, white) in zip(rows, shown, strict=True):
+        signal = white.signal[row]
+        veil = glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1))) / white.white[row]
+        parts.append({**white.errors(row), GLARE: added_covariance(veil),
+                      DISAGREEMENT: proportional_covariance(
+                          signal, errors.disagreement.among_bands(signal.size))})
+        if photo.drift is not None:
+            parts[-1][DRIFT_OF_COLOUR] = proportional_covariance(signal,
+                                                                 drift_covariance(photo.drift))
+    causes = dict.fromkeys(cause for part in parts for cause in part)
+    zero = np.zeros_like(noise)
+    return {PHOTO_NOISE: noise, **{
+        cause: np.mean([part.get(cause, zero) for part in parts], axis=0) for cause in causes}}
+
+
+def _expected_spectrum(families: Sequence[str], response: np.ndarray,
+                       signal: np.ndarray) -> np.ndarray:
+    """The spectrum (P,) that the learnt prior expects behind a signal (J,)."""
+    seen = np.isfinite(signal)
+    coarse = response[seen] @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+    mixture = posterior(of_families(load_prior(), families), coarse, signal[None, seen],
+                        EXPECTED**2 * np.eye(int(seen.sum())))
+    return np.interp(GRID.nm, PRIOR_GRID.nm, mean_and_spread(mixture)[0][0])
+
+
+def _same(response: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two responses (K, P) are the same within round-off."""
+    return response.shape == other.shape and bool(
+        np.abs(response - other).max() <= SAME * np.abs(other).max())
