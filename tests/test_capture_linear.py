@@ -174,11 +174,11 @@ def test_noise_is_never_less_than_the_rounding_of_the_file():
     np.testing.assert_allclose(noise.variance(np.full((1, 1, 3), 0.5)), 1e-8 / 12, rtol=1e-6)
 
 
-def test_noise_of_a_photo_without_flat_parts_is_not_invented():
-    with pytest.raises(InputError,
-                       match=r"noise of a photo of 10 x 10 pixels .* cannot be measured"):
-        photon_transfer(np.zeros((10, 10, 3), np.float32), np.zeros((10, 10, 3), bool),
-                        quantum=1e-4)
+@pytest.mark.parametrize("size", [(10, 10), (3, 4)])
+def test_noise_of_a_photo_without_flat_parts_is_not_invented(size):
+    with pytest.raises(InputError, match=f"noise of a photo of {size[1]} x {size[0]} pixels with 0%"
+                                         " saturated and 100% cut off at black cannot be measured"):
+        photon_transfer(np.zeros((*size, 3), np.float32), np.zeros((*size, 3), bool), quantum=1e-4)
 
 
 # ---- image files ---------------------------------------------------------------------------------

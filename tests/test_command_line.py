@@ -152,6 +152,7 @@ def test_check_lists_everything_at_once(captured):
     no_material(captured)
     facts = json.loads(call("check", captured, "--json").stdout)
     assert not facts["ready"] and len(facts["problems"]) >= 4, facts["problems"]
+    assert facts["error"].splitlines() == facts["problems"] and facts["exit_code"] == 3
 
 
 def test_check_of_a_good_session_is_ready(captured):

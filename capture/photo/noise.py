@@ -126,8 +126,10 @@ def _tile_statistics(signal: np.ndarray, saturated: np.ndarray, floor: float, sa
     at_black = np.mean(tiles == lowest, axis=(2, 3)) if lowest <= 0 else np.zeros(mean.shape)
     usable = ~clipped & (at_black <= MAX_AT_BLACK)
     if np.count_nonzero(usable) < MIN_TILES:
+        # of all pixels: a picture of a few pixels has no tile
+        black = np.mean(signal == lowest) if lowest <= 0 else 0.0
         raise InputError(f"the noise of {name} of {width} x {height} pixels with "
-                         f"{np.mean(saturated):.0%} saturated and {np.mean(at_black):.0%} cut off "
+                         f"{np.mean(saturated):.0%} saturated and {black:.0%} cut off "
                          f"at black cannot be measured; at least {MIN_TILES} tiles of {size} x "
                          f"{size} that are neither are needed")
     return (*_uncensored(mean[usable], variance[usable], at_black[usable], lowest, floor, samples),

@@ -104,8 +104,11 @@ def check(request: SessionOptions) -> Answer:
     text += f"\n{checked.sentence}" if checked.sentence else ""
     memory = None if checked.tracing_bytes is None else {"tracing_bytes": checked.tracing_bytes,
                                                        "free_bytes": free_memory()}
-    return Answer({"ready": not problems, "problems": sentences, "memory": memory}, text,
-                  min((problem.exit_code for problem in problems), default=0))
+    exit_code = min((problem.exit_code for problem in problems), default=0)
+    facts = {"ready": not problems, "problems": sentences, "memory": memory}
+    if problems:        # the keys that every command answers an error with
+        facts |= {"error": "\n".join(sentences), "exit_code": exit_code}
+    return Answer(facts, text, exit_code)
 
 
 @dataclass(frozen=True, kw_only=True)
