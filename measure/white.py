@@ -136,8 +136,8 @@ class PhotoWhite:
     @property
     def signal(self) -> np.ndarray:
         """Signal (R, K) relative to white."""
-        return np.asarray((self.samples.mean - self.glare - self.mean[self.glare_part])
-                          / self.white)
+        glare = self.glare + self.mean[self.glare_part]
+        return np.asarray((self.samples.mean - glare) / self.white)
 
     def jacobian(self, region: int, signal: np.ndarray | None = None) -> np.ndarray:
         """Derivative (K, Z) of a region's relative signal by the unknowns, where the signal is the

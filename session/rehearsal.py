@@ -13,9 +13,7 @@ errors are right.
 """
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,14 +97,12 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
                          "needed, and 200 know it to about one percent")
     of_times = np.random.SeedSequence(seed).spawn(2)[1]
     rows = []
-    # as in the stages; the matrices are small, and rehearsals share the cores
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+    with threadpool_limits(1, "blas"):      # as in the stages; the matrices are small
         scene = prepared(config, times, seed, device,
                          lambda done, what: progress(0.1 * done, what))
-        for number, row in enumerate(pool.map(scene.once, range(times), of_times.spawn(times)),
-                                     start=1):
-            progress(0.1 + 0.9 * number / times, f"rehearsal {number} of {times}")
-            rows.append(row)
+        for number, one in enumerate(of_times.spawn(times)):
+            progress(0.1 + 0.9 * number / times, f"rehearsal {number + 1} of {times}")
+            rows.append(scene.once(number, one))
     return [_gathered(name, [row[index] for row in rows])
             for index, name in enumerate(scene.priors)]
 
