@@ -12,13 +12,11 @@ from spectrabox.calibrate.chart_equations import (
     COMMON_ERRORS,
     FIELD_SD,
     GLARE_SD,
-    ChartEquations,
     PatchError,
     chart_equations,
     noise_covariance,
     some_patches,
 )
-from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
 from spectrabox.calibrate.prior.prior_fit import GAINS
 from spectrabox.calibrate.products.lamps import (
     Lamps,
@@ -29,7 +27,7 @@ from spectrabox.calibrate.products.lamps import (
     lamps_like,
 )
 from spectrabox.calibrate.products.light_posterior import light_posterior
-from spectrabox.calibrate.products.product_fit import _prior_share, fit_products, in_curves
+from spectrabox.calibrate.products.product_fit import _prior_share, fit_products
 from spectrabox.calibrate.products.product_posterior import (
     ERRORS,
     WIDTHS,
@@ -315,39 +313,6 @@ def test_patches_off_in_all_bands_alike_leave_the_light_as_uncertain_as_it_then_
     assert np.mean(chi_squares) < 1 + 4 * np.sqrt(2 / (5 * PHOTOS))
 
 
-def test_a_left_out_patch_weighs_nothing():
-    rng = np.random.default_rng(1)
-    root = rng.standard_normal((12, 12))
-    covariance = root @ root.T + np.eye(12)
-    rows, rest = slice(3, 6), np.r_[0:3, 6:12]
-    residuals = rng.standard_normal((4, 12))
-    moved = residuals.copy()
-    moved[:, rows] += 5
-    inverse = np.linalg.inv(covariance)
-    weights = weights_without(inverse, residuals @ inverse, rows)
-    expected = np.linalg.solve(covariance[np.ix_(rest, rest)], residuals[:, rest].T).T
-    # Round-off of systems of condition below 1e3.
-    np.testing.assert_allclose(weights[:, rest], expected, atol=1e-10)
-    np.testing.assert_allclose(weights[:, rows], 0, atol=1e-10)
-    np.testing.assert_allclose(weights_without(inverse, moved @ inverse, rows), weights, atol=1e-10)
-
-
-def test_the_covariance_without_a_patch_is_that_of_the_others():
-    rng = np.random.default_rng(2)
-    prior = np.diag(rng.uniform(0.5, 2, 5))
-    design, noise = rng.standard_normal((9, 5)), np.diag(rng.uniform(0.1, 0.4, 9))
-    rows, rest = slice(0, 3), slice(3, 9)
-
-    def posterior(chosen):
-        total = design[chosen] @ prior @ design[chosen].T + noise[chosen, chosen]
-        return prior - prior @ design[chosen].T @ np.linalg.solve(total, design[chosen] @ prior)
-
-    inverse = np.linalg.inv(design @ prior @ design.T + noise)
-    gain = prior @ design.T @ inverse
-    np.testing.assert_allclose(covariance_without(posterior(slice(0, 9)), gain, inverse, rows),
-                               posterior(rest), atol=1e-12)
-
-
 def test_a_patch_kept_out_changes_no_curve_whatever_it_reads():
     photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3], 1)
     used = np.arange(24) != 7
@@ -418,19 +383,3 @@ def test_every_kind_has_the_share_that_is_stated_for_it():
     lamps = all_lamps()
     assert dict(zip(LIGHT_KINDS, np.bincount(lamps.kind, lamps.weights), strict=True)
                 ) == pytest.approx(KIND_SHARE)
-
-
-def test_some_patches_of_equations_are_those_rows():
-    photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[0], 1)
-    chosen = np.arange(24) % 2 == 0
-    part = some_patches(photo, chosen)
-    assert isinstance(part, ChartEquations)
-    np.testing.assert_array_equal(part.signal, photo.signal[::2])
-    np.testing.assert_array_equal(part.field_terms, photo.field_terms[::2])
-
-
-def test_covariances_of_products_are_symmetric_to_the_last_bit(found):
-    _, posterior = found
-    mean, covariance = hypothesis_moments(posterior, posterior.hypotheses[0])
-    _, spread = in_curves(posterior.prior, mean, covariance, np.ones(NODES.size))
-    np.testing.assert_array_equal(spread, spread.T)

@@ -24,7 +24,6 @@ from benchmarks.paper.shape_fit import (
     ShapeSettings,
     Stage,
     ViewLoss,
-    bounding_sphere,
     reconstruct_shape,
     with_mesh,
 )
@@ -178,21 +177,3 @@ def test_a_bumpy_object_is_found_from_a_sphere(tmp_path):
     assert found.loss_history[-5:].mean() < 0.4 * found.loss_history[:2].mean()
     assert np.all((found.coefficients >= 0)
                   & (found.coefficients <= 1)) and found.spectrum.shape == GRID.nm.shape
-
-
-def test_the_same_seed_gives_the_same_mesh(tmp_path):
-    views = [replace(view, photo=photo_of(np.full((WIDTH, WIDTH, 3), 0.5)))
-             for view in blank_views(tmp_path, 3)]
-
-    def vertices(seed):
-        settings = ShapeSettings(5, (Stage(1, 2, 0.05, 9.0, 4, views=1),), seed=seed)
-        return reconstruct_shape(views, "object", settings, silent).vertices
-
-    first = vertices(1)
-    assert np.array_equal(first, vertices(1)) and not np.array_equal(first, vertices(2))
-
-
-def test_the_start_is_the_sphere_of_the_scene(tmp_path):
-    centre, radius = bounding_sphere(blank_views(tmp_path, 1)[0], "object")
-    # Mitsuba's boxes are float32.
-    np.testing.assert_allclose([*centre, radius], [0, 0, 0, 1], atol=1e-6)

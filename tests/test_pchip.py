@@ -16,13 +16,3 @@ def test_it_is_the_curve_of_scipy(knots, levels):
     # Round-off of a cubic of values of order 1: a few dozen eps, and steps differ by 100 to 1.
     np.testing.assert_allclose(pchip(x, y, at), PchipInterpolator(x, y, axis=-1)(at), rtol=0,
                                atol=1e-12)
-
-
-def test_it_stays_between_neighbouring_samples():
-    x, y = np.arange(6.0), np.array([0.0, 0.0, 1.0, 1.0, 0.2, 0.2])
-    at = np.linspace(0, 5, 501)
-    between = np.clip(np.floor(at).astype(int), 0, 4)
-    low, high = np.minimum(y[between], y[between + 1]), np.maximum(y[between], y[between + 1])
-    curve = pchip(x, y, at)
-    # Round-off of a cubic of values of order 1.
-    assert np.all((curve >= low - 1e-14) & (curve <= high + 1e-14))

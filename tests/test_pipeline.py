@@ -107,25 +107,6 @@ def test_one_stage_can_be_run_alone(finished):
         run(finished, only="photos")
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_an_interrupted_stage_leaves_what_was_there(finished, stage):
-    before = arrays_of(finished)
-
-    def interrupt(name, fraction, message):
-        if name == stage and 0 < fraction < 1:
-            raise KeyboardInterrupt
-
-    def interrupt_at_start(name, fraction, message):
-        if name == stage and fraction == 0:
-            raise KeyboardInterrupt
-
-    for progress in (interrupt, interrupt_at_start):
-        with pytest.raises(KeyboardInterrupt):
-            run(finished, only=stage, force=True, progress=progress)
-    assert arrays_of(finished) == before
-    assert sorted(path.name for path in (finished / "results").iterdir()) == sorted(STAGES)
-
-
 def hear_interrupts():
     """A shell's background job ignores SIGINT, and its children would too."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -23,7 +23,6 @@ from spectrabox.reconstruct.engines.transport_engine import (
     unit_scene,
 )
 from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import ENGINES
 from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
@@ -136,42 +135,6 @@ def test_the_gradient_descent_is_the_same_for_the_same_seed(box, photo):
     # Gradients are summed by atomic float32 additions, in any order.
     np.testing.assert_allclose(runs[0], runs[1], atol=1e-4)
     assert not np.array_equal(runs[0], runs[2])
-
-
-def test_the_gradient_agrees_with_finite_differences(box):
-    """The derivative of the mean signal by one coefficient, at 1 % steps and common random
-    numbers.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
-    view = view_of(box)
-    coefficients = np.full((3, 5), 0.5)
-
-    def mean_signal(step, seed):
-        moved = coefficients.copy()
-        moved[0, 2] += step
-        return render(view.scene(moved), 128, seed)[0].mean()
-
-    differences = [(mean_signal(0.05, seed) - mean_signal(-0.05, seed)) / 0.1 for seed in range(4)]
-    gradients = []
-    for seed in range(4):
-        loaded = view.scene(coefficients)
-        parameters = mi.traverse(loaded)
-        key = "white.reflectance.values"
-        move = mi.Float(0.0)
-        dr.enable_grad(move)
-        start = mi.Float(np.array(parameters[key]))
-        parameters[key] = start + move * mi.Float(view.basis(5)[:, 2].astype(np.float32))
-        parameters.update()
-        dr.backward(dr.mean(mi.render(loaded, parameters, spp=128, seed=seed, seed_grad=seed + 50),
-                            axis=None))
-        gradients.append(float(np.array(dr.grad(move)).item()))
-    error = np.hypot(np.std(differences, ddof=1), np.std(gradients, ddof=1)) / 2
-    # Four standard errors of the difference of two means of four, and 1 % for the curvature over
-    # the step.
-    assert np.mean(gradients) == pytest.approx(np.mean(differences),
-                                               abs=4 * error + 0.01 * abs(np.mean(differences)))
 
 
 def test_the_paper_s_brute_force_goes_downhill(box, photo):

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session
 
-from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
@@ -20,7 +19,7 @@ from spectrabox.sampling.prior.family_coverage import (
     FamilyCertificate,
     FamilyCoverage,
 )
-from spectrabox.session.report.maps import residual_limit, residual_maps
+from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.methods import methods_text
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
@@ -286,18 +285,6 @@ def test_residuals_are_relative_to_the_photo_and_absent_where_not_used(usual):
                                made.rendered[made.used],
                                rtol=8 * np.finfo(float).eps)
     assert np.isnan(residuals[~made.used]).all()
-
-
-@pytest.mark.parametrize("size, limit",
-                         [(0.0, 0.02), (0.019, 0.02), (0.04, 0.05), (0.45, 0.5), (7.0, 1.0)])
-def test_the_residual_scale_ends_at_a_round_number(size, limit):
-    assert residual_limit(np.array([-size, size, np.nan])) == limit
-
-
-def test_red_green_and_blue_look_so_and_all_bands_differ():
-    assert band_colours(("B", "R")) == band_colours(("R", "G", "B"))[::2][::-1]
-    for bands in (("R", "G", "B", "NIR"), tuple(str(nm) for nm in range(400, 700, 30))):
-        assert len(set(band_colours(bands))) == len(bands)
 
 
 @pytest.mark.parametrize("said, expected", [

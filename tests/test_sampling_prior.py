@@ -13,7 +13,7 @@ from scipy import stats
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
-from spectrabox.sampling.prior.band_calibration import AT_95, judge, train
+from spectrabox.sampling.prior.band_calibration import AT_95, train
 from spectrabox.sampling.prior.families.coatings import tiles, whites
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.families.family_names import NAMES, WORDS
@@ -42,15 +42,12 @@ from spectrabox.sampling.prior.mixture_posterior import (
     calibrated_bands,
     conformal_scores,
     mean_and_spread,
-    mixture_quantile,
     posterior,
 )
 from spectrabox.sampling.prior.quantiles import normal_below, quantiles
 from spectrabox.sampling.prior.signal_posterior import sample_prior
-from spectrabox.sampling.prior.smoothness import smoothness_prior
 from spectrabox.sampling.prior.training import MIXED, enriched, fit_mixture
 from spectrabox.sampling.spline_measurement import nearest_splines, response_on
-from spectrabox.sampling.summary import summarise
 
 SIGNIFICANCE = 1e-4
 
@@ -215,17 +212,6 @@ def test_a_signal_has_the_posterior_by_itself_that_it_has_among_others(prior):
                                        atol=1e-9)
 
 
-def test_quantiles_of_the_mixture_have_their_probability(prior):
-    measured = seen(surface(PRIOR_GRID.nm, 3))
-    found = posterior(prior, measured.relative_response, measured.signal[None],
-                      measured.noise_covariance)
-    at = mixture_quantile(found, 0.9)
-    below = np.einsum("tc,ctp->tp", found.weights,
-                      stats.norm.cdf((at - found.logits) / np.sqrt(found.variances)))
-    # the last of six of Newton's steps is of order 1e-6
-    np.testing.assert_allclose(below, 0.9, atol=1e-6)
-
-
 def test_draws_reproduce_the_signal_and_stay_between_zero_and_one(prior):
     for seed in range(5):
         measured = seen(surface(PRIOR_GRID.nm, seed))
@@ -236,16 +222,6 @@ def test_draws_reproduce_the_signal_and_stay_between_zero_and_one(prior):
         assert samples.spectra.min() > 0
         assert samples.spectra.max() < 1
         assert samples.outcome is Outcome.FAMILIAR
-
-
-def test_noisy_signals_are_met_within_their_noise(prior):
-    error = 0.01
-    measured = seen(surface(PRIOR_GRID.nm, 4), error)
-    samples = sample_prior(measured, 4000, 1, prior=prior)
-    z = (samples.spectra @ measured.relative_response.T - measured.signal) / error
-    # The posterior of the noise is narrower than the noise itself, and it does not vanish.
-    assert np.all(z.std(axis=0) < 1.1)
-    assert np.all(z.std(axis=0) > 0.05)
 
 
 def test_a_seed_gives_the_same_draws_and_another_gives_others(prior):
@@ -270,20 +246,6 @@ def test_draws_are_as_wide_as_the_calibrated_band(prior):
     np.testing.assert_allclose(spectra.mean(axis=0), mean[0], atol=0.02)
 
 
-def test_bands_hold_truths_drawn_from_the_prior_itself(prior):
-    rng = np.random.default_rng(11)
-    component = rng.choice(prior.weights.size, 400, p=prior.weights)
-    truth = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
-                                  for c in component]))
-    plain = replace(prior, width_power=0.0)
-    scores = judge(plain, seen(truth[0]).relative_response, truth).scores
-    held = np.mean(scores[3] <= 1, axis=1)
-    error = held.std() / np.sqrt(held.size)
-    # Two-sided at 1e-4, curves being independent, plus 0.02 for Laplace's approximation, measured
-    # on 4000 curves.
-    assert abs(held.mean() - 0.95) < stats.norm.isf(SIGNIFICANCE / 2) * error + 0.02
-
-
 def test_strange_signals_are_said_to_be_strange(prior):
     stripes = np.where(np.arange(61) // 8 % 2, 0.95, 0.03)
     comb = seen(stripes)
@@ -295,13 +257,6 @@ def test_strange_signals_are_said_to_be_strange(prior):
     beyond = SpectralMeasurement(comb.grid, comb.relative_response, np.array([0.1, 1.3, 0.1]),
                                  comb.noise_covariance)
     assert sample_prior(beyond, 200, 0, prior=prior).outcome is Outcome.OUT_OF_REACH
-
-
-def test_the_smoothness_prior_is_wider_than_the_learnt_one(prior):
-    measured = seen(surface(PRIOR_GRID.nm, 5))
-    learnt, smooth = (sample_prior(measured, 2000, 0, prior=one).spectra
-                      for one in (prior, smoothness_prior()))
-    assert np.ptp(smooth, axis=0).mean() > np.ptp(learnt, axis=0).mean()
 
 
 @pytest.mark.parametrize("change, message", [
@@ -341,13 +296,6 @@ def test_integration_at_1_nm_of_lines_at_5_nm_is_kept():
     fine = interpolation_matrix(PRIOR_GRID.nm, measured.grid.nm) @ coarse
     np.testing.assert_allclose(response_on(measured, PRIOR_GRID) @ coarse,
                                measured.relative_response @ fine, atol=1e-14)
-
-
-def test_a_summary_says_what_it_is_conditional_on(prior):
-    measured = seen(surface(PRIOR_GRID.nm, 1))
-    summary = summarise(sample_prior(measured, 1000, 0, prior=prior), measured)
-    assert "learnt prior" in summary.conditional_on
-    assert np.all(summary.lower <= summary.mean) and np.all(summary.mean <= summary.upper)
 
 
 def test_draws_reach_a_signal_whose_noise_reaches_beyond_what_a_reflectance_can_be(prior):
@@ -499,15 +447,6 @@ def test_skin_is_known_for_skin_and_saying_so_narrows_its_band(prior):
     held = np.mean((truth >= low) & (truth <= high), axis=1)
     # one-sided at 1e-4 below 95 %, curves being independent
     assert held.mean() > 0.95 - 3.7 * held.std() / np.sqrt(held.size)
-
-
-def test_an_outcome_says_what_the_band_is_conditional_on(prior):
-    measured = seen(skin(np.random.default_rng(3), 1)[0])
-    free = sample_prior(measured, 1000, 0, prior=prior)
-    assert "No family of surfaces was stated; the signal allows skin" in free.sentence
-    said = sample_prior(measured, 1000, 0, prior=of_families(prior, ["skin"]))
-    assert "Conditional on the surface being skin, as stated." in said.sentence
-    assert np.ptp(said.spectra, axis=0).mean() < np.ptp(free.spectra, axis=0).mean()
 
 
 def test_words_for_families_are_known_and_others_are_errors(prior):

@@ -57,13 +57,6 @@ def test_bounds_are_those_of_the_spline_class(samples):
     np.testing.assert_array_equal(summary.bound_upper, upper)
 
 
-def test_the_band_lies_within_the_bounds(samples):
-    summary = summarise(samples, paint())
-    # Round-off: a quantile of draws of which all but one in a thousand obey the bounds.
-    assert np.all(summary.lower > summary.bound_lower - 1e-9)
-    assert np.all(summary.upper < summary.bound_upper + 1e-9)
-
-
 def test_the_next_reading_goes_where_conditioning_on_it_helps_most(samples):
     covariance = np.cov(samples.spectra, rowvar=False, ddof=0)
     best = next_measurement_nm(GRID, covariance)
@@ -73,13 +66,6 @@ def test_the_next_reading_goes_where_conditioning_on_it_helps_most(samples):
         gain = covariance[:, index] / (covariance[index, index] + 0.005**2)
         left.append(GRID.weights_nm @ np.diag(covariance - np.outer(gain, covariance[index])))
     assert abs(best - GRID.nm[candidates[np.argmin(left)]]) <= 10
-
-
-def test_the_next_reading_is_where_the_only_doubt_lies():
-    direction = np.exp(-0.5 * ((GRID.nm - 640) / 8)**2)
-    # a grid step
-    asked = next_measurement_nm(GRID, 0.01 * np.outer(direction, direction))
-    assert asked == pytest.approx(640, abs=5)
 
 
 def test_the_reading_it_asks_for_narrows_real_draws(samples):

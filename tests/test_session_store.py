@@ -77,36 +77,6 @@ def test_a_stage_is_replaced_whole(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["photo"]
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
-def test_a_stage_cut_short_leaves_the_last_good_result(tmp_path, error):
-    save(tmp_path, 1)
-    with pytest.raises(error), stage_folder(tmp_path, "photo") as folder:
-        (folder / "half").write_text("half")
-        raise error
-    assert load_stage(tmp_path, "photo").key == {"settings": {"v": 1}}
-    assert [path.name for path in tmp_path.iterdir()] == ["photo"]
-
-
-def test_a_replacement_cut_between_its_renames_is_undone(tmp_path):
-    save(tmp_path, 1)
-    (tmp_path / "photo").rename(tmp_path / ".photo.old")
-    assert load_stage(tmp_path, "photo").key == {"settings": {"v": 1}}
-
-
-@pytest.mark.parametrize("fails", [True, False])
-def test_a_result_between_two_renames_outlives_the_next_attempt(tmp_path, fails):
-    save(tmp_path, 1)
-    (tmp_path / "photo").rename(tmp_path / ".photo.old")
-    (tmp_path / ".photo.new").mkdir()
-    if fails:
-        with pytest.raises(ValueError), stage_folder(tmp_path, "photo"):
-            raise ValueError
-    else:
-        save(tmp_path, 2)
-    assert load_stage(tmp_path, "photo").key == {"settings": {"v": 1 if fails else 2}}
-    assert [path.name for path in tmp_path.iterdir()] == ["photo"]
-
-
 def test_half_a_facts_file_counts_as_no_result(tmp_path):
     save(tmp_path, 1)
     facts = tmp_path / "photo" / "facts.json"
@@ -168,16 +138,6 @@ def test_why_a_stage_is_stale_is_said_in_words():
                                       "files: c.csv is new"]
     assert why_stale(before, before) == []
     assert fingerprint(before) != fingerprint(now)
-
-
-def test_a_text_file_is_written_whole_or_not_at_all(tmp_path):
-    path = tmp_path / "a.txt"
-    write_text_whole(path, "first")
-    with pytest.raises(UnicodeEncodeError):
-        # a lone surrogate cannot be encoded, half way through the write
-        write_text_whole(path, "second \ud800")
-    assert path.read_text() == "first"
-    assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
 
 
 def test_the_umask_decides_who_may_read_what_is_written(tmp_path):
