@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.scene import require_same_shape
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.records import LinearImage
@@ -34,7 +35,6 @@ from spectrabox.session.stages.inputs import (
 )
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.scenes import (
-    check_aspect,
     read_chart_scene,
     read_session_scene,
     require_materials,
@@ -156,7 +156,7 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
                 if not region.photos or (view.name or FIRST_PHOTO) in region.photos:
                     attempt(sample_regions, developed[0], {name: region.outline()})
             if scene is not None:
-                attempt(check_aspect, developed[0], scene, view.photo_files[0])
+                attempt(require_same_shape, developed[0], scene, view.photo_files[0])
         light, chart_signals = silent(read_light, config, view.light), silent(read_chart_reference,
                                                                               config)
         if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \

@@ -11,6 +11,8 @@ from .api.pictures import uplift as uplift
 from .api.priors import certify as certify
 from .api.priors import judge as judge
 from .api.priors import train_prior as train_prior
+from .api.scene import SceneSpectra as SceneSpectra
+from .api.scene import reconstruct_scene as reconstruct_scene
 from .api.session import Session as Session
 from .api.signals import match as match
 from .api.signals import sample as sample

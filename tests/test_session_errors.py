@@ -15,7 +15,9 @@ from spectrabox.measure.chart_check import patches_without
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
+from spectrabox.measure.scene import certain_glare
 from spectrabox.measure.surface_spectra import score
+from spectrabox.measure.truth_scores import score
 from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale
@@ -25,7 +27,7 @@ from spectrabox.session.batch import processes, tasks
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.report.verdict import Status, _between_photos, _clipped
-from spectrabox.session.stages import calibrate_stage, reconstruct_stage
+from spectrabox.session.stages import reconstruct_stage
 
 SIGMAS = 3.9
 CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 35) ** 2)
@@ -76,9 +78,7 @@ def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_pi
     state = SimpleNamespace(glare=np.array([0.002, -0.004, 0.009]), glare_error=np.full(3, 1e-3))
     signal = np.zeros((4, 5, 3))
     signal[0, 0] = 4.0, 8.0, 12.0           # of means 0.2, 0.4, 0.6
-    chart = (None, None, SimpleNamespace(signal=signal))
-    first = SimpleNamespace(prior_fit=SimpleNamespace(photos=[state]))
-    found = calibrate_stage._certain_glare(first, [chart])
+    found = certain_glare(SimpleNamespace(photos=[state]), SimpleNamespace(signal=signal))
     np.testing.assert_allclose(found, [0.0, 0.01, 0.015])
 
 

@@ -65,6 +65,7 @@ def light(request: LightRequest) -> Answer:
     check_device(request.device)
     from spectrabox.capture.photo.binning import bin_image, render_size
     from spectrabox.capture.photo.linear import open_photo
+    from spectrabox.measure.scene import require_same_shape
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.grid import visible_grid
     from spectrabox.radiometry.records import Outcome
@@ -81,7 +82,6 @@ def light(request: LightRequest) -> Answer:
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     from spectrabox.reconstruct.scene.scene_file import read_scene
     from spectrabox.session.progress_display import progress_display
-    from spectrabox.session.stages.scenes import check_aspect
     check_ending(request.out, {".xml": "the scene with the light moved"})
     require_new(request.out, request.force, request.photo, request.reflectances)
     grid = visible_grid()
@@ -99,7 +99,7 @@ def light(request: LightRequest) -> Answer:
         raise InputError(f"photo {request.photo.name} has {image.signal.shape[2]} bands and "
                          f"{request.sensitivity} has {len(response)} curves; one curve per band is "
                          "needed")
-    check_aspect(image, written, request.photo.name)
+    require_same_shape(image, written, request.photo.name)
     size = render_size(image.signal.shape[1], image.signal.shape[0], request.width)
     start_mitsuba(request.device)
     with progress_display(request.as_json) as show:

@@ -17,14 +17,13 @@ from spectrabox.calibrate.chart_calibration import (
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
-from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.scene import certain_glare
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.records import (
     Calibration,
     LightScale,
-    LinearImage,
     PatchSamples,
     Progress,
     Spectrum,
@@ -83,7 +82,8 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
                "white": None if first is None else first.white,
                "prior": None if first is None else first.prior_influence}
     records |= _other_calibrations(config, shown, lights, irradiance, curves, first, camera)
-    records["glare"] = _certain_glare(first, charts)
+    records["glare"] = np.zeros(1) if first is None or charts[0] is None else certain_glare(
+        first.prior_fit, charts[0][2])
     if irradiance is not None:
         _widen_by_lamp_position(config, records)
     records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
@@ -113,18 +113,6 @@ def _other_calibrations(config: SessionConfig, shown: Mapping[int, PatchSamples]
         records[view.record("calibration")] = dataclasses.replace(camera, light=light,
                                                                   light_scale=scale)
     return records
-
-
-def _certain_glare(first: ChartCalibration | None,
-                   charts: Sequence[tuple[Any, Any, LinearImage] | None]) -> np.ndarray:
-    """Glare (K,) of the first chart photo in the bands where it is beyond chance, of the picture's
-    mean signal; 0 where no fit tells.
-    """
-    if first is None or first.prior_fit is None or charts[0] is None:
-        return np.zeros(1)
-    state = first.prior_fit.photos[0]
-    certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
-    return np.where(certain, np.abs(state.glare) / charts[0][2].signal.mean(axis=(0, 1)), 0.0)
 
 
 def _widen_by_lamp_position(config: SessionConfig, records: dict[str, Any]) -> None:

@@ -10,9 +10,10 @@ from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.measure.scene import require_same_shape
 from spectrabox.session.box.box_camera import lens_of_view
 from spectrabox.session.stages.inputs import read_photo, require_exposed
-from spectrabox.session.stages.scenes import check_aspect, read_session_scene
+from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
 
 
@@ -43,7 +44,7 @@ def bin_object_photos(task: StageTask) -> dict[str, Any]:
             records["references"] = region_signals(photo, np.array(config.drift.object_px))
         if (lens := lens_of_view(config, view)) is not None:
             photo = undistorted(photo, lens)
-        check_aspect(photo, read_session_scene(config, view), name)
+        require_same_shape(photo, read_session_scene(config, view), name)
         height, width = photo.signal.shape[:2]
         size = render_size(width, height, config.reconstruct.width)
         write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(photo))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.scene import learnt_spectra
 from spectrabox.measure.scene_draws import require_one_transport
 from spectrabox.measure.scene_errors import with_photo_errors
 from spectrabox.measure.surface_signals import scene_signals
@@ -14,7 +15,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import drift_between, scale_after_drift, scale_for_photo
 from spectrabox.radiometry.records import (
     Calibration,
-    LearntSpectra,
     LightDrift,
     LightScale,
     LinearImage,
@@ -26,7 +26,6 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
-from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.session.box.scene_geometry import scene_geometry
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
@@ -151,8 +150,8 @@ def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
 def settings_of(config: SessionConfig) -> InversionSettings:
     """The settings of the inversion, with the learnt prior where it is asked for."""
     chosen = config.reconstruct
-    return InversionSettings(**chosen.settings(), seed=config.session.seed,
-                             learnt=_learnt_spectra(chosen.spectrum_prior, ()))
+    learnt = learnt_spectra(()) if chosen.spectrum_prior == "learnt" else None
+    return InversionSettings(**chosen.settings(), seed=config.session.seed, learnt=learnt)
 
 
 def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpec, ...]:
@@ -169,8 +168,8 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
     for name, material in config.materials.items():
         known = None if material.known is None else \
             spectrum_on_grid(read_reflectance(config, material.known), GRID)
-        learnt = _learnt_spectra(config.reconstruct.spectrum_prior, material.families) \
-            if material.families else None
+        learnt = learnt_spectra(material.families) if material.families \
+            and config.reconstruct.spectrum_prior == "learnt" else None
         specs.append(MaterialSpec(name, config.bsdfs[name], known, learnt))
     return tuple(specs)
 
@@ -193,14 +192,6 @@ def view_of_chart(config: SessionConfig, view: ViewInputs) -> ViewInputs | None:
     """
     first = config.all_views[0]
     return view if view.chart else first if first.chart and view.light == first.light else None
-
-
-def _learnt_spectra(spectrum_prior: str, families: Sequence[str]) -> LearntSpectra | None:
-    """Moments of the learnt prior where it is asked for, of some families if any were stated."""
-    if spectrum_prior != "learnt":
-        return None
-    prior = of_families(load_prior(), families)
-    return LearntSpectra(np.asarray(prior.nm), *reflectance_moments(prior))
 
 
 def scale_of_view(config: SessionConfig, view: ViewInputs, photo: LinearImage,

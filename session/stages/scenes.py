@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.scene_file import (
@@ -13,12 +12,8 @@ from spectrabox.reconstruct.scene.scene_file import (
 )
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, ViewInputs
 
-if TYPE_CHECKING:
-    from spectrabox.radiometry.records import LinearImage
-
 BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
 
-MAX_ASPECT_ERROR = 0.01  # photo against scene film: above, the two do not show the same view
 
 
 def read_session_scene(config: SessionConfig, view: ViewInputs | None = None) -> SceneFile:
@@ -59,28 +54,6 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
 
 def _allowed_folder(config: SessionConfig) -> Path | None:
     return None if config.allow_outside else config.folder
-
-
-def check_aspect(photo: LinearImage, scene: SceneFile, name: str) -> None:
-    """Refuse a photo whose shape is not that of the scene's film.
-
-    Parameters
-    ----------
-    name : str
-        Of the photo's file, for the message.
-
-    Raises
-    ------
-    InputError
-        Naming both sizes.
-    """
-    height, width = photo.signal.shape[:2]
-    mismatch = (width / height) / (scene.width / scene.height) - 1
-    if abs(mismatch) > MAX_ASPECT_ERROR:
-        full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
-        raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
-                         f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the "
-                         "whole photo uncropped, or correct the film's width and height")
 
 
 def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:

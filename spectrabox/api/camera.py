@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,13 +19,20 @@ from spectrabox.measure.camera import fit_camera as fit_curves
 from spectrabox.measure.plots import plot_sensitivities
 from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.records import Calibration, Quantity
+from spectrabox.radiometry.records import Calibration, LinearImage, Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import read_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+LAMP_POSITION = 0.005       # error of the lamp's position in the chart scene, of its distance
+SCENE_SEED = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +43,13 @@ class CameraEstimate:
     ----------
     fit : CameraFit
     bands : tuple of K str
+    photo : LinearImage
+        The first photo of a chart: its exposure tells the light's strength in other photos.
     """
 
     fit: CameraFit
     bands: tuple[str, ...]
+    photo: LinearImage
 
     @property
     def calibration(self) -> Calibration:
@@ -109,7 +119,8 @@ class CameraEstimate:
 
 def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
                light: LightLike | list[LightLike], layout: str | Path | Chart | None = None,
-               reference: str | None = None, leave_out: Sequence[int] = (),
+               reference: str | None = None, chart_scene: str | Path | None = None,
+              leave_out: Sequence[int] = (),
                method: str = "prior", prior: str | Path | None = None,
                seed: int = 0) -> CameraEstimate:
     """Sensitivities of a camera from photos of a chart and the spectrum of the light.
@@ -122,6 +133,9 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
         "unknown" gives the products of camera and light.
     layout, reference
         As of `find_chart`.
+    chart_scene : path, optional
+        Mitsuba XML with the light and a rectangle of id "chart" in their positions: then the
+        strength of the light is known too, as `reconstruct_scene` needs it.
     leave_out : sequence of int
         Numbers of patches, from 1, that no fit uses.
     method : {"prior", "smooth", "nonnegative", "paper"}
@@ -154,13 +168,29 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     chart = as_chart(layout)
     reflectances = reference_reflectances(reference, chart, GRID)
     excluded = excluded_patches(leave_out, chart, "leave_out")
-    shown = []
+    irradiance, position_error = None, 0.0
+    if chart_scene is not None:
+        start_mitsuba("auto")
+        placed = read_scene(Path(chart_scene))
+        irradiance = patch_irradiance(placed, chart.centres_uv, chart.sizes_uv, SCENE_SEED)
+        position_error = lamp_position_error(placed, chart.centres_uv, chart.sizes_uv,
+                                             LAMP_POSITION, SCENE_SEED)
+    shown: list[ChartPhoto] = []
+    first: LinearImage | None = None
     for number, one in enumerate(photos):
         photo = one if isinstance(one, Photo) else open_photo(one)
         samples = measure_chart(photo.image, chart, reflectances, GRID)
         shown.append(ChartPhoto(samples, reflectances, lights[number if len(lights) > 1 else 0],
-                                excluded=excluded, chart=chart))
+                                irradiance, excluded, chart))
+        first = first or photo.image
     count = shown[0].samples.mean.shape[1]
     bands = ("R", "G", "B") if count == 3 else tuple(f"band {k + 1}" for k in range(count))
     learnt = None if prior is None else load_camera_prior(Path(prior))
-    return CameraEstimate(fit_curves(shown, GRID, CalibrationOptions(method, learnt), seed), bands)
+    fit = fit_curves(shown, GRID, CalibrationOptions(method, learnt), seed)
+    calibration = fit.chart.calibration
+    if calibration.light_scale is not None and irradiance is not None:
+        widened = with_common_error(calibration.light_scale, LAMP_AT_CHART, position_error)
+        fit = replace(fit, chart=replace(fit.chart, calibration=replace(calibration,
+                                                                        light_scale=widened)))
+    assert first is not None
+    return CameraEstimate(fit, bands, first)

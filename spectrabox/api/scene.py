@@ -1,0 +1,180 @@
+"""Spectra of the materials of a scene, from one photo of it."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import hypot
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.api.camera import CameraEstimate
+from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.api.inputs import (
+    GRID,
+    CameraLike,
+    LightLike,
+    as_curves,
+    as_prior,
+    as_spectrum,
+    families_of,
+)
+from spectrabox.api.photo import Photo, open_photo
+from spectrabox.calibrate.chart_calibration import calibration_from_curves
+from spectrabox.measure.scene import SceneEstimate, SceneOptions, certain_glare
+from spectrabox.measure.scene import reconstruct_scene as reconstruct
+from spectrabox.measure.surface_signals import errors_by_cause, measurement
+from spectrabox.measure.surface_spectra import DrawOptions
+from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
+from spectrabox.radiometry.light_scale import scale_for_photo
+from spectrabox.radiometry.records import Calibration, JointReconstruction, Quantity
+from spectrabox.radiometry.spectra.spectrum_files import (
+    on_grid,
+    read_spectrum,
+    spectrum_on_grid,
+)
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.settings import InversionSettings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+REPEATS = hypot(0.012, 0.009)       # light and shutter, from the chart photo to the photo
+CURVES_ERROR = 0.02                 # of signals predicted from measured curves
+
+KnownSpectrum = str | Path | tuple[ArrayLike, ArrayLike] | None
+
+
+class SceneSpectra(SpectrumEstimates):
+    """Estimates of the materials of a scene, with the reconstruction that they come from.
+
+    Attributes
+    ----------
+    estimate : SceneEstimate
+    calibration : Calibration
+    """
+
+    def __init__(self, estimates: Sequence[SpectrumEstimate], estimate: SceneEstimate,
+                 calibration: Calibration) -> None:
+        super().__init__(estimates)
+        self.estimate = estimate
+        self.calibration = calibration
+
+    @property
+    def reconstruction(self) -> JointReconstruction:
+        """Photo and rendering, agreement of every surface, light scale, engine."""
+        return self.estimate.joint
+
+    @property
+    def outcome(self) -> str:
+        """How the fit ended, in a sentence."""
+        return self.reconstruction.views[0].outcome.value
+
+    def plot_agreement(self, axes: Axes | None = None) -> Axes:
+        """The relative residual (photo - rendering) / photo, mean over the bands."""
+        axes = plt.subplots(layout="constrained")[1] if axes is None else axes
+        view = self.reconstruction.views[0]
+        usable = view.used[..., None] & (view.measured > 0)
+        residual = np.where(usable, 1 - view.rendered / np.where(usable, view.measured, 1.0),
+                            np.nan)
+        shown = axes.imshow(residual.mean(axis=2), cmap="RdBu_r", vmin=-0.1, vmax=0.1)
+        axes.set(xticks=[], yticks=[], title="(photo - rendering) / photo")
+        axes.figure.colorbar(shown, ax=axes, shrink=0.8)
+        return axes
+
+
+def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: CameraLike,
+                      light: LightLike, materials: Sequence[str] | Mapping[str, KnownSpectrum],
+                      families: Mapping[str, str | Sequence[str]] | None = None,
+                      width: int = 96, draws: int = 4000, seed: int = 1, device: str = "auto",
+                      progress: Callable[[float, str], None] = lambda share, message: None
+                      ) -> SceneSpectra:
+    """Spectra of the materials of a scene from one photo, by inverse rendering in Mitsuba 3.
+
+    Xia et al. 2025, section 4; the light transport is traced once, then fitted by algebra.
+
+    Parameters
+    ----------
+    photo : path or Photo
+        The whole view that the scene's film describes.
+    scene : path
+        Mitsuba XML: geometry, camera and light in their positions; reflectances are placeholders.
+    camera : CameraEstimate, name, path, Calibration or (nm, curves)
+        One from ``fit_camera(..., chart_scene=...)`` also tells the strength of the light.
+    light : path, name, (nm, values) or Spectrum
+    materials : sequence of str, or mapping
+        Ids of the BSDFs; a mapping gives the reflectance of those that are known: a file, or
+        (nm, values), None where it is to be found. A known one tells the strength of the light.
+    families : mapping, optional
+        What a surface is, by material: paint, textile, leaves, skin, white, earth or animal.
+    width : int
+        Of the rendered view that is compared with the photo, in pixels.
+    draws, seed : int
+    device : {"auto", "cpu", "cuda"}
+    progress : function, optional
+        Called with the share that is done, and what is being done.
+
+    Returns
+    -------
+    SceneSpectra
+        Estimates by material. Where nothing tells the strength of the light, it is estimated from
+        what the prior expects of surfaces, and its error widens every band.
+
+    Raises
+    ------
+    InputError
+        If scene and photo do not show the same view, or the materials are not those of the scene.
+    EnvironmentProblem
+        If there is no LLVM, or no GPU that was asked for.
+
+    Examples
+    --------
+    >>> scene = sb.reconstruct_scene("mybox/photos/box.dng", scene="mybox/scene/box.xml",
+    ...     camera=camera, light="mybox/spectra/light.csv",
+    ...     materials=["white", "green", "red", "cube"])
+    """
+    opened = photo if isinstance(photo, Photo) else open_photo(photo)
+    spectrum, scale, glare = as_spectrum(light), None, np.zeros(1)
+    if isinstance(camera, CameraEstimate):
+        calibration = replace(camera.calibration, light=spectrum)
+        if calibration.light_scale is not None:
+            scale = with_common_error(scale_for_photo(calibration.light_scale, camera.photo,
+                                                      opened.image), REPEATABILITY, REPEATS)
+        glare = certain_glare(camera.fit.chart.prior_fit, camera.photo)
+    elif isinstance(camera, Calibration):
+        calibration, scale = replace(camera, light=spectrum), camera.light_scale
+    else:
+        calibration = calibration_from_curves(GRID, as_curves(camera), spectrum, CURVES_ERROR)
+    known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
+        name: None if given is None else _reflectance(given) for name, given in materials.items()}
+    stated = {name: families_of(one) for name, one in (families or {}).items()}
+    start_mitsuba(device)
+    options = SceneOptions(width=width, inversion=InversionSettings(seed=seed),
+                           drawing=DrawOptions(draws=draws, seed=seed))
+    result = reconstruct(opened.image, read_scene(Path(scene)), calibration, known, options,
+                         families=stated, scale=scale, chart_glare=glare, progress=progress)
+    signals, joint, estimates = result.signals, result.joint, []
+    for index, name in enumerate(signals.names):
+        if signals.known[index]:
+            estimates.append(SpectrumEstimate(name, None,
+                                              given=(signals.grid.nm, signals.spectra[index])))
+            continue
+        spectra = result.spectra[name]
+        fitted = np.interp(spectra.summary.grid.nm, joint.grid.nm, joint.spectra[index])
+        estimates.append(SpectrumEstimate(
+            name, spectra.summary, measurement(signals, index), errors_by_cause(signals, index),
+            as_prior(None, stated.get(name, ())), spectra.samples, fitted))
+    return SceneSpectra(estimates, result, calibration)
+
+
+def _reflectance(given: str | Path | tuple[ArrayLike, ArrayLike]) -> np.ndarray:
+    """A known reflectance (P,) on the working grid."""
+    if isinstance(given, str | Path):
+        return spectrum_on_grid(read_spectrum(Path(given), role=Quantity.REFLECTANCE), GRID)
+    nm, values = (np.asarray(part, dtype=float) for part in given)
+    return on_grid(nm, values, GRID, "reflectance")
