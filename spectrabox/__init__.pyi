@@ -3,6 +3,8 @@ from .api.camera import CameraEstimate as CameraEstimate
 from .api.camera import fit_camera as fit_camera
 from .api.estimate import SpectrumEstimate as SpectrumEstimate
 from .api.estimates import SpectrumEstimates as SpectrumEstimates
+from .api.flat import FlatSpectra as FlatSpectra
+from .api.flat import flat as flat
 from .api.photo import ChartInPhoto as ChartInPhoto
 from .api.photo import Photo as Photo
 from .api.photo import find_chart as find_chart

@@ -17,7 +17,6 @@ from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.scene import certain_glare
 from spectrabox.measure.surface_spectra import score
-from spectrabox.measure.truth_scores import score
 from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.records import LightScale

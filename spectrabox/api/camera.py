@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import matplotlib.pyplot as plt
 import numpy as np
 
-from spectrabox.api.inputs import GRID, LightLike, as_chart, as_light
+from spectrabox.api.inputs import GRID, LightLike, as_chart, as_light, one_blas_thread
 from spectrabox.api.notebook import camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
@@ -117,6 +117,7 @@ class CameraEstimate:
         return camera_html(self)
 
 
+@one_blas_thread
 def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
                light: LightLike | list[LightLike], layout: str | Path | Chart | None = None,
                reference: str | None = None, chart_scene: str | Path | None = None,

@@ -1,12 +1,14 @@
 """What the public functions accept: paths, names, arrays and records, to records."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Union
+from typing import TYPE_CHECKING, ParamSpec, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
@@ -24,9 +26,22 @@ if TYPE_CHECKING:
 
 GRID = visible_grid()       # 400 to 700 nm in 1 nm steps, on which everything is integrated
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 Curves = tuple[ArrayLike, ArrayLike]        # wavelengths (Q,) in nm, values
 LightLike = str | Path | Spectrum | UnknownLight | Curves
 CameraLike = Union[str, Path, "CameraEstimate", Calibration, Curves]
+
+
+def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The function with one thread for small algebra, as commands run it: results repeat to the
+    last bit on any number of cores.
+    """
+    @functools.wraps(function)
+    def limited(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        with threadpool_limits(1, user_api="blas"):
+            return function(*args, **kwargs)
+    return limited
 
 
 def as_light(light: LightLike) -> Spectrum | UnknownLight:

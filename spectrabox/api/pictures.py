@@ -13,6 +13,7 @@ from spectrabox.api.inputs import (
     LightLike,
     as_prior,
     families_of,
+    one_blas_thread,
     relative_response,
 )
 from spectrabox.api.photo import Photo
@@ -21,6 +22,7 @@ from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 
+@one_blas_thread
 def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
            light: LightLike, noise: float = 0.01, white: ArrayLike | None = None,
            families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,

@@ -22,6 +22,7 @@ from spectrabox.api.inputs import (
     as_prior,
     as_spectrum,
     families_of,
+    one_blas_thread,
 )
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
@@ -88,6 +89,7 @@ class SceneSpectra(SpectrumEstimates):
         return axes
 
 
+@one_blas_thread
 def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: CameraLike,
                       light: LightLike, materials: Sequence[str] | Mapping[str, KnownSpectrum],
                       families: Mapping[str, str | Sequence[str]] | None = None,

@@ -15,6 +15,7 @@ from spectrabox.api.inputs import (
     LightLike,
     as_prior,
     families_of,
+    one_blas_thread,
     relative_response,
 )
 from spectrabox.measure.matching import SpectralLibrary, SurfaceMatch, match_signal
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 VARIATION = 0.01        # of white: how much surfaces of one material differ
 
 
+@one_blas_thread
 def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: ArrayLike = 0.0,
            white: ArrayLike | None = None, light_error: float = 0.0,
            sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,

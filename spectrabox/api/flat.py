@@ -1,0 +1,285 @@
+"""Spectra of regions of a flat sample, from one photo with a colour chart in it or beside it."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from math import hypot
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.api.inputs import (
+    GRID,
+    LightLike,
+    as_chart,
+    as_light,
+    as_prior,
+    families_of,
+    one_blas_thread,
+)
+from spectrabox.api.photo import Photo, open_photo
+from spectrabox.calibrate.chart_calibration import (
+    CalibrationOptions,
+    ChartCalibration,
+    ChartPhoto,
+    calibrate_chart,
+)
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.capture.chart.detection import find_chart
+from spectrabox.capture.chart.patches import require_unclipped
+from spectrabox.capture.chart.quality import judge_chart
+from spectrabox.capture.photo.binning import bin_image
+from spectrabox.capture.photo.regions import sample_regions
+from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.flat import flat_signals
+from spectrabox.measure.surface_signals import errors_by_cause, measurement, relative_errors
+from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.measure.white import (
+    FlatErrors,
+    FlatPhoto,
+    PhotoWhite,
+    far_notes,
+    level_notes,
+    white_at_regions,
+)
+from spectrabox.radiometry.chart import Chart, typical_camera_signals
+from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.records import (
+    Calibration,
+    ChartDetection,
+    LinearImage,
+    PatchSamples,
+    Quantity,
+    Spectrum,
+    SurfaceSignals,
+    SurfaceSpectrum,
+    UnknownLight,
+)
+from spectrabox.radiometry.spectra.spectrum_files import (
+    on_grid,
+    read_spectrum,
+    spectrum_on_grid,
+)
+from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
+from spectrabox.session.report.verdict import Verdict, judge
+from spectrabox.session.store.results import ChartResult, MaterialResult
+
+REPEATS = hypot(0.012, 0.009)       # light and shutter, where chart and samples are two photos
+GLARE = 0.005                       # veiling glare, of the picture's mean signal
+THUMBNAIL_PX, CHART_THUMBNAIL_PX = 96, 48   # wide: of photos that tell exposure and mean signal
+
+Outline = Sequence[float] | Sequence[Sequence[float]]
+KnownSpectrum = str | Path | float | tuple[ArrayLike, ArrayLike]
+
+
+class FlatSpectra(SpectrumEstimates):
+    """Estimates of the regions of a flat sample, with the calibration that they come from.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Sensitivities and light, or their products where the light is unknown.
+    signals : SurfaceSignals
+        Of the regions, relative to white, with their errors by cause.
+    light : dict
+        Of each region: the light on it relative to the chart's mean, and its relative error.
+    notes : tuple of str
+        What to beware of, in sentences.
+    """
+
+    def __init__(self, estimates: Sequence[SpectrumEstimate], signals: SurfaceSignals,
+                 white: PhotoWhite, photo: LinearImage, chart: ChartResult,
+                 calibrated: ChartCalibration, spectra: Mapping[str, SurfaceSpectrum],
+                 notes: tuple[str, ...]) -> None:
+        super().__init__(estimates)
+        self.calibration: Calibration = calibrated.calibration
+        self.signals, self.notes = signals, notes
+        self.light = {name: (float(np.exp(level)), float(error)) for name, level, error in zip(
+            white.samples.names, white.log_field, white.field_error, strict=True)}
+        self._white, self._photo, self._chart, self._spectra = white, photo, chart, spectra
+
+    @property
+    def verdict(self) -> str:
+        """"pass", "warn" or "fail", by the criteria of the report."""
+        return self._judged.status.name.lower()
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
+        worst = [criterion.sentence for criterion in self._judged.criteria
+                 if criterion.status is self._judged.status]
+        return [self._judged.sentence] if self.verdict == "pass" else worst
+
+    @cached_property
+    def _judged(self) -> Verdict:
+        """The verdict of the report on the same records; none of their files is read."""
+        nowhere, size = Path(), self._photo.signal.shape
+        regions = [self._region(index) for index in range(len(self.signals.names))]
+        shown = PhotoOfRegions("photo", nowhere, (size[1], size[0]), {}, None, self.light, None,
+                               dict(self._white.level_misfits))
+        return judge(FlatResults(
+            folder=nowhere, name="", operator="", notes="", bands=self.signals.bands, inputs=[],
+            chart=self._chart, calibration=self.calibration, sensitivity_truth=None,
+            photo=self._photo, photo_preview=nowhere, materials=regions,
+            signal_bands=self.signals.bands, stages=[], provenance={}, photos=[shown],
+            signals=self.signals, light={}, picture=None))
+
+    def _region(self, index: int) -> MaterialResult:
+        name, known = self.signals.names[index], self.signals.known[index]
+        spectrum = None if known else self._spectra[name]
+        none = np.zeros((len(self.signals.bands),) * 2)
+        return MaterialResult(
+            name, None, self.signals.signal[index], none, none,
+            None if spectrum is None else spectrum.summary,
+            None if spectrum is None else spectrum.samples,
+            relative_errors(self.signals, index), None, None)
+
+
+@one_blas_thread
+def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: LightLike = "unknown",
+         families: Mapping[str, str | Sequence[str]] | None = None,
+         known: Mapping[str, KnownSpectrum] | None = None,
+         chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
+         reference: str | None = None, corners: ArrayLike | None = None,
+         camera_prior: str | Path | None = None, draws: int = 4000, level: float = 0.95,
+         seed: int = 1, progress: Callable[[float, str], None] = lambda share, message: None
+         ) -> FlatSpectra:
+    """Spectra of regions of a flat sample: a painting, a print, a leaf.
+
+    Camera, light and its fall-off are found on the colour chart; no scene, no renderer and no
+    measured lamp are needed.
+
+    Parameters
+    ----------
+    photo : path or Photo
+        With the regions in it, and the chart unless ``chart_photo`` has it.
+    regions : mapping
+        From names to (x0, y0, x1, y1), two opposite corners, or to corners [(x, y), ...], in
+        pixels of the photo.
+    light : name, path, (nm, values) or Spectrum
+        "unknown" by default.
+    families : mapping, optional
+        What a surface is, by region: paint, textile, leaves, skin, white, earth or animal.
+    known : mapping, optional
+        Reflectance of regions that are known, a white card say: a number, a file, or (nm, values).
+    chart_photo : path or Photo, optional
+        The chart under the same light, by the same camera.
+    layout, reference, corners
+        As of `find_chart`.
+    camera_prior : path, optional
+        A prior made by ``spectrabox camera prior``.
+    draws, level, seed
+        Of the spectra behind each region.
+    progress : function, optional
+        Called with the share that is done, and what is being done.
+
+    Returns
+    -------
+    FlatSpectra
+        Estimates by region.
+
+    Raises
+    ------
+    ChartNotFoundError, ClippedPhotoError, CheckError
+        If the chart is not found, chart or regions are clipped, or a known region contradicts the
+        chart's light.
+    InputError
+        If a region leaves the photo, or the photos do not state how their exposures compare.
+
+    Examples
+    --------
+    >>> result = sb.flat(photo, {"wall": (986, 462, 1073, 537)}, families={"wall": "paint"})
+    >>> result["wall"].plot()
+    """
+    opened = photo if isinstance(photo, Photo) else open_photo(photo)
+    with_chart = opened if chart_photo is None else (
+        chart_photo if isinstance(chart_photo, Photo) else open_photo(chart_photo))
+    chart, stated = as_chart(layout), as_light(light)
+    progress(0.0, "finding the chart")
+    reflectances = reference_reflectances(reference, chart, GRID)
+    detection, patches = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
+    samples = sample_regions(opened.image, {name: _outline(one) for name, one in regions.items()})
+    progress(0.2, "fitting sensitivities")
+    options = CalibrationOptions(prior=None if camera_prior is None
+                                 else load_camera_prior(Path(camera_prior)))
+    calibrated = calibrate_chart([ChartPhoto(patches, reflectances, stated, chart=chart)], GRID,
+                                 options)
+    assert calibrated.prior_fit is not None
+    calibration = calibrated.calibration if isinstance(stated, UnknownLight) else replace(
+        calibrated.calibration, light=stated)
+    own_chart = with_chart is opened
+    thumbnail = _thumbnail(opened.image, THUMBNAIL_PX)
+    shown = FlatPhoto("photo", samples, thumbnail,
+                      _thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
+                      detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
+                      calibration)
+    errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, seed=seed)
+    spectra_known = {name: _reflectance(one) for name, one in (known or {}).items()}
+    progress(0.5, "light over the photo")
+    white = white_at_regions(shown, spectra_known, errors)
+    assert white is not None
+    named = {name: families_of((families or {}).get(name)) for name in regions}
+    bands = ("R", "G", "B") if opened.bands == 3 else tuple(
+        f"band {number + 1}" for number in range(opened.bands))
+    signals = flat_signals([shown], [white], named, spectra_known, bands, errors)
+    spectra = sample_surfaces(signals, DrawOptions(draws=draws, level=level, seed=seed), named,
+                              lambda share, name: progress(0.6 + 0.4 * share, name))
+    lit = np.full(len(calibrated.predicted), np.nan)
+    lit[~calibrated.excluded] = calibrated.prior_fit.photos[0].field
+    result = ChartResult(detection, patches, calibrated.predicted, lit / np.nanmax(lit), Path(),
+                         chart, held_out_patches(calibrated, reflectances),
+                         calibrated.prior_influence)
+    return FlatSpectra([_estimate(signals, index, spectra, named) for index in range(len(regions))],
+                       signals, white, thumbnail, result,
+                       replace(calibrated, calibration=calibration), spectra,
+                       (*opened.notes, *far_notes(white), *level_notes(white)))
+
+
+def _measured_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
+                    light: Spectrum | UnknownLight, corners: ArrayLike | None
+                    ) -> tuple[ChartDetection, PatchSamples]:
+    power = spectrum_on_grid(light, GRID) if isinstance(light, Spectrum) else None
+    reference = typical_camera_signals(reflectances, GRID, power)
+    detection = find_chart(photo, reference,
+                           None if corners is None else np.asarray(corners, float), chart)
+    samples = judge_chart(photo, detection, reference, chart).samples
+    require_unclipped(samples, chart.names, photo.source)
+    return detection, samples
+
+
+def _estimate(signals: SurfaceSignals, index: int, spectra: Mapping[str, SurfaceSpectrum],
+              families: Mapping[str, Sequence[str]]) -> SpectrumEstimate:
+    name = signals.names[index]
+    if signals.known[index]:
+        return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
+    return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
+                            errors_by_cause(signals, index), as_prior(None, families[name]),
+                            spectra[name].samples)
+
+
+def _outline(region: Outline) -> list[tuple[float, float]]:
+    """Corners (x, y) of a region, going round."""
+    points = np.asarray(region, dtype=float)
+    if points.shape == (4,):
+        x0, y0, x1, y1 = points.tolist()
+        return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    return [(x, y) for x, y in points.tolist()]
+
+
+def _thumbnail(photo: LinearImage, width_px: int) -> LinearImage:
+    height, width = photo.signal.shape[:2]
+    return bin_image(photo, width_px, max(round(width_px * height / width), 1))
+
+
+def _reflectance(known: KnownSpectrum) -> np.ndarray:
+    """A known reflectance (P,) on the working grid."""
+    if isinstance(known, int | float):
+        return np.full(GRID.nm.size, float(known))
+    if isinstance(known, str | Path):
+        return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), GRID)
+    nm, values = (np.asarray(part, dtype=float) for part in known)
+    return on_grid(nm, values, GRID, "reflectance")
