@@ -9,7 +9,7 @@ from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import decode_srgb, tristimulus
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records import LinearImage, WavelengthGrid
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides
 MUCH_GLARE = 0.02            # of the brightest patch
@@ -141,3 +141,14 @@ def _without_glare(photo: ChartEquations) -> np.ndarray | None:
     ratio = grey[darkest] / grey[lightest]
     offset = (photo.signal[darkest] - ratio * photo.signal[lightest]) / (1 - ratio)
     return np.maximum(photo.signal - offset, 1e-3 * photo.signal[lightest])
+
+
+def certain_glare(fit: PriorFit | None, chart_photo: LinearImage) -> np.ndarray:
+    """Glare (K,) of the first chart photo in the bands where it is beyond chance, of the picture's
+    mean signal; 0 where no fit tells.
+    """
+    if fit is None:
+        return np.zeros(1)
+    state = fit.photos[0]
+    certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
+    return np.where(certain, np.abs(state.glare) / chart_photo.signal.mean(axis=(0, 1)), 0.0)

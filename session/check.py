@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.scene import require_same_shape
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.system.free_memory import free_memory
+from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.config.curve_sources import SpectrumTable
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import try_read_session

@@ -21,7 +21,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
-from spectrabox.measure.scene_errors import with_photo_errors
+from spectrabox.measure.scene.photo_errors import with_photo_errors
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError

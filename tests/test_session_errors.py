@@ -11,11 +11,11 @@ from test_posterior_laws import SMOOTH, mixture_of
 from test_session_laws import drift, views
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
+from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure.chart_check import patches_without
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
-from spectrabox.measure.scene import certain_glare
 from spectrabox.measure.surface_spectra import score
 from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error

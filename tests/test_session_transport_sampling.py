@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from spectrabox.measure.scene_draws import _of_stray_light, _of_tails
-from spectrabox.measure.scene_errors import with_stray_light
+from spectrabox.measure.scene.draws import _of_stray_light, _of_tails
+from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba

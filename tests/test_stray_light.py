@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
-from spectrabox.measure.scene_errors import with_stray_light
+from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
 from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
 from spectrabox.radiometry.error_model import CAUSES, GLARE, LAMP_AT_CHART, STRAY_LIGHT

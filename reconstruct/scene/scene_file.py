@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage
 from spectrabox.reconstruct.scene.import_scene import (
     COLOURING,
     SPECTRAL_FACTOR,
@@ -36,6 +37,7 @@ MAX_DEPTH = 256         # reflections along a path; white walls leave 1e-6 of th
 MAX_SIDE = 100_000      # pixels of a film
 SHOWN = 5               # files in a sentence
 PROFILE = "profile"     # of an area light: a <string> that names its file; no Mitsuba knows it
+MAX_ASPECT_ERROR = 0.01     # photo against film: above, the two do not show the same view
 
 
 @dataclass(frozen=True)
@@ -284,3 +286,27 @@ def light_id(root: ET.Element, light: ET.Element) -> str:
         if light in list(shape):
             return shape.get("id", "")
     return light.get("id", light.get("type", ""))
+
+
+def require_same_shape(photo: LinearImage, scene: SceneFile, name: str) -> None:
+    """Refuse a photo whose shape is not that of the scene's film.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    scene : SceneFile
+    name : str
+        Of the photo's file, for the message.
+
+    Raises
+    ------
+    InputError
+        Naming both sizes.
+    """
+    height, width = photo.signal.shape[:2]
+    mismatch = (width / height) / (scene.width / scene.height) - 1
+    if abs(mismatch) > MAX_ASPECT_ERROR:
+        full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
+        raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
+                         f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the "
+                         "whole photo uncropped, or correct the film's width and height")

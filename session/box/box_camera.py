@@ -10,7 +10,7 @@ from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, V
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.geometry.lens import Lens
-    from spectrabox.measure.box_camera import BoxCamera
+    from spectrabox.measure.scene.box_camera import BoxCamera
 
 COLMAP = f"{FILE_NAME}: scene.box.colmap"
 SHOWN = 12              # names of pictures in an error
@@ -56,7 +56,7 @@ def box_camera(config: SessionConfig, view: ViewInputs | None = None) -> BoxCame
     """
     # OpenCV and SciPy are not needed where nobody asks for a camera
     from spectrabox.calibrate.geometry.lens_files import read_lens
-    from spectrabox.measure.box_camera import (
+    from spectrabox.measure.scene.box_camera import (
         camera_from_corners,
         measured_camera,
         require_in_front,
@@ -101,7 +101,7 @@ def corners_in_photo(config: SessionConfig,
     InputError, CheckError
         As ``box_camera``.
     """
-    from spectrabox.measure.box_camera import visible_corners
+    from spectrabox.measure.scene.box_camera import visible_corners
     view = view or config.all_views[0]
     return visible_corners(box_camera(config, view),
                            _box(config).turned(view.turn_deg).corner_positions())
@@ -155,7 +155,7 @@ def colmap_files(config: SessionConfig) -> list[str]:
 def _model_camera(config: SessionConfig, image: str, size: tuple[int, int]) -> BoxCamera:
     """The camera of one picture of the session's COLMAP model."""
     from spectrabox.calibrate.geometry.colmap_model import read_colmap
-    from spectrabox.measure.box_camera import camera_from_model
+    from spectrabox.measure.scene.box_camera import camera_from_model
     table = _box(config).colmap
     assert table is not None
     images = read_colmap(config.path(table.folder))

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from spectrabox.measure.box_camera import BoxCamera
+from spectrabox.measure.scene.box_camera import BoxCamera
 
 
 def camera_facts(camera: BoxCamera) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """What was estimated of a session's scenes: positions of lamp and cameras, with errors."""
 from __future__ import annotations
 
-from spectrabox.measure.scene_geometry import (
+from spectrabox.measure.scene.geometry import (
     SceneGeometry,
     camera_placement,
     lamp_placements,

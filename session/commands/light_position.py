@@ -65,7 +65,6 @@ def light(request: LightRequest) -> Answer:
     check_device(request.device)
     from spectrabox.capture.photo.binning import bin_image, render_size
     from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.measure.scene import require_same_shape
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.grid import visible_grid
     from spectrabox.radiometry.records import Outcome
@@ -80,7 +79,7 @@ def light(request: LightRequest) -> Answer:
         refine_light_position,
     )
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
-    from spectrabox.reconstruct.scene.scene_file import read_scene
+    from spectrabox.reconstruct.scene.scene_file import read_scene, require_same_shape
     from spectrabox.session.progress_display import progress_display
     check_ending(request.out, {".xml": "the scene with the light moved"})
     require_new(request.out, request.force, request.photo, request.reflectances)

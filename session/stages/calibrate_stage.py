@@ -17,9 +17,9 @@ from spectrabox.calibrate.chart_calibration import (
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.sensitivity import scale_of_photo
+from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.chart_check import held_out_patches
-from spectrabox.measure.scene import certain_glare
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.records import (
     Calibration,

@@ -10,7 +10,7 @@ from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import preview_rgb8
-from spectrabox.measure.scene import require_same_shape
+from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.box.box_camera import lens_of_view
 from spectrabox.session.stages.inputs import read_photo, require_exposed
 from spectrabox.session.stages.scenes import read_session_scene

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.scene import learnt_spectra
-from spectrabox.measure.scene_draws import require_one_transport
-from spectrabox.measure.scene_errors import with_photo_errors
+from spectrabox.measure.scene.draws import require_one_transport
+from spectrabox.measure.scene.photo_errors import with_photo_errors
+from spectrabox.measure.scene.reconstruction import learnt_spectra
 from spectrabox.measure.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import InputError

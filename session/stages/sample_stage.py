@@ -24,7 +24,7 @@ def draw_surfaces(task: StageTask) -> dict[str, Any]:
     jointly: dict[str, SpectrumSamples] = {}
     if config.sampling.through == "transport":
         # with scipy.linalg, a quarter of a second to import
-        from spectrabox.measure.scene_draws import draw_through_transport
+        from spectrabox.measure.scene.draws import draw_through_transport
         task.progress(0.0, "all materials at once")
         jointly = draw_through_transport(
             calibrations_of(config, task.stored)[0], joint_of(task.stored), config.sampling.draws,

@@ -26,8 +26,9 @@ from spectrabox.api.inputs import (
 )
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
-from spectrabox.measure.scene import SceneEstimate, SceneOptions, certain_glare
-from spectrabox.measure.scene import reconstruct_scene as reconstruct
+from spectrabox.calibrate.trust import certain_glare
+from spectrabox.measure.scene.reconstruction import SceneEstimate, SceneOptions
+from spectrabox.measure.scene.reconstruction import reconstruct_scene as reconstruct
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error

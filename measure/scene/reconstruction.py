@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from spectrabox.calibrate.sensitivity import PriorFit
-from spectrabox.calibrate.trust import GLARE_SIGMA
 from spectrabox.capture.photo.binning import bin_image, render_size
-from spectrabox.measure.scene_errors import with_photo_errors
+from spectrabox.measure.scene.photo_errors import with_photo_errors
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.errors import InputError
@@ -25,7 +23,11 @@ from spectrabox.radiometry.records import (
     SurfaceSpectrum,
 )
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
-from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials
+from spectrabox.reconstruct.scene.scene_file import (
+    SceneFile,
+    check_materials,
+    require_same_shape,
+)
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import (
@@ -37,7 +39,6 @@ from spectrabox.sampling.prior.mixture import (
 from spectrabox.sampling.prior.mixture_posterior import posterior
 from spectrabox.sampling.spline_measurement import response_on
 
-MAX_ASPECT_ERROR = 0.01     # photo against film: above, the two do not show the same view
 # of the light's strength where nothing states it: brightnesses relative to a first guess
 TRIED_SCALES = np.geomspace(0.4, 4.0, 93)
 COARSE_WIDTH = 40           # of the view that the strength is estimated from, in pixels
@@ -184,38 +185,3 @@ def learnt_spectra(families: Sequence[str]) -> LearntSpectra:
     """Mean and covariance of the learnt prior, of some families if any are stated."""
     prior = of_families(load_prior(), families)
     return LearntSpectra(np.asarray(prior.nm), *reflectance_moments(prior))
-
-
-def certain_glare(fit: PriorFit | None, chart_photo: LinearImage) -> np.ndarray:
-    """Glare (K,) of the first chart photo in the bands where it is beyond chance, of the picture's
-    mean signal; 0 where no fit tells.
-    """
-    if fit is None:
-        return np.zeros(1)
-    state = fit.photos[0]
-    certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
-    return np.where(certain, np.abs(state.glare) / chart_photo.signal.mean(axis=(0, 1)), 0.0)
-
-
-def require_same_shape(photo: LinearImage, scene: SceneFile, name: str) -> None:
-    """Refuse a photo whose shape is not that of the scene's film.
-
-    Parameters
-    ----------
-    photo : LinearImage
-    scene : SceneFile
-    name : str
-        Of the photo's file, for the message.
-
-    Raises
-    ------
-    InputError
-        Naming both sizes.
-    """
-    height, width = photo.signal.shape[:2]
-    mismatch = (width / height) / (scene.width / scene.height) - 1
-    if abs(mismatch) > MAX_ASPECT_ERROR:
-        full = (round(width * photo.sensor_step), round(height * photo.sensor_step))
-        raise InputError(f"{name} is {full[0]} x {full[1]} pixels, but {scene.path.name} expects "
-                         f"{scene.width} x {scene.height} ({mismatch:+.0%} in shape): give the "
-                         "whole photo uncropped, or correct the film's width and height")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.measure.box_camera import BoxCamera, undistorted_shares, visible_corners
+from spectrabox.measure.scene.box_camera import BoxCamera, undistorted_shares, visible_corners
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.scene.box_scene import box_edges
 from spectrabox.reconstruct.scene.box_tables import BoxTable, LampTable

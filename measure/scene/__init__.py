@@ -1,0 +1,1 @@
+"""Scenes: inverse rendering, draws through the light transport, errors of photos, geometry."""
