@@ -26,7 +26,7 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.calibrate.sensitivity import fit_sensitivities, fit_with_prior
-from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import light
@@ -60,7 +60,7 @@ def photograph(truth: np.ndarray, reflectances: np.ndarray, power: np.ndarray, n
     """Signals (24, 3) and their variances."""
     signal = reflectances @ (truth * power * GRID.weights_nm).T
     if distort:
-        across = patch_centres_uv()[:, 0]
+        across = CLASSIC.centres_uv[:, 0]
         across = (across - across.min()) / np.ptp(across)
         signal = signal * (1 - FALL_OFF * across)[:, None] + GLARE * signal.max(axis=0)
     variance = (noise * np.maximum(signal, FLOOR * signal.max(axis=0))) ** 2
@@ -85,7 +85,7 @@ def fit_one(method: str, shots: list[Shot], reflectances: np.ndarray, prior: Cam
     covariances = [np.einsum("ik,kl->ikl", shot.variance, np.eye(shot.signal.shape[1]))
                    for shot in shots]
     if method == "prior":
-        terms = field_terms(patch_centres_uv()) if with_field else np.zeros((24, 0))
+        terms = field_terms(CLASSIC.centres_uv) if with_field else np.zeros((24, 0))
         photos = [ChartEquations(shot.signal, covariance, reflectances,
                                  shot.power * GRID.weights_nm, np.full(24, np.pi), terms,
                                  glare=with_field)

@@ -33,7 +33,6 @@ from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.appearance import tristimulus_weights
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.colour_upsampling import upsampled
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import RegionSamples
@@ -115,7 +114,6 @@ def alternatives(case: FlatCase, patches: np.ndarray, samples: np.ndarray) -> di
     patches : (24, K) array
     samples : (n, K) array
     """
-    colour_science()
     from colour.characterisation import polynomial_expansion_Finlayson2015
     reflectances = chart_reflectances("BabelColor Average", GRID)
     scale = patches.max(axis=0)

@@ -22,7 +22,7 @@ from spectrabox.calibrate.products.lamps import all_lamps
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.measure.chart_check import patches_without
-from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples
@@ -34,7 +34,7 @@ from benchmarks.bench_unknown_makers import makers_of, prior_without
 GRID = visible_grid()
 ERRORS = {"1 % in common, 0.2 % a band": (0.01, 0.002), "1 % a band": (0.0, 0.01),
           "0.7 % in common, 0.7 % a band": (0.007, 0.007)}
-TERMS = field_terms(patch_centres_uv())
+TERMS = field_terms(CLASSIC.centres_uv)
 NORMAL_90 = 1.645
 
 
@@ -51,7 +51,7 @@ def photographed(curves: np.ndarray, lamp: np.ndarray, error: tuple[float, float
     zero = np.zeros(signal.shape)
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), zero, zero)
     photo = chart_equations(samples, reflectances, lamp if stated else np.ones_like(lamp),
-                            np.full(24, np.pi), GRID, positions=patch_centres_uv())
+                            np.full(24, np.pi), GRID, positions=CLASSIC.centres_uv)
     return photo, white, field
 
 

@@ -29,7 +29,7 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps
 from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
@@ -63,13 +63,13 @@ def simulated(curves: np.ndarray, lamp: np.ndarray, surfaces: np.ndarray,
     level = product.sum(axis=1) / product.sum(axis=1).max()
     products = product / product.sum(axis=1, keepdims=True)
     reflectances = chart_reflectances("BabelColor Average", GRID)
-    field = np.exp(field_terms(patch_centres_uv()) @ (rng.standard_normal(5) * FIELD_SD))
+    field = np.exp(field_terms(CLASSIC.centres_uv) @ (rng.standard_normal(5) * FIELD_SD))
     signal = reflectances @ products.T * level * field[:, None]
     signal = signal * (1 + NOISE * rng.standard_normal(signal.shape)) + rng.uniform(0, MAX_GLARE)
     zero = np.zeros(signal.shape)
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), zero, zero)
     photo = chart_equations(samples, reflectances, np.ones_like(GRID.nm), np.full(24, np.pi), GRID,
-                            positions=patch_centres_uv())
+                            positions=CLASSIC.centres_uv)
     seen = surfaces @ products.T * level
     return Case(photo, products, level, seen * (1 + NOISE * rng.standard_normal(seen.shape)),
                 surfaces)

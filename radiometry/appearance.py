@@ -93,7 +93,7 @@ def tristimulus(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
         Ascending.
     reflectance : (P,) array
     """
-    table_nm, weights = _d65_weights()
+    table_nm, weights = _weights_under("D65")
     return weights @ np.interp(table_nm, nm, reflectance)
 
 
@@ -137,10 +137,6 @@ def tristimulus_weights(nm: np.ndarray, light: str) -> np.ndarray:
     table_nm, weights = _weights_under(light)
     return np.asarray(weights @ np.array([np.interp(table_nm, nm, unit)
                                           for unit in np.eye(len(nm))]).T)
-
-
-def _d65_weights() -> tuple[np.ndarray, np.ndarray]:
-    return _weights_under("D65")
 
 
 @functools.cache

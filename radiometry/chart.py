@@ -169,16 +169,6 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
     return on_grid(nm, patches, grid, reference)
 
 
-def patch_centres_uv(chart: Chart = CLASSIC) -> np.ndarray:
-    """Centres (I, 2) of the patches as fractions of the card, from the first patch's corner."""
-    return chart.centres_uv
-
-
-def patch_size_uv(chart: Chart = CLASSIC) -> np.ndarray:
-    """Width and height (2,) of the first patch in the same fractions."""
-    return np.asarray(chart.sizes_uv[0])
-
-
 def plane_centres(chart: Chart = CLASSIC) -> np.ndarray:
     """Centres (I, 2) of the patches in widths of the card, from its corner at the first patch."""
     return chart.centres_uv * np.array([1.0, chart.card[1] / chart.card[0]])
@@ -235,7 +225,7 @@ def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
     return reflectances @ (bands / bands.sum(axis=1, keepdims=True)).T
 
 
-def excluded_patches(numbers: Sequence[int], chart: Chart, place: str) -> np.ndarray:
+def excluded_patches(numbers: Sequence[int], chart: Chart, setting: str) -> np.ndarray:
     """Whether each patch (I,) is excluded from every fit by the operator.
 
     Parameters
@@ -243,7 +233,7 @@ def excluded_patches(numbers: Sequence[int], chart: Chart, place: str) -> np.nda
     numbers : sequence of int
         From 1, in chart order.
     chart : Chart
-    place : str
+    setting : str
         Where the operator wrote them, for the message.
 
     Raises
@@ -254,6 +244,6 @@ def excluded_patches(numbers: Sequence[int], chart: Chart, place: str) -> np.nda
     patches = len(chart.names)
     for number in numbers:
         if not 1 <= number <= patches:
-            raise InputError(f"{place} {number} is no patch; those of the {chart.name} are "
+            raise InputError(f"{setting} {number} is no patch; those of the {chart.name} are "
                              f"numbered 1 to {patches}, {chart.names[0]} first")
     return np.isin(np.arange(1, patches + 1), list(numbers))

@@ -1,42 +1,9 @@
-"""The one way into colour-science: imported when first needed, and without its plotting until
-somebody plots.
-
-Importing colour-science also imports its plotting, and with it Matplotlib's user interface: half of
-the three seconds that it takes. A stand-in puts that off to the first use, for us and for everybody
-else in the process.
-"""
+"""What colour-science computes for us; it takes a second to import, so only where it is needed."""
 from __future__ import annotations
 
-import importlib
-import sys
 import warnings
-from types import ModuleType
-from typing import Any
 
 import numpy as np
-
-PLOTTING = "colour.plotting"
-
-
-def colour_science() -> ModuleType:
-    """The module ``colour``, without its warnings about optional packages."""
-    if "colour" not in sys.modules:
-        stand_in = ModuleType(PLOTTING)
-        stand_in.__getattr__ = _plotting_attribute  # type: ignore[method-assign]
-        sys.modules[PLOTTING] = stand_in
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return importlib.import_module("colour")
-
-
-def _plotting_attribute(name: str) -> Any:
-    """Load the real plotting in the stand-in's place, and look the name up there."""
-    if name.startswith("__"):
-        raise AttributeError(name)
-    sys.modules.pop(PLOTTING, None)
-    plotting = importlib.import_module(PLOTTING)
-    sys.modules["colour"].plotting = plotting  # type: ignore[attr-defined]
-    return getattr(plotting, name)
 
 
 def aces_idt(nm: np.ndarray, curves: np.ndarray, illuminant: str) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +21,8 @@ def aces_idt(nm: np.ndarray, curves: np.ndarray, illuminant: str) -> tuple[np.nd
     illuminant : str
         CIE name, such as D55.
     """
-    colour = colour_science()
+    import colour
+
     each_nm = np.arange(380.0, 781.0, 5.0)
     curves = np.array([np.interp(each_nm, nm, curve, left=0, right=0) for curve in curves])
     sensitivities = colour.characterisation.RGB_CameraSensitivities(
@@ -63,3 +31,19 @@ def aces_idt(nm: np.ndarray, curves: np.ndarray, illuminant: str) -> tuple[np.nd
         warnings.simplefilter("ignore")         # it says that it aligns its own tables
         matrix, balance = colour.matrix_idt(sensitivities, colour.SDS_ILLUMINANTS[illuminant])
     return np.asarray(matrix), np.asarray(balance)
+
+
+def adapted_srgb(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """8-bit sRGB (..., 3) of tristimulus values seen by somebody adapted to the light.
+
+    Parameters
+    ----------
+    xyz : (..., 3) array
+        Y = 1 for white.
+    white : (3,) array
+        Of a perfect reflector under the light.
+    """
+    import colour
+
+    rgb = colour.XYZ_to_sRGB(xyz, illuminant=colour.XYZ_to_xy(white))
+    return np.asarray(np.round(255 * np.clip(rgb, 0, 1)), dtype=np.uint8)

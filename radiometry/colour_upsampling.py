@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import relative_response
@@ -46,7 +45,8 @@ def upsampled(relative_xyz: np.ndarray, grid: WavelengthGrid, method: str) -> np
         raise InputError(f"{method!r} is no method that is known; known are {', '.join(METHODS)}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        colour = colour_science()
+        import colour
+
         white = colour.xy_to_XYZ(
             colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"])
         spectrum = _recovered(colour, relative_xyz * white, method)

@@ -72,7 +72,7 @@ def product_after(exponents: np.ndarray) -> np.ndarray:
 
 
 def lower_products(exponents: np.ndarray) -> np.ndarray:
-    """Index (E, M) of the product with one reflection off m less; E where there is none.
+    """Index (E, M) of the product with one fewer reflection off m; E where there is none.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def products(exponents: np.ndarray, reflectances: np.ndarray) -> np.ndarray:
     reflectances : (M, P) array
     """
     values = np.ones((len(exponents) + 1, reflectances.shape[1]))
-    for level, parent, material in _recurrence(exponents.tobytes(), exponents.shape):
+    _, steps = _recurrence(exponents.tobytes(), exponents.shape)
+    for level, parent, material in steps:
         values[level] = values[parent] * reflectances[material]
     return values[:-1]
 
@@ -133,7 +134,7 @@ def band_products_jacobian(exponents: np.ndarray, reflectances: np.ndarray, resp
         Indices of the materials whose coefficients vary.
     """
     values = np.vstack([products(exponents, reflectances), np.zeros(reflectances.shape[1])])
-    lower = lower_table(exponents)
+    lower, _ = _recurrence(exponents.tobytes(), exponents.shape)
     bands, coefficients = response.shape[0], basis.shape[1]
     carrier = (response.T[:, :, None] * basis[:, None, :]).reshape(len(basis), bands * coefficients)
     jacobian = np.empty((len(exponents), bands, len(unknown), coefficients))
@@ -161,16 +162,6 @@ def signal(coefficients: np.ndarray, exponents: np.ndarray, reflectances: np.nda
     terms = products(exponents, reflectances)
     return np.einsum("rle,lke->rk", coefficients, np.einsum("ep,lkp->lke", terms, response),
                      optimize=True)
-
-
-def lower_table(exponents: np.ndarray) -> np.ndarray:
-    """``lower_products``, kept: a fit asks for the same table at every step.
-
-    Parameters
-    ----------
-    exponents : (E, M) int array
-    """
-    return _lower_table(exponents.tobytes(), exponents.shape)
 
 
 def prune(exponents: np.ndarray, coefficients: np.ndarray, brightest: float,
@@ -210,14 +201,11 @@ def prune(exponents: np.ndarray, coefficients: np.ndarray, brightest: float,
 
 
 @functools.lru_cache(maxsize=8)
-def _lower_table(content: bytes, shape: tuple[int, ...]) -> np.ndarray:
-    return lower_products(np.frombuffer(content, dtype=np.int64).reshape(shape))
-
-
-@functools.lru_cache(maxsize=8)
-def _recurrence(content: bytes,
-                shape: tuple[int, ...]) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]:
-    """Per degree: products of it, the product each is reached from, and the material met last."""
+def _recurrence(content: bytes, shape: tuple[int, ...]
+                ) -> tuple[np.ndarray, tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]]:
+    """``lower_products``; and per degree its products, the product from which each is reached, and
+    the material encountered last. Kept: a fit asks for the same at every step.
+    """
     exponents = np.frombuffer(content, dtype=np.int64).reshape(shape)
     degree = exponents.sum(axis=1)
     lower = lower_products(exponents)
@@ -226,4 +214,4 @@ def _recurrence(content: bytes,
         level = np.flatnonzero(degree == value)
         material = np.argmax(exponents[level] > 0, axis=1)
         steps.append((level, lower[level, material], material))
-    return tuple(steps)
+    return lower, tuple(steps)

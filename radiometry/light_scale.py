@@ -19,31 +19,10 @@ NOTABLE_ROUNDING = 0.001
 SIGNIFICANCE = 1e-3         # of a change of colour, falsely in one pair of photos of a thousand
 
 
-def exposure_product(photo: LinearImage, name: str) -> float:
-    """Exposure time x ISO / f-number squared, to which a linear signal is proportional.
-
-    Parameters
-    ----------
-    photo : LinearImage
-    name : str
-        Of the photo, for errors.
-
-    Raises
-    ------
-    InputError
-        If the photo does not say how it was exposed.
-    """
-    if photo.exposure_s is None:
-        raise InputError(f"{name} states no exposure time, so its signal cannot be compared with "
-                         "the chart photo's; take the scale from a known material instead ([scale] "
-                         "from = \"material\")")
-    iso = photo.iso if photo.iso is not None else 1.0
-    f_number = photo.f_number if photo.f_number else 1.0
-    return photo.exposure_s * iso / f_number**2
-
-
 def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
     """Exposure of a photo relative to that of another, by their stated settings.
+
+    A linear signal is proportional to exposure time x ISO / f-number squared.
 
     Parameters
     ----------
@@ -58,7 +37,15 @@ def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
         if (getattr(before, setting) is None) != (getattr(after, setting) is None):
             raise InputError(f"only one of {before.source} and {after.source} states its "
                              f"{setting}; shoot both with the same camera settings")
-    return exposure_product(after, after.source) / exposure_product(before, before.source)
+    exposures = []
+    for photo in (after, before):
+        if photo.exposure_s is None:
+            raise InputError(f"{photo.source} states no exposure time, so its signal cannot be "
+                             "compared with the chart photo's; take the scale from a known "
+                             "material instead ([scale] from = \"material\")")
+        iso = photo.iso if photo.iso is not None else 1.0
+        exposures.append(photo.exposure_s * iso / (photo.f_number or 1.0)**2)
+    return exposures[0] / exposures[1]
 
 
 def rounding_error(before: LinearImage, after: LinearImage) -> float:
@@ -162,7 +149,7 @@ def light_drift(before: np.ndarray, after: np.ndarray,
     ----------
     before, after : (R, K) arrays
         Signals of the same R neutral regions, divided by their exposures (see
-        ``exposure_product``).
+        ``exposure_ratio``).
     relative_error : float
         Of each signal.
 
@@ -246,12 +233,12 @@ def _colour_error(before: np.ndarray, after: np.ndarray, relative_error: float) 
 
 def _sentence(level: float, error: float, colour: np.ndarray, changed: bool, rounded: float) -> str:
     word = "brighter" if level > 1 else "dimmer"
-    said = (f"the light was {abs(level - 1):.2%} {word} in the object photo than in the chart "
-            f"photo (standard error {error:.2%}); the light scale takes it into account")
+    sentence = (f"the light was {abs(level - 1):.2%} {word} in the object photo than in the chart "
+                f"photo (standard error {error:.2%}); the light scale takes it into account")
     if rounded > NOTABLE_ROUNDING:
-        said += f"; {rounded:.1%} of it may be how the camera rounds the exposures it states"
+        sentence += f"; {rounded:.1%} of it may be how the camera rounds the exposures it states"
     if changed:
-        said += (f"; its colour changed by up to {np.abs(colour).max():.2%}, which widens every "
-                 "error: let the lamp warm up, take both photos closer in time, or measure its "
-                 "spectrum at both")
-    return said
+        sentence += (f"; its colour changed by up to {np.abs(colour).max():.2%}, which widens "
+                     "every error: let the lamp warm up, take both photos closer in time, or "
+                     "measure its spectrum at both")
+    return sentence

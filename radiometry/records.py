@@ -51,9 +51,8 @@ class Outcome(Enum):
              "reached.")
     AS_PUBLISHED = "As published: a box around one solution, which under-states the spread."
     RANKED = "Ranked, not conditioned: draws need not agree with what was measured."
-    UNFAMILIAR = ("The signal is unlike those of the measured reflectances that the prior was "
-                  "learnt on: drawn from the wider smoothness prior instead, whose bands are not "
-                  "calibrated.")
+    UNFAMILIAR = ("This colour is unlike any in the training data: a wider band of untested "
+                  "coverage is shown.")
     TOO_ROUGH = ("Only spectra rougher than any that were measured give the signal: the draws are "
                  "of the smoothness prior and come as near to it as they can; check the "
                  "calibration.")

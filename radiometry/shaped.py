@@ -24,7 +24,14 @@ class Record:
             if value is None:
                 continue
             array = np.asarray(value)
-            _check_shape(type(self).__name__, name, array.shape, letters.split(), sizes)
+            field = f"{type(self).__name__}.{name}"
+            if array.ndim != len(letters.split()):
+                raise ValueError(f"{field} has shape {array.shape}; ({letters}) is needed")
+            for size, letter in zip(array.shape, letters.split(), strict=True):
+                expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
+                if size != expected:
+                    raise ValueError(f"{field} has shape {array.shape}; ({letters}) with {letter} "
+                                     f"= {expected} is needed")
             if array.flags.writeable:
                 array = array.copy() if array is value else array
                 array.flags.writeable = False
@@ -44,15 +51,3 @@ def _letters(hint: Any) -> str | None:
         return hint.__metadata__[0]
     inner = [letters for part in typing.get_args(hint) if (letters := _letters(part)) is not None]
     return inner[0] if inner else None
-
-
-def _check_shape(record: str, field: str, shape: tuple[int, ...], letters: list[str],
-                 sizes: dict[str, int]) -> None:
-    wanted = " ".join(letters)
-    if len(shape) != len(letters):
-        raise ValueError(f"{record}.{field} has shape {shape}; ({wanted}) is needed")
-    for size, letter in zip(shape, letters, strict=True):
-        expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
-        if size != expected:
-            raise ValueError(f"{record}.{field} has shape {shape}; ({wanted}) with {letter} = "
-                             f"{expected} is needed")

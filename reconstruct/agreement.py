@@ -304,7 +304,12 @@ def edge_shift(measured: np.ndarray,
     ----------
     measured, rendered : (H, W, K) signal
     """
-    a, b = (_edges(image) for image in (measured, rendered))
+    edges = np.zeros((2, *measured.shape[:2]))      # their strength, without the frame's
+    for strength, image in zip(edges, (measured, rendered), strict=True):
+        grey = np.log(np.maximum(image.mean(axis=2), 1e-3 * np.percentile(image, 95)))
+        strength[1:-1, 1:-1] = np.hypot(grey[2:, 1:-1] - grey[:-2, 1:-1],
+                                        grey[1:-1, 2:] - grey[1:-1, :-2])
+    a, b = edges - edges.mean(axis=(1, 2), keepdims=True)
     size = np.linalg.norm(a) * np.linalg.norm(b)
     correlation = np.fft.ifft2(np.fft.fft2(a) * np.conj(np.fft.fft2(b))).real
     correlation = correlation / (size if size else 1.0)
@@ -338,13 +343,3 @@ def shift_sentence(measured: np.ndarray, rendered: np.ndarray) -> str:
             f"{down:+.1f} down, of {measured.shape[1]} across (its edges then agree with a "
             f"correlation of {best:.2f}, unmoved {correlation[0, 0]:.2f}): check the camera's "
             "pose, or whether the photo was cropped")
-
-
-def _edges(image: np.ndarray) -> np.ndarray:
-    """Strength (H, W) of the edges of a picture, relative to its brightness there, without the
-    frame's.
-    """
-    grey = np.log(np.maximum(image.mean(axis=2), 1e-3 * np.percentile(image, 95)))
-    edges = np.zeros(grey.shape)
-    edges[1:-1, 1:-1] = np.hypot(grey[2:, 1:-1] - grey[:-2, 1:-1], grey[1:-1, 2:] - grey[1:-1, :-2])
-    return edges - edges.mean()

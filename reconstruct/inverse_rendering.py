@@ -194,7 +194,14 @@ def joint_record(views: Sequence[View], records: Sequence[Reconstruction],
 
 def _record(view: View, solution: ViewSolution, settings: InversionSettings) -> Reconstruction:
     """The solution with all that a later stage or a reader needs."""
-    scale = _light_scale(view, solution)
+    # the given scale; or that of the known materials; or that of the fit
+    if (scale := view.light_scale) is None:
+        known_surface = view.known_surface
+        if (known_surface >= 0).any():
+            scale = scale_from_surfaces(view.measured, solution.renderings.mean(axis=0),
+                                        known_surface, f"known material {', '.join(view.known)}")
+        else:
+            scale = LightScale(*solution.scale, None, "materials in common with the other photos")
     renderings = solution.renderings * scale.value
     rendered = renderings.mean(axis=0)
     names, materials = tuple(view.scene_file.surfaces), view.surface_materials
@@ -228,18 +235,6 @@ def _record(view: View, solution: ViewSolution, settings: InversionSettings) -> 
         notes=(*solution.notes, *(misfit.sentence for misfit in misfits),
                *([shift] if shift else [])),
         misfits=misfits)
-
-
-def _light_scale(view: View, solution: ViewSolution) -> LightScale:
-    """The given scale; or that of the known materials; or that of the fit."""
-    if view.light_scale is not None:
-        return view.light_scale
-    known_surface = view.known_surface
-    if (known_surface >= 0).any():
-        return scale_from_surfaces(view.measured, solution.renderings.mean(axis=0), known_surface,
-                                   f"known material {', '.join(view.known)}")
-    return LightScale(solution.scale[0], solution.scale[1], None,
-                      "materials in common with the other photos")
 
 
 def _same_response(response: np.ndarray, other: np.ndarray) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.response import white_signal
 from spectrabox.reconstruct.view import View
 
@@ -35,9 +34,24 @@ def check_views(views: Sequence[View]) -> None:
                          "for all")
     require_scales(views)
     for view in views:
-        require_lights(view)
-        require_light_in_bands(view)
-        require_sound_pixels(view.photo)
+        lights, photo = view.scene_file.light_ids, view.photo
+        if missing := [name for name in view.light_spectra if name not in lights]:
+            raise InputError(f"{view.scene_file.path.name} has no light {missing[0]!r}; it has "
+                             f"{', '.join(lights)}")
+        white = white_signal(view.responses.sum(axis=0))
+        dark = [name for name, value in zip(view.bands, white, strict=True)
+                if not value > DARK_BAND * white.max()]
+        if dark:
+            raise InputError(f"the light gives the camera's band {', '.join(dark)} nothing (less "
+                             f"than {DARK_BAND:g} of the strongest band): its photo says nothing; "
+                             "leave the band out, or check the light spectrum")
+        if lost := int(np.count_nonzero(~np.isfinite(photo.signal).all(axis=2))):
+            raise InputError(f"{photo.source}: {lost} pixels hold no number (NaN or infinity); "
+                             "mend or mask them")
+        below = (photo.signal < -NEGATIVE_SIGMA * np.sqrt(photo.variance)).any(axis=2).mean()
+        if below > MAX_NEGATIVE:
+            raise InputError(f"{photo.source}: {below:.1%} of the pixels are further below zero "
+                             "than noise explains; the black level taken off is too high")
     require_pixels(views)
 
 
@@ -67,49 +81,6 @@ def require_scales(views: Sequence[View]) -> None:
         which = "" if len(views) == 1 else f" of {views[waiting[0]].name}"
         raise InputError(f"the light scale{which} is unknown: give one material its known "
                          "spectrum, or calibrate from a chart photo with [chart] scene")
-
-
-def require_lights(view: View) -> None:
-    """Refuse the spectrum of a light that the scene lacks."""
-    lights = view.scene_file.light_ids
-    if missing := [name for name in view.light_spectra if name not in lights]:
-        raise InputError(f"{view.scene_file.path.name} has no light {missing[0]!r}; it has "
-                         f"{', '.join(lights)}")
-
-
-def require_light_in_bands(view: View) -> None:
-    """Refuse a light that gives a band nothing."""
-    white = white_signal(view.responses.sum(axis=0))
-    dark = [name for name, value in zip(view.bands, white, strict=True)
-            if not value > DARK_BAND * white.max()]
-    if dark:
-        raise InputError(f"the light gives the camera's band {', '.join(dark)} nothing (less than "
-                         f"{DARK_BAND:g} of the strongest band): its photo says nothing; leave the "
-                         "band out, or check the light spectrum")
-
-
-def require_sound_pixels(photo: LinearImage) -> None:
-    """Refuse a photo with pixels that are no numbers, or with many far below zero.
-
-    Parameters
-    ----------
-    photo : LinearImage
-        At the render's size; up to ``MAX_NEGATIVE`` of its pixels may be far below zero.
-
-    Raises
-    ------
-    InputError
-        Saying how many pixels are wrong.
-    """
-    lost = int(np.count_nonzero(~np.isfinite(photo.signal).all(axis=2)))
-    if lost:
-        raise InputError(f"{photo.source}: {lost} pixels hold no number (NaN or infinity); mend or "
-                         "mask them")
-    below = photo.signal < -NEGATIVE_SIGMA * np.sqrt(photo.variance)
-    if below.any(axis=2).mean() > MAX_NEGATIVE:
-        raise InputError(f"{photo.source}: {below.any(axis=2).mean():.1%} of the pixels are "
-                         "further below zero than noise explains; the black level taken off is too "
-                         "high")
 
 
 def require_pixels(views: Sequence[View]) -> None:

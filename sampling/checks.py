@@ -41,7 +41,11 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
             raise InputError(f"the {name} of the measurement holds numbers that are not finite; "
                              "measure it again")
     check_noise(measurement.noise_covariance)
-    check_bands(measurement.relative_response)
+    response = measurement.relative_response
+    length = np.linalg.norm(response, axis=1, keepdims=True)
+    if np.any(length == 0) or np.linalg.svd(response / length, compute_uv=False)[-1] < ALIKE:
+        raise InputError("two bands respond alike, or one sees nothing of 400-700 nm under this "
+                         "light; leave one out or measure the sensitivities again")
 
 
 def check_noise(covariance: np.ndarray) -> None:
@@ -60,21 +64,3 @@ def check_noise(covariance: np.ndarray) -> None:
         raise InputError("the noise covariance is not symmetric positive semi-definite; state "
                          "variances on the diagonal, or a covariance estimated from repeated "
                          "readings")
-
-
-def check_bands(relative_response: np.ndarray) -> None:
-    """Raise if two bands of a response (K, P) are alike or one sees nothing.
-
-    Parameters
-    ----------
-    relative_response : (K, P) array
-
-    Raises
-    ------
-    InputError
-    """
-    length = np.linalg.norm(relative_response, axis=1, keepdims=True)
-    if np.any(length == 0) \
-            or np.linalg.svd(relative_response / length, compute_uv=False)[-1] < ALIKE:
-        raise InputError("two bands respond alike, or one sees nothing of 400-700 nm under this "
-                         "light; leave one out or measure the sensitivities again")

@@ -60,24 +60,3 @@ def shares_by_cause(budgets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     means = {name: variance.mean(axis=1) for name, variance in budgets.items()}
     total = np.sum(list(means.values()), axis=0)
     return {name: mean / total for name, mean in means.items()}
-
-
-def sensitivity_covariance(light: np.ndarray, weights_nm: np.ndarray, spectrum: np.ndarray,
-                           curve_covariance: np.ndarray) -> np.ndarray:
-    """Covariance (K, K) of the signals of a spectrum (P,) from the posterior of the sensitivities,
-    band after band.
-
-    Parameters
-    ----------
-    light, weights_nm, spectrum : (P,)
-    curve_covariance : (K P, K P)
-        Of sensitivities in the unit in which white reads 1 under this light. What white reads is
-        held fixed: an error common to a whole curve counts. Leave such errors out where white was
-        measured with the same camera.
-    """
-    bands = len(curve_covariance) // len(spectrum)
-    weighted = light * weights_nm
-    rows = np.zeros((bands, len(curve_covariance)))
-    for band in range(bands):
-        rows[band, band * len(spectrum):(band + 1) * len(spectrum)] = weighted * spectrum
-    return rows @ curve_covariance @ rows.T

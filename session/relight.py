@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
-from spectrabox.radiometry.colour_science import colour_science
+from spectrabox.radiometry.colour_science import adapted_srgb
 from spectrabox.radiometry.records import Calibration, WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import sensitivities as named_observer
@@ -96,7 +96,7 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
     notes = () if light is not None or known is None else (
         "nobody measured the session's light: rendered under the most likely one",
         *known.sentences)
-    return Relit(xyz, _picture(xyz, white), colours, notes)
+    return Relit(xyz, adapted_srgb(xyz, white), colours, notes)
 
 
 def _own_light(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
@@ -128,10 +128,3 @@ def _spread(name: str, mean: np.ndarray, draws: Any, grid: WavelengthGrid, power
         differences = ciede2000(others, lab)
         median, upper = float(np.median(differences)), float(np.quantile(differences, 0.95))
     return ColourSpread(name, (float(lab[0]), float(lab[1]), float(lab[2])), median, upper)
-
-
-def _picture(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
-    """8-bit sRGB of tristimulus values seen by somebody adapted to the light."""
-    colour = colour_science()
-    rgb = colour.XYZ_to_sRGB(xyz, illuminant=colour.XYZ_to_xy(white))
-    return np.asarray(np.round(255 * np.clip(rgb, 0, 1)), dtype=np.uint8)

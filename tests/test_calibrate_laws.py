@@ -50,7 +50,7 @@ from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import fit_with_prior, relative_prediction_covariance
 from spectrabox.calibrate.spline_fit import _solve_nonnegative, _solve_smooth
-from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.records import Quantity, Spectrum
 
 SIGMAS = 3.9
@@ -214,7 +214,7 @@ def drawn_photos():
     known, rng = departing(0.05), np.random.default_rng(90)
     surfaces = LIGHT_ENOUGH
     root, power = np.linalg.cholesky(known.covariances()[0]), daylight()
-    terms, found = field_terms(patch_centres_uv()), []
+    terms, found = field_terms(CLASSIC.centres_uv), []
     for _ in range(PHOTOS):
         curves = (known.means[0] + root @ rng.standard_normal(63)).reshape(3, -1)
         fine = np.array([np.interp(GRID.nm, NM, curve) for curve in curves])
@@ -236,7 +236,7 @@ def drawn_photos():
 
 def test_signals_may_be_in_any_unit():
     """Shares of full scale or digital numbers: an unknown field and glare make no difference."""
-    surfaces, power, terms = LIGHT_ENOUGH, daylight(), field_terms(patch_centres_uv())
+    surfaces, power, terms = LIGHT_ENOUGH, daylight(), field_terms(CLASSIC.centres_uv)
     signal = signals(on_grid(cameras(1, 44)[0]), power, surfaces)
     signal = signal / signal.max() * np.exp(terms @ [0.2, -0.1, 0.1, -0.15, 0.1])[:, None] + 0.02
     one, other = (fit_with_prior([photo(unit * signal, power, surfaces, 0.01, terms, True)],

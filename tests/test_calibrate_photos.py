@@ -25,7 +25,7 @@ from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
 from spectrabox.calibrate.prior.plain_priors import smooth_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior
-from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.session.camera.patch_files import read_patches
@@ -93,8 +93,8 @@ def test_two_charts_say_more_than_one_and_do_not_depend_on_their_order():
 
 
 def test_fall_off_and_glare_belong_to_each_photo():
-    truth, terms = on_grid(cameras(1, 73)[0]), field_terms(patch_centres_uv())
-    across = patch_centres_uv()[:, 0]
+    truth, terms = on_grid(cameras(1, 73)[0]), field_terms(CLASSIC.centres_uv)
+    across = CLASSIC.centres_uv[:, 0]
     clean = [signals(truth, light(), SURFACES) for light in (led, daylight)]
     fallen = clean[1] * (1 - 0.2 * across)[:, None]
     shots = [photo(noisy(signal, 0.003, seed), light(), SURFACES, 0.003, terms, True)
@@ -157,8 +157,8 @@ def many_bands(count, seed=1):
 
 @pytest.mark.parametrize("bands, light", [(4, led), (7, daylight), (16, daylight)])
 def test_any_number_of_bands_takes_the_same_joint_estimate(bands, light):
-    truth, terms, across = (many_bands(bands), field_terms(patch_centres_uv()),
-                            patch_centres_uv()[:, 0])
+    truth, terms, across = (many_bands(bands), field_terms(CLASSIC.centres_uv),
+                            CLASSIC.centres_uv[:, 0])
     spoiled = signals(truth, light(), SURFACES) * (1 - 0.2 * across)[:, None]
     spoiled = noisy(spoiled + 0.005 * spoiled.max(axis=0), 0.005, 3)
     found = fit_with_prior([photo(spoiled, light(), SURFACES, 0.005, terms, True)], None, GRID)

@@ -31,7 +31,7 @@ from spectrabox.calibrate.prior.camera_prior import (
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior
-from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
 from spectrabox.radiometry.records import Quantity, Spectrum
 
@@ -117,8 +117,8 @@ def test_the_90_per_cent_band_holds_the_true_curve_nine_times_in_ten(stated):
 
 def test_fall_off_and_glare_cost_little():
     known, truth, light = prior(), cameras(1, 46)[0], daylight()
-    terms = field_terms(patch_centres_uv())
-    across = (patch_centres_uv()[:, 0] - 0.2) / 0.6
+    terms = field_terms(CLASSIC.centres_uv)
+    across = (CLASSIC.centres_uv[:, 0] - 0.2) / 0.6
     signal = noisy(truth, light, 0.005, 47)
     spoiled = signal * (1 - 0.2 * across)[:, None] + 0.01 * signal.max(axis=0)
     flat, distorted = (fit_with_prior([photo(given, light, SURFACES, 0.005, terms, True)], known,

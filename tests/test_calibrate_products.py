@@ -39,7 +39,7 @@ from spectrabox.calibrate.products.product_posterior import (
     weights_of_components,
 )
 from spectrabox.calibrate.products.product_prior import paired, product_prior
-from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
@@ -73,10 +73,10 @@ def shot(curves, lamp, seed, noise=0.01):
     rng = np.random.default_rng(seed)
     signal = signals(on_grid(curves), lamp, SURFACES)
     signal = signal / signal.max() * (1 + noise * rng.standard_normal(signal.shape))
-    signal = signal * (1 + 0.1 * patch_centres_uv()[:, :1]) + 0.003
+    signal = signal * (1 + 0.1 * CLASSIC.centres_uv[:, :1]) + 0.003
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), 0 * signal, 0 * signal)
     return chart_equations(samples, SURFACES, np.ones(GRID.nm.size), np.full(24, np.pi), GRID,
-                           positions=patch_centres_uv())
+                           positions=CLASSIC.centres_uv)
 
 
 @pytest.fixture(scope="module")
@@ -304,7 +304,7 @@ def test_patches_off_in_all_bands_alike_leave_the_light_as_uncertain_as_it_then_
         photo = replace(seed, signal=(seed.signal - 0.003) * off + 0.003)
         mean, covariance = posterior_of_products([photo], known).moments()
         own = slice(known.components.shape[1] + 1, known.components.shape[1] + 6)
-        log_light = np.log(1 + 0.1 * patch_centres_uv()[:, 0])
+        log_light = np.log(1 + 0.1 * CLASSIC.centres_uv[:, 0])
         terms = np.linalg.pinv(photo.field_terms) @ (log_light - log_light.mean())
         away = mean[own] - terms
         chi_squares.append(away @ np.linalg.solve(covariance[own, own], away) / 5)

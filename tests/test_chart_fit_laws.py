@@ -33,11 +33,11 @@ from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, _in_curves, _joint
 from spectrabox.calibrate.products.product_fit import WIDENING, in_curves
 from spectrabox.calibrate.products.product_posterior import linearised
 from spectrabox.calibrate.sensitivity import CHART_ERROR, _patch_sigma, fit_sensitivities
-from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.records import ChartWhite
 
-POSITIONS = patch_centres_uv()
+POSITIONS = CLASSIC.centres_uv
 
 
 def shot(glare=True, **more):

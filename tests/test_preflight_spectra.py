@@ -10,7 +10,7 @@ from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.measure.expected_spectra import GRID, Shoot, expected_spectra
 from spectrabox.measure.second_photo import LampsAtHand
-from spectrabox.radiometry.chart import chart_reflectances, patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.session.cli import app
@@ -25,7 +25,7 @@ def spectrum(values):
 
 
 def expected(stated, cameras, noise):
-    shoot = Shoot(stated, cameras, CHART, patch_centres_uv(), noise)
+    shoot = Shoot(stated, cameras, CHART, CLASSIC.centres_uv, noise)
     return expected_spectra(shoot, HAND, photos=2, surfaces=6)
 
 

@@ -1,10 +1,10 @@
 """The tables that operators name are those of the installed colour-science."""
+import colour
 import numpy as np
 import pytest
 
 from spectrabox.radiometry.appearance import reflectance_to_srgb, tristimulus
 from spectrabox.radiometry.chart import REFERENCES
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.make_tables import tables_of_colour_science
 from spectrabox.radiometry.published.published_tables import (
@@ -35,7 +35,7 @@ def test_every_table_is_theirs(table):
 
 
 def test_a_chart_has_its_24_patches_in_one_order():
-    charts = colour_science().SDS_COLOURCHECKERS
+    charts = colour.SDS_COLOURCHECKERS
     for name in REFERENCES:
         patches = list(charts[name])
         assert len(published_curves(CHARTS, name)[1]) == len(patches) == 24
@@ -48,7 +48,7 @@ def test_an_unknown_name_is_refused():
 
 
 def test_colours_under_d65_are_those_of_colour_science():
-    colour, nm = colour_science(), np.arange(360.0, 781.0)
+    nm = np.arange(360.0, 781.0)
     shape = colour.SpectralShape(360, 780, 1)
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
     light = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)

@@ -15,7 +15,7 @@ from spectrabox.fixtures.demo_scenes import (
     LIGHT_RADIUS_CM,
     chart_scene_xml,
 )
-from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SurfaceAgreement
 from spectrabox.reconstruct.agreement import (
@@ -171,8 +171,8 @@ def test_patch_irradiance_follows_the_inverse_square_law(tmp_path):
     path = tmp_path / "chart.xml"
     text = chart_scene_xml((40, 60))
     path.write_text(text, encoding="utf-8")
-    near = patch_irradiance(read_scene(path), patch_centres_uv(), patch_size_uv(), seed=1)
-    place = (patch_centres_uv() * [1, -1] + [-0.5, 0.5]) * CHART_CM
+    near = patch_irradiance(read_scene(path), CLASSIC.centres_uv, CLASSIC.sizes_uv[0], seed=1)
+    place = (CLASSIC.centres_uv * [1, -1] + [-0.5, 0.5]) * CHART_CM
     offset = CHART_LIGHT_CM - np.column_stack([place, np.zeros(24)])
     distance = np.linalg.norm(offset, axis=1)
     expected = np.pi * (LIGHT_RADIUS_CM / distance) ** 2 * offset[:, 2] / distance
@@ -186,7 +186,7 @@ def test_a_chart_scene_without_a_chart_is_refused(tmp_path):
     path.write_text(chart_scene_xml((40, 60)).replace('id="chart"', 'id="card_front"'),
                     encoding="utf-8")
     with pytest.raises(InputError, match="has no shape with the id 'chart'"):
-        patch_irradiance(read_scene(path), patch_centres_uv(), patch_size_uv())
+        patch_irradiance(read_scene(path), CLASSIC.centres_uv, CLASSIC.sizes_uv[0])
 
 
 def test_a_light_behind_the_chart_is_refused(tmp_path):
@@ -194,7 +194,7 @@ def test_a_light_behind_the_chart_is_refused(tmp_path):
     path.write_text(chart_scene_xml((40, 60)).replace('value="-4, 10, 74"', 'value="-4, 10, -74"'),
                     encoding="utf-8")
     with pytest.raises(InputError, match="the light does not reach 24 of the 24 patches"):
-        patch_irradiance(read_scene(path), patch_centres_uv(), patch_size_uv())
+        patch_irradiance(read_scene(path), CLASSIC.centres_uv, CLASSIC.sizes_uv[0])
 
 
 def of_surfaces(rng, covariance, freedom):

@@ -182,7 +182,7 @@ def test_paths_are_traced_until_their_noise_is_that_of_the_photo(monkeypatch, no
     asked = []
     monkeypatch.setattr(transport_engine, "trace_transport",
                         lambda unit, region, *, spp, **_: asked.append(spp) or first)
-    monkeypatch.setattr(transport_engine, "unlit_materials", lambda *_: [])
+    monkeypatch.setattr(transport_engine, "unlit_material", lambda *_: None)
     monkeypatch.setattr(transport_engine, "joined", lambda first, second: None)
     first = SimpleNamespace(spp=16, exponents=None,
                             relative_variance=np.full(6, noisier**2 * photo))

@@ -4,11 +4,11 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import colour
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
@@ -21,7 +21,6 @@ from tests.test_command_line import call
 
 
 def lab_of(reflectance, name):
-    colour = colour_science()
     weights = sensitivities(OBSERVER, GRID) * light(name, GRID) * GRID.weights_nm
     weights /= weights[1].sum()
     return colour.XYZ_to_Lab(weights @ reflectance, colour.XYZ_to_xy(weights.sum(axis=1)))
@@ -33,7 +32,7 @@ def test_the_spread_of_the_draws_holds_the_true_colour_under_another_light(finis
                    "cpu", "--json")
     assert outcome.exit_code == 0, outcome.output
     facts = json.loads(outcome.stdout)
-    config, colour = read_session(finished), colour_science()
+    config = read_session(finished)
     for found in facts["colours"]:
         truth = spectrum_on_grid(read_reflectance(config, config.materials[found["name"]].truth),
                                  GRID)

@@ -213,7 +213,7 @@ def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path
     page = written(results)
     said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"
     section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
-    assert said in section and page.count("What 95 % bands held") == 1
+    assert said in section and page.count("Tested on unseen surfaces") == 1
     assert said in run_text(results)
     facts = run_facts(results, tmp_path / "report.html")["materials"]
     assert facts[0]["families"] == [{"name": "textile", "share": 0.7, "stated": False,

@@ -9,7 +9,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.error_budget import METAMERISM, sensitivity_covariance
+from spectrabox.sampling.error_budget import METAMERISM
 from spectrabox.sampling.further.conditioning import Reading, condition, same_material
 from spectrabox.sampling.further.planner import (
     after,
@@ -155,17 +155,6 @@ def test_a_budget_that_does_not_add_up_is_an_error():
     with pytest.raises(InputError, match="do not add up"):
         solve_posterior(load_prior(), seen(TRUTH, 0.01)).variances_by_cause(
             {"photo noise": np.eye(3)})
-
-
-def test_a_constant_error_of_a_curve_scales_the_signal():
-    nm, light = PRIOR_GRID.nm, np.ones(61)
-    white = PRIOR_GRID.weights_nm.sum()
-    # One band, error proportional to a flat curve: the signal moves by its own size times the
-    # relative error.
-    curve_covariance = 0.01**2 * np.ones((61, 61)) / white**2
-    found = sensitivity_covariance(light, PRIOR_GRID.weights_nm, np.full(61, 0.4), curve_covariance)
-    np.testing.assert_allclose(found, (0.01 * 0.4)**2, rtol=1e-12)
-    assert nm.size == 61
 
 
 def test_scores_of_known_cases():

@@ -405,7 +405,7 @@ def test_what_the_bands_of_a_family_held_is_said():
     assert "paint 92.0 % at a mean width of 0.110 (measured libraries)" in certified_sentence(free)
     assert certified_sentence(()) == ""
     unknown = family_coverages({"animal": 1.0}, ["animal"], CERTIFICATES)
-    assert "animal was never judged" in certified_sentence(unknown) and mostly_in_doubt(unknown)
+    assert "animal was not tested" in certified_sentence(unknown) and mostly_in_doubt(unknown)
 
 
 @pytest.mark.parametrize("shares, stated, doubt", [

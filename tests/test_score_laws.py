@@ -9,7 +9,7 @@ from spectrabox.measure.surface_spectra import score
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
-from spectrabox.sampling.further.conditioning import Reading, check_agreement
+from spectrabox.sampling.further.conditioning import Reading, condition
 from spectrabox.sampling.judge.spectrum_scores import coverage_error
 from spectrabox.session.report.verdict import (
     Status,
@@ -69,7 +69,7 @@ def test_two_readings_contradict_each_other_by_the_error_of_their_difference(apa
     """
     readings = [Reading.at_wavelength(550.0, value, 0.01) for value in (0.4, 0.4 + apart)]
     with pytest.raises(InputError, match=said):
-        check_agreement(grid_from_nm(np.arange(400.0, 701.0, 5.0)), readings)
+        condition(SimpleNamespace(grid=grid_from_nm(np.arange(400.0, 701.0, 5.0))), readings)
 
 
 def test_a_rehearsal_is_judged_by_the_material_whose_bands_hold_least():

@@ -4,7 +4,7 @@ import pytest
 from calibrate_cameras import GRID
 
 from spectrabox.calibrate.chart_equations import field_terms, field_terms_at
-from spectrabox.radiometry.chart import patch_centres_uv
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import HeldOutPatches, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
@@ -33,7 +33,7 @@ def test_what_is_no_light_is_refused(word, said):
 
 
 def test_field_terms_anywhere_are_those_of_the_patches_at_the_patches():
-    positions = patch_centres_uv()
+    positions = CLASSIC.centres_uv
     np.testing.assert_array_equal(field_terms_at(positions, positions), field_terms(positions))
     # A quadratic has constant second differences, beyond the chart as within it.
     line = np.column_stack([np.linspace(-1, 2, 7), np.full(7, 0.4)])

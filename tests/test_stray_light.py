@@ -8,7 +8,7 @@ import pytest
 from spectrabox.fixtures.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
 from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
-from spectrabox.radiometry.chart import patch_centres_uv, patch_size_uv
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import CAUSES, GLARE, LAMP_AT_CHART, STRAY_LIGHT
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import JointReconstruction
@@ -70,7 +70,7 @@ def test_the_lamps_position_moves_the_light_on_the_chart_as_a_moved_lamp_does(tm
     start_mitsuba("cpu")
     (tmp_path / "chart.xml").write_text(chart_scene_xml((208, 312)), encoding="utf-8")
     scene = read_scene(tmp_path / "chart.xml")
-    places, size = patch_centres_uv(), patch_size_uv()
+    places, size = CLASSIC.centres_uv, CLASSIC.sizes_uv[0]
     still = patch_irradiance(scene, places, size)
     distance = float(np.linalg.norm(CHART_LIGHT_CM))
     changes = [np.log(patch_irradiance(with_light_moved(scene, 0, share * distance * axis), places,

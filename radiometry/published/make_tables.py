@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.published.published_tables import (
     CHARTS,
     COLOURS,
@@ -21,7 +20,8 @@ COLOURED = ("ColorCheckerSG - After November 2014",)    # charts of which no spe
 
 def tables_of_colour_science() -> dict[str, np.ndarray]:
     """Every table by kind and name: (1 + K, P), wavelengths in nm first; of colours X, Y, Z."""
-    colour = colour_science()
+    import colour
+
     tables = {}
     for name, curves in {**colour.MSDS_CMFS, **colour.MSDS_CAMERA_SENSITIVITIES}.items():
         tables[f"{OBSERVERS}/{name}"] = np.vstack([curves.wavelengths, curves.values.T])

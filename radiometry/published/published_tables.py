@@ -57,9 +57,9 @@ def all_published(kind: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     kind : {"observers and cameras", "lights", "charts", "chart colours"}
     """
     with np.load(FILE) as tables:
-        found = {name.removeprefix(f"{kind}/"): tables[name] for name in tables.files
-                 if name.startswith(f"{kind}/")}
-    return {name: (table[0], table[1:]) for name, table in found.items()}
+        curves = {name.removeprefix(f"{kind}/"): tables[name] for name in tables.files
+                  if name.startswith(f"{kind}/")}
+    return {name: (table[0], table[1:]) for name, table in curves.items()}
 
 
 def published_colours(name: str) -> np.ndarray:

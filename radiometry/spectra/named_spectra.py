@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import visible_grid
@@ -94,7 +93,7 @@ def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    colour = colour_science()
+    import colour
     from colour.quality.cfi2017 import load_TCS_CIE2017
     from colour.quality.datasets import SDS_TCS, SDS_VS
 

@@ -84,7 +84,20 @@ def read_table(path: Path, wavelength_column: int = 1) -> SpectralTable:
         If the file is missing, is of no known format, is damaged, or its wavelengths are not
         ascending in nm.
     """
-    content = _content(path)
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError(f"{path} is a device or a pipe; a file of spectra is needed")
+        if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path.name} is larger than {MAX_FILE_BYTES // 1_000_000} MB; "
+                             "give a file of spectra")
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(
+            f"{path} is missing: give the file or correct its name") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder; a file of spectra is needed") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
     kind = format_of(content, path)
     # what overflows is noted as a gap
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -179,7 +192,13 @@ def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | Non
     if valid.sum() < 2:
         raise InputError(f"{table.file}: column {table.names[index]!r} holds no numbers")
     quantity = _quantity(table, index, role)
-    factor = _unit_factor(table, index)
+    unit, factor = table.fact("unit", index), 1.0
+    if unit is not None and unit not in {member.value for member in Quantity}:
+        normal = re.sub(r"\s+", " ", unit.lower())
+        if normal not in SI_FACTORS:
+            raise InputError(f"{table.file} states the unit {unit!r}, which is not known; known "
+                             f"are {', '.join([*(m.value for m in Quantity), *SI_FACTORS])}")
+        factor = SI_FACTORS[normal]
     if quantity is Quantity.REFLECTANCE:
         _check_reflectance(values[valid] * factor, table.nm[valid], table.file)
     error = next((table.values[i] for i, name in enumerate(table.names)
@@ -290,23 +309,6 @@ def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
     return on_grid(spectrum.grid.nm, spectrum.values, grid, spectrum.source)
 
 
-def _content(path: Path) -> bytes:
-    try:
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError(f"{path} is a device or a pipe; a file of spectra is needed")
-        if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path.name} is larger than {MAX_FILE_BYTES // 1_000_000} MB; "
-                             "give a file of spectra")
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} is missing: give the file or correct its name") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a folder; a file of spectra is needed") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-
-
 def column_index(table: SpectralTable, column: str | int | None, wavelength_column: int = 1) -> int:
     """Index of a column given by name or number, else of the main column.
 
@@ -362,17 +364,6 @@ def _quantity(table: SpectralTable, index: int, role: Quantity) -> Quantity:
         raise InputError(f"{table.file} holds {quantity.name.lower()}; {role.name.lower()} is "
                          "needed here")
     return quantity
-
-
-def _unit_factor(table: SpectralTable, index: int) -> float:
-    unit = table.fact("unit", index)
-    if unit is None or unit in {member.value for member in Quantity}:
-        return 1.0
-    factor = SI_FACTORS.get(re.sub(r"\s+", " ", unit.lower()))
-    if factor is None:
-        raise InputError(f"{table.file} states the unit {unit!r}, which is not known; "
-                         f"known are {', '.join([*(m.value for m in Quantity), *SI_FACTORS])}")
-    return factor
 
 
 def _check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:

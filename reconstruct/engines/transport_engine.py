@@ -117,7 +117,8 @@ def trace_view(view: View, unit: UnitScene, region: np.ndarray, group: np.ndarra
         If no light reaches a material; or as ``trace_transport``.
     """
     first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
-    _require_lit(view, unlit_materials(view, first, group))
+    if unlit := unlit_material(view, first, group):
+        raise InputError(unlit)
     photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
                          region).mean(axis=1)
     photo = photo / np.bincount(region[region >= 0])
@@ -254,17 +255,18 @@ def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
         region, group = block_regions(view.surface, view.used)
         unit, seed = _unit_scene_for(view, settings), settings.seed + VIEW_SEED_STEP * number
         few = trace_transport(unit, region, spp=FEW_SPP, seed=seed)
-        if unlit_materials(view, few, group):
+        if unlit_material(view, few, group):
             first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
-            _require_lit(view, unlit_materials(view, first, group))
+            if unlit := unlit_material(view, first, group):
+                raise InputError(unlit)
         passes, regions, groups, products = few.passes.shape
         kept += memory_of(regions, groups * products, passes)
         image = max(image, memory_of_image(region.size, groups * products))
     return kept + image
 
 
-def unlit_materials(view: View, traced: TracedTransport, group: np.ndarray) -> list[str]:
-    """Names of the materials that the camera sees but that no path connects to a light.
+def unlit_material(view: View, traced: TracedTransport, group: np.ndarray) -> str | None:
+    """A sentence about the first material that the camera sees but no path connects to a light.
 
     Parameters
     ----------
@@ -276,12 +278,13 @@ def unlit_materials(view: View, traced: TracedTransport, group: np.ndarray) -> l
     """
     received = traced.coefficients.sum(axis=1)
     bsdfs = list(view.scene_file.surfaces.values())
-    unlit = []
     for material in view.scene_materials:
         own = np.isin(group, [index for index, bsdf in enumerate(bsdfs) if bsdf == material.bsdf])
         if own.any() and not received[own].any():
-            unlit.append(material.name)
-    return unlit
+            return (f"no light reaches material {material.name!r} in "
+                    f"{view.scene_file.path.name}, although the photo shows it lit: check the "
+                    "light's position and the direction its surfaces face")
+    return None
 
 
 def renderings_of(traced: TracedView, settings: InversionSettings
@@ -369,11 +372,3 @@ def _require_plain_products(view: View) -> None:
                          f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
                          "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
                          "\"gradient\"")
-
-
-def _require_lit(view: View, unlit: Sequence[str]) -> None:
-    """Refuse a material that the camera sees but no light reaches."""
-    for name in unlit:
-        raise InputError(f"no light reaches material {name!r} in "
-                         f"{view.scene_file.path.name}, although the photo shows it lit: "
-                         "check the light's position and the direction its surfaces face")

@@ -56,7 +56,11 @@ def fit_views(views: Sequence[ViewTerms], materials: Sequence[tuple[int, ...]],
         Flat spectra where it is left out.
     """
     cost_of = _Cost(views, materials, priors)
-    state = cost_of.start(start)
+    state = np.zeros(cost_of.size)
+    state[:cost_of.count] = START if start is None else start.ravel()
+    for view, index in zip(views, cost_of.index, strict=True):
+        if view.nuisances.scale is None:
+            state[index[view.free_scale]] = view.start_scale(state[index])
     cost, gradient, curvature = cost_of.expand(state)
     damping, costs, calm, outcome = 1e-3, [cost], 0, Outcome.STEP_LIMIT
     for _ in range(STEPS):
@@ -101,15 +105,6 @@ class _Cost:
             self.prior[np.ix_(index[view.count:], index[view.count:])] = view.prior
         self.centre = np.zeros(end)
         self.centre[:self.count] = np.concatenate([prior.mean for prior in priors])
-
-    def start(self, coefficients: np.ndarray | None) -> np.ndarray:
-        """Flat spectra, or the given ones, and the light scales that fit them best."""
-        state = np.zeros(self.size)
-        state[:self.count] = START if coefficients is None else coefficients.ravel()
-        for view, index in zip(self.views, self.index, strict=True):
-            if view.nuisances.scale is None:
-                state[index[view.free_scale]] = view.start_scale(state[index])
-        return state
 
     def step(self, state: np.ndarray, gradient: np.ndarray, curvature: np.ndarray,
              damping: float) -> np.ndarray:

@@ -195,7 +195,8 @@ class ViewTerms:
             Half the Gauss-Newton Hessian.
         """
         system = self.system
-        plain, slope = self.model.signals_and_jacobian(self._coefficients(state))
+        coefficients = state[:self.count].reshape(len(self.model.unknown), -1)
+        plain, slope = self.model.signals_and_jacobian(coefficients)
         data, by_data = self._linear(state, plain, slope, system.rows, system.root, system.group)
         data = data - (system.root * system.target).ravel()
         noise, by_noise = self._linear(state, plain, slope, system.noise, system.noise_root,
@@ -249,9 +250,6 @@ class ViewTerms:
         derivative[..., self.free_scale] = predicted[..., None]
         return predicted.ravel(), derivative.reshape(-1, self.size)
 
-    def _coefficients(self, state: np.ndarray) -> np.ndarray:
-        return state[:self.count].reshape(len(self.model.unknown), -1)
-
     def _light_gains(self, state: np.ndarray) -> np.ndarray:
         fitted = self.light.stop > self.light.start
         return np.exp(state[self.light]) if fitted else np.ones(self.lights)
@@ -261,7 +259,7 @@ class ViewTerms:
         return np.eye(self.bands) + departure.reshape(self.bands, self.bands)
 
     def _signals(self, state: np.ndarray) -> np.ndarray:
-        plain = self.model.signals(self._coefficients(state))
+        plain = self.model.signals(state[:self.count].reshape(len(self.model.unknown), -1))
         light = np.repeat(self._light_gains(state), len(plain) // self.lights)
         mixed: np.ndarray = (light[:, None] * plain) @ self._mixing(state).T
         return mixed

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.interreflection import lower_table, products
+from spectrabox.radiometry.interreflection import lower_products, products
 from spectrabox.reconstruct.fit.traced_view import LAMP_SHARE, smoothed_variance
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
 from spectrabox.reconstruct.tracer.transport import kept_products, memory_of, trace_transport
@@ -53,7 +53,7 @@ class PixelLight:
         lamps : (L, P) array
             Spectra of the light groups.
         """
-        terms, lower = products(self.exponents, reflectances), lower_table(self.exponents)
+        terms, lower = products(self.exponents, reflectances), lower_products(self.exponents)
         light = np.zeros((len(self.own), reflectances.shape[1]))
         for material in np.unique(self.own):
             nodes = np.flatnonzero(self.own == material)

@@ -36,27 +36,23 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
     if device != "cuda":
         ensure_llvm()  # before drjit is imported: it reads the variable once
     with STARTING, writable_home():
-        return _started(device)
+        import drjit as dr
+        import mitsuba as mi
 
-
-def _started(device: str) -> ModuleType:
-    import drjit as dr
-    import mitsuba as mi
-
-    has_gpu = device != "cpu" and dr.has_backend(dr.JitBackend.CUDA)
-    if device == "cuda" and not has_gpu:
-        raise EnvironmentProblem("a GPU was asked for, but no CUDA device can be used here; "
-                                 "leave out --device cuda, or check the driver with nvidia-smi")
-    variant = GPU_VARIANT if has_gpu else CPU_VARIANT
-    if mi.variant() not in (None, variant):
-        raise EnvironmentProblem(f"this process already renders with {mi.variant()}; start a new "
-                                 f"one for {variant}")
-    mi.set_variant(variant)
-    mi.set_log_level(mi.LogLevel.Error)
-    if variant == CPU_VARIANT:
-        # with more, gradients are added in the order in which threads end: not reproducible
-        dr.set_thread_count(1)
-    return mi
+        has_gpu = device != "cpu" and dr.has_backend(dr.JitBackend.CUDA)
+        if device == "cuda" and not has_gpu:
+            raise EnvironmentProblem("a GPU was asked for, but no CUDA device can be used here; "
+                                     "leave out --device cuda, or check the driver with nvidia-smi")
+        variant = GPU_VARIANT if has_gpu else CPU_VARIANT
+        if mi.variant() not in (None, variant):
+            raise EnvironmentProblem(f"this process already renders with {mi.variant()}; start a "
+                                     f"new one for {variant}")
+        mi.set_variant(variant)
+        mi.set_log_level(mi.LogLevel.Error)
+        if variant == CPU_VARIANT:
+            # with more, gradients are added in the order in which threads end: not reproducible
+            dr.set_thread_count(1)
+        return mi
 
 
 @contextlib.contextmanager

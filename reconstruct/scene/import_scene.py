@@ -47,7 +47,13 @@ def normalise_scene(root: ET.Element) -> list[str]:
     problems = _expand_instances(root)
     _lift_bsdfs(root)
     _give_bsdfs(root)
-    return problems + _unknown_shapes(root) + _unknown_lights(root) + _without_spectrum(root)
+    problems += [f"shape {shape.get('id') or '(without id)'!r} is of type {shape.get('type')!r}; "
+                 f"export it as a mesh ({', '.join(MESHES)})" for shape in root.iter("shape")
+                 if shape.get("type") not in SHAPES]
+    emitters = dict.fromkeys(node.get("type", "") for node in root.iter("emitter"))
+    problems += [f"emitter type {kind!r} is not supported; use one of {', '.join(LIGHTS)}"
+                 for kind in emitters if kind not in LIGHTS]
+    return problems + _without_spectrum(root)
 
 
 def bsdf_of(shape: ET.Element, bsdf_ids: Iterable[str]) -> str:
@@ -123,12 +129,6 @@ def _lift_bsdfs(root: ET.Element) -> None:
         ET.SubElement(shape, "ref", name="bsdf", id=identity)
 
 
-def _unknown_shapes(root: ET.Element) -> list[str]:
-    return [f"shape {shape.get('id') or '(without id)'!r} is of type {shape.get('type')!r}; export "
-            f"it as a mesh ({', '.join(MESHES)})" for shape in root.iter("shape")
-            if shape.get("type") not in SHAPES]
-
-
 def _give_bsdfs(root: ET.Element) -> None:
     """Name the plain BSDF that Mitsuba gives to a surface without any, one for each."""
     taken = {node.get("id") for node in root.iter() if node.get("id")}
@@ -144,12 +144,6 @@ def _give_bsdfs(root: ET.Element) -> None:
         taken.add(identity)
         ET.SubElement(root, "bsdf", type="diffuse", id=identity)
         ET.SubElement(shape, "ref", name="bsdf", id=identity)
-
-
-def _unknown_lights(root: ET.Element) -> list[str]:
-    kinds = dict.fromkeys(node.get("type", "") for node in root.iter("emitter"))
-    return [f"emitter type {kind!r} is not supported; use one of {', '.join(LIGHTS)}"
-            for kind in kinds if kind not in LIGHTS]
 
 
 def plain_bsdf(node: ET.Element) -> ET.Element:

@@ -48,7 +48,7 @@ def add_refinement(root: ET.Element, refinement: Refinement) -> None:
     comment = ET.Comment(f"{MARK}{text} ")
     comment.tail = "\n    "
     # after those that are there: lights may be moved one after the other
-    root.insert(len(_all(root)), comment)
+    root.insert(sum(_read(node) is not None for node in root), comment)
 
 
 def refinements(path: Path) -> tuple[Refinement, ...]:
@@ -61,16 +61,12 @@ def refinements(path: Path) -> tuple[Refinement, ...]:
     """
     root = ET.fromstring(path.read_text(encoding="utf-8-sig"),
                          ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
-    return tuple(_all(root))
+    return tuple(refinement for node in root if (refinement := _read(node)) is not None)
 
 
 def rounded(values: Sequence[float] | np.ndarray) -> tuple[float, ...]:
     """Numbers as they stand in a comment, to six digits."""
     return tuple(float(f"{value:.6g}") for value in values)
-
-
-def _all(root: ET.Element) -> list[Refinement]:
-    return [found for node in root if (found := _read(node)) is not None]
 
 
 def _read(node: ET.Element) -> Refinement | None:

@@ -6,6 +6,7 @@ its emitters get the measured light spectrum, its film the camera's bands.
 """
 from __future__ import annotations
 
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,7 +26,6 @@ from spectrabox.reconstruct.scene.scene_includes import (
     IncludedFiles,
     defaults_of,
     find_file,
-    relative_to_scene,
     resolve_includes,
     substitute_defaults,
 )
@@ -73,7 +73,16 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
         If the file is missing, is no Mitsuba scene, has no sensor or emitter, or names files
         outside ``folder``.
     """
-    return scene_of_text(_text(path), path, folder)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: give the scene file or correct its name in "
+                         "session.toml") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); give the scene file") from None
+    except ValueError as error:         # no UTF-8
+        raise InputError(f"{path.name} is not well-formed XML: {error}") from None
+    return scene_of_text(text, path, folder)
 
 
 def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFile:
@@ -107,7 +116,12 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
             f"{path.name} has no <emitter>: the scene must hold the light at its position")
     if problems + missing or sensor is None:
         raise InputError("\n".join(problems + missing))
-    _name_everything(root)
+    # every shape gets an id, to tell surfaces from each other
+    taken = {node.get("id") for node in root.iter() if node.get("id")}
+    for number, shape in enumerate(root.iter("shape"), start=1):
+        if not shape.get("id"):
+            identity = f"shape_{number}"
+            shape.set("id", identity if identity not in taken else f"surface_{number}")
     film = sensor.find("film")
     integrator = root.find("integrator")
     width = _integer(film, "width", defaults, 768, path)
@@ -119,10 +133,11 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
     if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
         raise InputError(f"{path.name} states a film of {width} x {height} pixels; 1 to {MAX_SIDE} "
                          "along each side is possible")
-    return SceneFile(path, root, width, height, depth if depth > 0 else 12,
-                     tuple(node.get("id", "") for node in root.findall("bsdf")),
-                     _surfaces(root), tuple(light_id(root, node) for node in lights), files,
-                     _profiles(root, path))
+    bsdfs = tuple(node.get("id", "") for node in root.findall("bsdf"))
+    surfaces = {shape.get("id", ""): bsdf_of(shape, bsdfs) for shape in root.iter("shape")
+                if shape.find("emitter") is None}
+    return SceneFile(path, root, width, height, depth if depth > 0 else 12, bsdfs, surfaces,
+                     tuple(light_id(root, node) for node in lights), files, _profiles(root, path))
 
 
 def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> list[str]:
@@ -156,18 +171,6 @@ def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
     used = set(scene.surfaces.values())
     return tuple(node.get("id", "") for node in scene.root.findall("bsdf")
                  if node.get("id") in used and plain_bsdf(node).get("type") in SPECTRAL_FACTOR)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing: give the scene file or correct its name in "
-                         "session.toml") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); give the scene file") from None
-    except ValueError as error:         # no UTF-8
-        raise InputError(f"{path.name} is not well-formed XML: {error}") from None
 
 
 def parse_scene(text: str, path: Path, comments: bool = False) -> ET.Element:
@@ -222,35 +225,15 @@ def _named_files(root: ET.Element, path: Path, included: IncludedFiles, folder: 
         else:
             files.append(target)
             if file != path.parent / name or name != node.get(attribute):
-                node.set(attribute, relative_to_scene(target, path))
-    return tuple(dict.fromkeys(file.resolve() for file in files)), problems + _missing(
-        path, [*dict.fromkeys(missing)])
-
-
-def _missing(path: Path, names: list[str]) -> list[str]:
-    """A sentence about files that are not there."""
-    if not names:
-        return []
-    if len(names) == 1:
-        return [f"{path.name} names {names[0]!r}, which is missing"]
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return [f"{path.name} names {len(names)} files that are missing: "
-            f"{', '.join(map(repr, names[:SHOWN]))}{more}"]
-
-
-def _name_everything(root: ET.Element) -> None:
-    """Give every shape an id, to tell surfaces from each other."""
-    taken = {node.get("id") for node in root.iter() if node.get("id")}
-    for number, shape in enumerate(root.iter("shape"), start=1):
-        if not shape.get("id"):
-            identity = f"shape_{number}"
-            shape.set("id", identity if identity not in taken else f"surface_{number}")
-
-
-def _surfaces(root: ET.Element) -> dict[str, str]:
-    bsdfs = [node.get("id", "") for node in root.findall("bsdf")]
-    return {shape.get("id", ""): bsdf_of(shape, bsdfs) for shape in root.iter("shape")
-            if shape.find("emitter") is None}
+                node.set(attribute, os.path.relpath(target, path.parent))
+    missing = [*dict.fromkeys(missing)]
+    if len(missing) == 1:
+        problems.append(f"{path.name} names {missing[0]!r}, which is missing")
+    elif missing:
+        more = f" and {len(missing) - SHOWN} more" if len(missing) > SHOWN else ""
+        problems.append(f"{path.name} names {len(missing)} files that are missing: "
+                        f"{', '.join(map(repr, missing[:SHOWN]))}{more}")
+    return tuple(dict.fromkeys(file.resolve() for file in files)), problems
 
 
 def _profiles(root: ET.Element, path: Path) -> dict[str, np.ndarray]:

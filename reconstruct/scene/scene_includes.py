@@ -6,7 +6,6 @@ for, ``$NAME`` in a file's name is the <default> of that name, and names of Mits
 """
 from __future__ import annotations
 
-import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -26,7 +25,6 @@ class IncludedFiles:
 
     files: list[Path] = field(default_factory=list)         # included
     folders: list[Path] = field(default_factory=list)       # in which files are looked for
-    inside: Path | None = None                              # where included files must lie
     problems: list[str] = field(default_factory=list)
 
 
@@ -42,9 +40,36 @@ def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) 
     inside : Path, optional
         Included files must lie in here; None allows any.
     """
-    included = IncludedFiles(folders=[scene.parent], inside=inside)
+    included = IncludedFiles(folders=[scene.parent])
     _upgrade(root)
-    _include(root, included)
+    while (node := next((child for child in root if child.tag in ("include", "path")), None)
+           ) is not None:
+        position, defaults = list(root).index(node), defaults_of(root)
+        root.remove(node)
+        if node.tag == "path":
+            folder = scene.parent / substitute_defaults(node.get("value", ""), defaults)
+            included.folders.append(folder)
+            continue
+        name = substitute_defaults(node.get("filename", ""), defaults)
+        file = find_file(name, included.folders)
+        if file is None:
+            included.problems.append(f"includes {name!r}, which is missing; copy it beside the "
+                                     "scene")
+            continue
+        if inside is not None and not file.resolve().is_relative_to(inside.resolve()):
+            included.problems.append(f"includes {name!r}, which lies outside the session folder; "
+                                     "copy it into scene/")
+            continue
+        if len(included.files) == MAX_INCLUDES:
+            included.problems.append(f"includes more than {MAX_INCLUDES} files; {name!r} may "
+                                     "include itself")
+            break
+        included.files.append(file)
+        included.folders.append(file.parent)
+        if (part := _scene_of(file, included)) is not None:
+            _upgrade(part)
+            for index, child in enumerate(list(part)):
+                root.insert(position + index, child)
     return included
 
 
@@ -72,39 +97,6 @@ def find_file(name: str, folders: list[Path]) -> Path | None:
     return next((folder / name for folder in folders if is_there(folder / name)), None)
 
 
-def _include(root: ET.Element, included: IncludedFiles) -> None:
-    """Replace includes until none is left."""
-    while (node := next((child for child in root if child.tag in ("include", "path")), None)
-           ) is not None:
-        position, defaults = list(root).index(node), defaults_of(root)
-        root.remove(node)
-        if node.tag == "path":
-            folder = included.folders[0] / substitute_defaults(node.get("value", ""), defaults)
-            included.folders.append(folder)
-            continue
-        name = substitute_defaults(node.get("filename", ""), defaults)
-        file = find_file(name, included.folders)
-        if file is None:
-            included.problems.append(f"includes {name!r}, which is missing; copy it beside the "
-                                     "scene")
-            continue
-        inside = included.inside
-        if inside is not None and not file.resolve().is_relative_to(inside.resolve()):
-            included.problems.append(f"includes {name!r}, which lies outside the session folder; "
-                                     "copy it into scene/")
-            continue
-        if len(included.files) == MAX_INCLUDES:
-            included.problems.append(f"includes more than {MAX_INCLUDES} files; {name!r} may "
-                                     "include itself")
-            return
-        included.files.append(file)
-        included.folders.append(file.parent)
-        if (part := _scene_of(file, included)) is not None:
-            _upgrade(part)
-            for index, child in enumerate(list(part)):
-                root.insert(position + index, child)
-
-
 def _scene_of(file: Path, included: IncludedFiles) -> ET.Element | None:
     try:
         root = ET.fromstring(file.read_text(encoding="utf-8-sig"))
@@ -126,14 +118,6 @@ def _upgrade(root: ET.Element) -> None:
     for node in root.iter():
         node.tag = RENAMED.get(node.tag, node.tag)
         if "name" in node.attrib and node.tag != "default":
-            node.set("name", _underscored(node.get("name", "")))
-
-
-def _underscored(name: str) -> str:
-    """"toWorld" as "to_world", "intIOR" as "int_ior"."""
-    return re.sub(r"(?<=[a-z0-9])([A-Z]+)", r"_\1", name).lower()
-
-
-def relative_to_scene(file: Path, scene: Path) -> str:
-    """How a scene names a file: by the way from its own folder."""
-    return os.path.relpath(file, scene.parent)
+            # "toWorld" becomes "to_world", "intIOR" "int_ior"
+            node.set("name", re.sub(r"(?<=[a-z0-9])([A-Z]+)", r"_\1",
+                                    node.get("name", "")).lower())

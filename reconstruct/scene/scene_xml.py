@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -56,14 +56,7 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
         if (values := reflectances.get(node.get("id", ""))) is not None:
             _set_reflectance(node, values, range_nm, scene.path.name)
     for node in root.iter("emitter"):
-        _check_unit_light(root, node, light, scene.path.name)
-        if node.get("type") == SKY_MAP:
-            continue
-        name = EMITTED[node.get("type", "")]
-        for child in [child for child in node
-                      if child.tag in SPECTRUM_TAGS and child.get("name") == name]:
-            node.remove(child)
-        node.append(_regular(name, _light_of(root, node, light, scene.path.name), range_nm))
+        _set_light(node, light_id(root, node), light, range_nm, scene.path.name)
     for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
         # Mitsuba gets text, no folder
         node.set("value", str((scene.path.parent / node.get("value", "")).resolve()))
@@ -71,7 +64,14 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
     assert sensor is not None
     for child in [child for child in sensor if child.tag in ("film", "sampler")]:
         sensor.remove(child)
-    sensor.append(_film(bands, range_nm, size))
+    film = ET.SubElement(sensor, "film", type="specfilm")
+    ET.SubElement(film, "integer", name="width", value=str(size[0]))
+    ET.SubElement(film, "integer", name="height", value=str(size[1]))
+    ET.SubElement(film, "string", name="component_format", value="float32")
+    ET.SubElement(film, "rfilter", type="box")
+    for number, (name, values) in enumerate(bands.items()):
+        # Mitsuba sorts channels by name
+        film.append(_regular(f"band_{number:03d}_{name}", values, range_nm))
     ET.SubElement(sensor, "sampler", type="independent")
     for child in root.findall("integrator"):
         root.remove(child)
@@ -100,30 +100,27 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _check_unit_light(root: ET.Element, light: ET.Element,
-                      spectrum: np.ndarray | Mapping[str, np.ndarray], file: str) -> None:
-    """Take the profile out of a light; refuse a spectrum of which a rendering would not show it."""
-    shaped = [node for node in light.findall("string") if node.get("name") == PROFILE]
-    if not shaped and light.get("type") != SKY_MAP:
-        return
-    if not isinstance(spectrum, np.ndarray) or np.any(spectrum != 1):
+def _set_light(node: ET.Element, name: str, light: np.ndarray | Mapping[str, np.ndarray],
+               range_nm: tuple[float, float], file: str) -> None:
+    """Put a spectrum into an emitter, and take its profile out; refuse a spectrum that a rendering
+    of a profile or a map of the sky would not show.
+    """
+    shaped = [child for child in node.findall("string") if child.get("name") == PROFILE]
+    sky = node.get("type") == SKY_MAP
+    if (shaped or sky) and (not isinstance(light, np.ndarray) or np.any(light != 1)):
         what = "measured profile" if shaped else "map of the sky"
-        raise InputError(f"{file}: only the transport engine knows the {what} of "
-                         f"{light_id(root, light)!r}; set [reconstruct] engine = \"transport\", or "
-                         "take it out")
-    for node in shaped:
-        light.remove(node)
-
-
-def _light_of(root: ET.Element, node: ET.Element, light: np.ndarray | Mapping[str, np.ndarray],
-              file: str) -> np.ndarray:
-    if isinstance(light, np.ndarray):
-        return light
-    name = light_id(root, node)
-    if name not in light:
+        raise InputError(f"{file}: only the transport engine knows the {what} of {name!r}; set "
+                         "[reconstruct] engine = \"transport\", or take it out")
+    if not isinstance(light, np.ndarray) and name not in light:
         raise InputError(f"{file}: the light {name!r} has no spectrum; it is given for "
                          f"{', '.join(light)}")
-    return light[name]
+    emitted = EMITTED.get(node.get("type", ""))
+    for child in [*shaped, *(child for child in node if child.tag in SPECTRUM_TAGS
+                             and child.get("name") == emitted and not sky)]:
+        node.remove(child)
+    if emitted is not None:     # a map of the sky has its picture
+        spectrum = light if isinstance(light, np.ndarray) else light[name]
+        node.append(_regular(emitted, spectrum, range_nm))
 
 
 def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float, float],
@@ -147,19 +144,6 @@ def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float
         inner.remove(child)
     inner.set("type", "diffuse")
     inner.append(_reflectance("reflectance", values, range_nm))
-
-
-def _film(bands: Mapping[str, np.ndarray], range_nm: tuple[float, float],
-          size: Sequence[int]) -> ET.Element:
-    film = ET.Element("film", type="specfilm")
-    ET.SubElement(film, "integer", name="width", value=str(size[0]))
-    ET.SubElement(film, "integer", name="height", value=str(size[1]))
-    ET.SubElement(film, "string", name="component_format", value="float32")
-    ET.SubElement(film, "rfilter", type="box")
-    for number, (name, values) in enumerate(bands.items()):
-        # Mitsuba sorts channels by name
-        film.append(_regular(f"band_{number:03d}_{name}", values, range_nm))
-    return film
 
 
 def _reflectance(name: str, values: np.ndarray, range_nm: tuple[float, float]) -> ET.Element:

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.reconstruct.tracer.unit_scene import number_of
-
 
 class Contributions:
     """Sums by region, light group and product of reflectances; or by region and band.
@@ -58,7 +56,8 @@ class Contributions:
 
         group = mi.UInt32(0)
         if self.light is not None:
-            group = dr.gather(mi.UInt32, self.light, number_of(emitter), active)
+            number: Any = dr.reinterpret_array(mi.UInt32, emitter)
+            group = dr.gather(mi.UInt32, self.light, number, active)
         active = active & (contribution > 0) & (product < self.products) & (group < self.groups)
         term = group * self.products + product
         if self.bands is None:

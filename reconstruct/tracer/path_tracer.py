@@ -16,11 +16,10 @@ from spectrabox.reconstruct.scene.light_profile import STEP_DEG, TABLE_DEG
 from spectrabox.reconstruct.tracer.contributions import Contributions
 from spectrabox.reconstruct.tracer.path_samples import ShiftedLattice
 from spectrabox.reconstruct.tracer.unit_scene import (
+    SKY_MAP_CLASS,
     UnitScene,
     bsdf_table,
-    is_sky_map,
     light_table,
-    number_of,
     profile_table,
 )
 
@@ -81,7 +80,8 @@ class Tracer:
         self.material = mi.UInt32(bsdf_table(unit.scene, unit.material_of_bsdf, unit.materials))
         self.light = (None if unit.lights is None
                       else mi.UInt32(light_table(unit.scene, unit.lights)))
-        shaped = bool(unit.profiles) or any(map(is_sky_map, unit.scene.emitters()))
+        shaped = bool(unit.profiles) or any(emitter.class_name() == SKY_MAP_CLASS
+                                            for emitter in unit.scene.emitters())
         self.profile = mi.Float(profile_table(unit.scene, unit.profiles)) if shaped else None
         self.units: dict[bool, int] = {}
 
@@ -132,19 +132,12 @@ class Tracer:
         position = (mi.Point2f(column, row) + lattice.pair(mi.UInt32(1))) / mi.Point2f(*self.size)
         ray, _ = self.scene.sensors()[0].sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
         sums = Contributions(self.regions, self.groups, self.products, self.light, signals, bits)
-        self._follow(mi.Ray3f(ray), region, lattice, sums)
-        return sums.values()
-
-    def _follow(self, ray: Any, region: Any, lattice: ShiftedLattice, sums: Contributions) -> None:
-        """Follow the paths to their end; what they contribute to their regions goes to ``sums``."""
-        import drjit as dr
-        import mitsuba as mi
-
-        start = PathState(ray=ray, throughput=mi.Float(1), product=mi.UInt32(0),
+        start = PathState(ray=mi.Ray3f(ray), throughput=mi.Float(1), product=mi.UInt32(0),
                           depth=mi.UInt32(0), previous=dr.zeros(mi.SurfaceInteraction3f),
                           bsdf_pdf=mi.Float(0), active=mi.Bool(True))
         dr.while_loop((start,), lambda path: path.active,
                       lambda path: (self._next_vertex(path, region, lattice, sums),))
+        return sums.values()
 
     def _next_vertex(self, path: PathState, region: Any, lattice: ShiftedLattice,
                      sums: Contributions) -> PathState:
@@ -168,7 +161,8 @@ class Tracer:
         # ------------------------- reflectance of the surface ------------------------
         active &= hit.is_valid() & (path.depth < self.bounces)
         bsdf = hit.bsdf(path.ray)
-        material = dr.gather(mi.UInt32, self.material, number_of(bsdf), active)
+        number: Any = dr.reinterpret_array(mi.UInt32, bsdf)
+        material = dr.gather(mi.UInt32, self.material, number, active)
         active &= material < self.materials
         product = dr.gather(mi.UInt32, self.next_product, path.product * self.materials + material,
                             active)
@@ -203,7 +197,8 @@ class Tracer:
             return mi.Float(1)
         position = dr.safe_acos(cosine) * (180 / np.pi / STEP_DEG)
         below = dr.minimum(mi.UInt32(dr.maximum(position, 0.0)), TABLE_DEG.size - 2)
-        first = number_of(emitter) * TABLE_DEG.size + below
+        number: Any = dr.reinterpret_array(mi.UInt32, emitter)
+        first = number * TABLE_DEG.size + below
         left, right = (dr.gather(mi.Float, self.profile, first + step, active) for step in (0, 1))
         return dr.lerp(left, right, dr.clip(position - mi.Float(below), 0.0, 1.0))
 

@@ -13,6 +13,9 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.light_profile import TABLE_DEG
 
+# of Mitsuba's emitters: the one whose radiance comes from a picture
+SKY_MAP_CLASS = "EnvironmentMapEmitter"
+
 
 @dataclass(frozen=True, eq=False)
 class UnitScene:
@@ -51,14 +54,6 @@ class UnitScene:
         return 1 if self.lights is None else len(self.lights)
 
 
-def number_of(pointer: Any) -> Any:
-    """The renderer's number of a BSDF or emitter."""
-    import drjit as dr
-    import mitsuba as mi
-
-    return dr.reinterpret_array(mi.UInt32, pointer)
-
-
 def bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str],
                materials: tuple[str, ...]) -> np.ndarray:
     """Material index by the renderer's number of the BSDF; M where a BSDF reflects nothing.
@@ -75,31 +70,22 @@ def bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str],
     InputError
         If a BSDF that reflects light has no material.
     """
+    import drjit as dr
     import mitsuba as mi
 
     bsdfs = list(dict.fromkeys(shape.bsdf() for shape in scene.shapes()))
-    numbers = np.array(number_of(mi.BSDFPtr(bsdfs)))
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.BSDFPtr(bsdfs)))
     table = np.full(numbers.max() + 1, len(materials), dtype=np.uint32)
     for bsdf, number in zip(bsdfs, numbers, strict=True):
         if bsdf.id() in material_of_bsdf:
             table[number] = materials.index(material_of_bsdf[bsdf.id()])
-        elif _reflects(bsdf):
+            continue
+        hit: Any = mi.SurfaceInteraction3f()
+        hit.wavelengths, hit.wi = mi.Spectrum(550.0), mi.Vector3f(0.0, 0.0, 1.0)
+        if np.any(np.array(bsdf.eval_diffuse_reflectance(hit)) != 0):
             raise InputError(f"the scene's BSDF {bsdf.id()!r} has no material: every surface needs "
                              "one, since light that it reflects reaches all the others")
     return table
-
-
-def _reflects(bsdf: Any) -> bool:
-    import mitsuba as mi
-
-    hit: Any = mi.SurfaceInteraction3f()
-    hit.wavelengths, hit.wi = mi.Spectrum(550.0), mi.Vector3f(0.0, 0.0, 1.0)
-    return bool(np.any(np.array(bsdf.eval_diffuse_reflectance(hit)) != 0))
-
-
-def is_sky_map(emitter: Any) -> bool:
-    """Whether an emitter's radiance comes from a picture."""
-    return bool(emitter.class_name() == "EnvironmentMapEmitter")
 
 
 def profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -125,13 +111,13 @@ def profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
                                                          mi.Point2f(0.5))[0].wavelengths
     d65 = float(np.array(mi.load_dict({"type": "d65"}).eval(daylight)[0]).item())
 
-    numbers = np.array(number_of(mi.EmitterPtr(scene.emitters())))
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(scene.emitters())))
     table = np.ones((numbers.max() + 1, TABLE_DEG.size), dtype=np.float32)
     for emitter, number in zip(scene.emitters(), numbers, strict=True):
         shape = emitter.get_shape()
         if shape is not None and shape.id() in profiles:
             table[number] = profiles[shape.id()]
-        elif is_sky_map(emitter):
+        elif emitter.class_name() == SKY_MAP_CLASS:
             table[number] = 1 / d65
     return table.ravel()
 
@@ -144,10 +130,11 @@ def light_table(scene: Any, lights: tuple[tuple[str, ...], ...]) -> np.ndarray:
     scene : mi.Scene
     lights : L groups of ids of emitters or of their shapes
     """
+    import drjit as dr
     import mitsuba as mi
 
     emitters = scene.emitters()
-    numbers = np.array(number_of(mi.EmitterPtr(emitters)))
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitters)))
     table = np.full(numbers.max() + 1, len(lights), dtype=np.uint32)
     for emitter, number in zip(emitters, numbers, strict=True):
         shape = emitter.get_shape()

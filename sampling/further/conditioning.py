@@ -17,6 +17,7 @@ from spectrabox.radiometry.records import SpectralMeasurement, WavelengthGrid
 
 # chance of a disagreement as large as the one seen, below which two readings contradict each other
 CONTRADICTION = 1e-6
+SAME_WEIGHTS = 0.05     # sum of differences below which two readings are of the same
 HALF_WIDTH_NM = 2.5     # of the triangular band that a single-wavelength reading stands for
 
 
@@ -73,12 +74,24 @@ def condition(measurement: SpectralMeasurement, readings: list[Reading]) -> Spec
     Raises
     ------
     InputError
-        If two readings of the same thing contradict each other beyond their errors; both are named.
+        If two readings of the same thing contradict each other by more than chance allows (1 in a
+        million), or are the same measurement twice; both are named.
     """
-    check_agreement(measurement.grid, readings)
     if not readings:
         return measurement
     rows = np.array([reading.row(measurement.grid) for reading in readings])
+    limit = np.sqrt(chi_square_beyond(CONTRADICTION, 1))
+    for index, first in enumerate(readings):
+        for other, second in enumerate(readings[:index]):
+            if np.abs(rows[index] - rows[other]).sum() >= SAME_WEIGHTS:
+                continue
+            spread = max(np.hypot(first.standard_error, second.standard_error), 1e-9)
+            if abs(first.value - second.value) > limit * spread:
+                raise InputError(f"{second.name} ({second.value:g}) and {first.name} "
+                                 f"({first.value:g}) contradict each other beyond their errors; "
+                                 "measure both again or state larger errors")
+            raise InputError(f"{second.name} and {first.name} are the same measurement twice; "
+                             "give their mean once")
     values = np.array([reading.value for reading in readings])
     variances = np.array([reading.standard_error**2 for reading in readings])
     return _stacked(measurement, rows, values, np.diag(variances))
@@ -120,34 +133,6 @@ def same_bands(first: SpectralMeasurement, second: SpectralMeasurement) -> bool:
     """Whether two measurements are by the same camera under the same light."""
     a, b = first.relative_response, second.relative_response
     return a.shape == b.shape and np.allclose(a, b, atol=1e-9)
-
-
-def check_agreement(grid: WavelengthGrid, readings: list[Reading]) -> None:
-    """Raise where two readings through the same weights disagree by more than chance allows (1 in a
-    million).
-
-    Parameters
-    ----------
-    grid : WavelengthGrid
-        Of P wavelengths.
-    readings : list of Reading
-
-    Raises
-    ------
-    InputError
-        Naming both.
-    """
-    limit = np.sqrt(chi_square_beyond(CONTRADICTION, 1))
-    for index, first in enumerate(readings):
-        for second in readings[:index]:
-            if np.abs(first.row(grid) - second.row(grid)).sum() < 0.05:
-                spread = max(np.hypot(first.standard_error, second.standard_error), 1e-9)
-                if abs(first.value - second.value) > limit * spread:
-                    raise InputError(f"{second.name} ({second.value:g}) and {first.name} "
-                                     f"({first.value:g}) contradict each other beyond their "
-                                     "errors; measure both again or state larger errors")
-                raise InputError(f"{second.name} and {first.name} are the same measurement twice; "
-                                 "give their mean once")
 
 
 def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> SpectralMeasurement:

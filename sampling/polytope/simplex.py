@@ -110,7 +110,9 @@ def _walks(A: np.ndarray, y: np.ndarray, upper: np.ndarray,
         lost |= state.pivots > MAX_PIVOTS
         ends[state.polytope[lost]] = SolveStatus.STALLED
         ends[state.polytope[empty]] = SolveStatus.EMPTY
-        state = _without(state, done | empty | lost)
+        if (finished := done | empty | lost).any():
+            state = _State(**{field.name: np.ascontiguousarray(
+                getattr(state, field.name)[..., ~finished]) for field in fields(_State)})
     values[:, ends != SolveStatus.DONE] = np.nan
     return values[1:].T, ends
 
@@ -165,14 +167,10 @@ def _pivot(state: _State, entering: np.ndarray, moving: np.ndarray) -> None:
     state.at_upper[entering[across], every[across]] ^= True
     state.x[entering[across], every[across]] = np.where(
         rise[across] > 0, state.upper[entering[across], every[across]], 0.0)
+    # entering variables take the leaving ones' positions in the bases
     rows = np.flatnonzero(moving & ~across)
-    _exchange(state, rows, entering[rows], leaving[rows], change[leaving[rows], rows] > 0,
-              column[:, rows])
-
-
-def _exchange(state: _State, rows: np.ndarray, entering: np.ndarray, leaving: np.ndarray,
-              ends_at_upper: np.ndarray, column: np.ndarray) -> None:
-    """Entering variables take the leaving ones' positions in the bases of some walks."""
+    entering, leaving, column = entering[rows], leaving[rows], column[:, rows]
+    ends_at_upper = change[leaving, rows] > 0
     out = state.basic[leaving, rows]
     state.at_upper[out, rows] = ends_at_upper
     state.x[out, rows] = np.where(ends_at_upper, state.upper[out, rows], 0.0)
@@ -202,12 +200,3 @@ def _refactor(state: _State) -> np.ndarray:
     state.x = resting
     np.put_along_axis(state.x, state.basic, x_basic, 0)
     return lost
-
-
-def _without(state: _State, finished: np.ndarray) -> _State:
-    """The walks that are not finished."""
-    if not finished.any():
-        return state
-    kept = ~finished
-    return _State(**{field.name: np.ascontiguousarray(getattr(state, field.name)[..., kept])
-                     for field in fields(_State)})

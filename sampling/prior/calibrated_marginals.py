@@ -75,7 +75,9 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
     pairs = _pairs(prior, relative_response, signals, covariance, mixture)
     p = reflectance(pairs.centre)
     slope = p * (1 - p)
-    away = p - _summed(pairs.weight[:, None] * p, pairs.signal)[pairs.signal]
+    # the pairs of a signal follow one another, and every signal has some
+    first = np.flatnonzero(np.diff(pairs.signal, prepend=-1))
+    away = p - np.add.reduceat(pairs.weight[:, None] * p, first, axis=0)[pairs.signal]
     own, half, gain = _moved(prior, relative_response, pairs, slope)
     bend = relative_response * (slope * (1 - 2 * p))[:, None, :]                    # M p''
     coarse_bend = (relative_response @ BETWEEN) * (slope * (1 - 2 * p))[:, None, COARSE]
@@ -201,8 +203,3 @@ def _covariances(S: np.ndarray, pairs: _Pairs, half: np.ndarray, gain: np.ndarra
                            axis=2, dtype=np.float32)[:, COARSE]
     C += left @ right.transpose(0, 2, 1)
     return C
-
-
-def _summed(values: np.ndarray, signal: np.ndarray) -> np.ndarray:
-    """Sums (T, P) of values (n, P) over the pairs of each signal; every signal has some."""
-    return np.add.reduceat(values, np.flatnonzero(np.diff(signal, prepend=-1)), axis=0)

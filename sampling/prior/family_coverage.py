@@ -60,12 +60,12 @@ class FamilyCoverage:
     def words(self) -> str:
         """The family's figures as part of a sentence."""
         if self.certificate is None or self.bands is None:
-            return f"{self.name} was never judged"
-        judged = ("measured libraries" if self.certificate.measured else
-                  "models, no measured library" if self.certificate.parts else
-                  "its own model, not left out, no measured library")
+            return f"{self.name} was not tested"
+        test = ("measured libraries" if self.certificate.measured else
+                "models, no measured library" if self.certificate.parts else
+                "its own model, not left out, no measured library")
         return (f"{self.name} {100 * self.bands.coverage:.1f} % at a mean width of "
-                f"{self.bands.width:.3f} ({judged})")
+                f"{self.bands.width:.3f} ({test})")
 
 
 def family_coverages(shares: Mapping[str, float], stated: Sequence[str],
@@ -112,7 +112,8 @@ def certified_sentence(families: Sequence[FamilyCoverage]) -> str:
     """
     if not families:
         return ""
-    return ("What 95 % bands held of surfaces left out of the training: "
+    return ("Tested on unseen surfaces, the 95 % bands held the true spectrum at this share of "
+            "wavelengths: "
             f"{'; '.join(family.words for family in families)}.")
 
 

@@ -47,17 +47,6 @@ class _Component:
     noise_root: np.ndarray      # (K, r)
 
 
-@dataclass(frozen=True)
-class _Target:
-    """The posterior of one signal, and what its draws must reproduce."""
-
-    components: list[_Component]
-    weights: np.ndarray             # (C,) of the components
-    relative_response: np.ndarray   # (K, P)
-    signal: np.ndarray              # (K,)
-    approximate: bool               # the signal cannot be reached: draws come near to it
-
-
 def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
                       relative_response: np.ndarray, measurement: SpectralMeasurement,
                       draws: int, seed: int, *, approximate: bool = False) -> np.ndarray:
@@ -85,12 +74,28 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
     factor = band_factors(prior, mixture, LEVEL)[0]
     components = [_component(prior, mixture, relative_response, measurement, factor, int(index))
                   for index in chosen]
-    target = _Target(components, mixture.weights[0, chosen], relative_response,
-                     measurement.signal, approximate)
-    sizes = [BLOCK] * (draws // BLOCK) + ([draws % BLOCK] if draws % BLOCK else [])
-    seeds = np.random.SeedSequence(seed).spawn(len(sizes))
-    return np.concatenate([_block(target, size, np.random.default_rng(seed))
-                           for size, seed in zip(sizes, seeds, strict=True)])
+    spectra = np.empty((draws, relative_response.shape[1]))
+    blocks = range(0, draws, BLOCK)
+    for start, own_seed in zip(blocks, np.random.SeedSequence(seed).spawn(len(blocks)),
+                               strict=True):
+        rng = np.random.default_rng(own_seed)
+        missing = np.arange(start, min(start + BLOCK, draws))
+        for _ in range(MAX_REDRAWS):
+            number = rng.choice(chosen.size, size=missing.size, p=mixture.weights[0, chosen])
+            failed = []
+            for index, component in enumerate(components):
+                rows = missing[number == index]
+                spectra[rows], reached = _of_component(component, relative_response,
+                                                       measurement.signal, rows.size, rng)
+                failed.append(rows[~reached])
+            missing = np.concatenate(failed)
+            if not missing.size or approximate:
+                break
+        else:
+            raise ConvergenceError(f"{missing.size} of {min(BLOCK, draws - start)} draws of the "
+                                   "learnt prior did not reach the signal; state its noise, or use "
+                                   "the method 'uniform'")
+    return spectra
 
 
 def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response: np.ndarray,
@@ -114,30 +119,13 @@ def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response
                       noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2))
 
 
-def _block(target: _Target, draws: int, rng: np.random.Generator) -> np.ndarray:
-    out = np.empty((draws, target.relative_response.shape[1]))
-    missing = np.arange(draws)
-    for _ in range(MAX_REDRAWS):
-        chosen = rng.choice(len(target.components), size=missing.size, p=target.weights)
-        failed = []
-        for index, component in enumerate(target.components):
-            rows = missing[chosen == index]
-            out[rows], reached = _of_component(target, component, rows.size, rng)
-            failed.append(rows[~reached])
-        missing = np.concatenate(failed)
-        if not missing.size or target.approximate:
-            return out
-    raise ConvergenceError(f"{missing.size} of {draws} draws of the learnt prior did not reach the "
-                           "signal; state its noise, or use the method 'uniform'")
-
-
-def _of_component(target: _Target, component: _Component, draws: int,
-                  rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _of_component(component: _Component, relative_response: np.ndarray, signal: np.ndarray,
+                  draws: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Reflectances (n, P) of one component at their own signals, and which of them got there."""
-    M, bands = target.relative_response, len(target.signal)
+    M, bands = relative_response, len(signal)
     x = rng.standard_normal((draws, component.root.shape[1])) @ component.root.T + component.centre
     noise = rng.standard_normal((draws, component.noise_root.shape[1]))
-    wanted = target.signal - (component.noise_mean + noise @ component.noise_root.T)
+    wanted = signal - (component.noise_mean + noise @ component.noise_root.T)
     # d(signal)/d(step) of every draw is the sum over wavelengths of p (1 - p) times these products.
     products = (M[:, None, :] * component.gain.T).reshape(bands * bands, -1).T
     for _ in range(NEWTON_STEPS):

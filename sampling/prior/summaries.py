@@ -61,13 +61,11 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     level : float
         Of the band.
     """
-    def part(start: int) -> PriorSummaries:
-        rows = slice(start, start + BATCH)
-        return _batch(prior, relative_response, signals[rows],
-                      {name: covariance[rows] for name, covariance in causes.items()}, level)
-
+    batches = [slice(start, start + BATCH) for start in range(0, max(len(signals), 1), BATCH)]
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        parts = [part(start) for start in range(0, max(len(signals), 1), BATCH)]
+        parts = [_batch(prior, relative_response, signals[rows],
+                        {name: covariance[rows] for name, covariance in causes.items()}, level)
+                 for rows in batches]
     return PriorSummaries(*(np.concatenate([getattr(part, field.name) for part in parts])
                             for field in fields(PriorSummaries)))
 

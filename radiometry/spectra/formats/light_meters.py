@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.colour_science import colour_science
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, text_of
 
@@ -58,9 +57,11 @@ def read_uprtek(content: bytes, path: Path) -> SpectralTable:
 
 def _read(content: bytes, path: Path, maker: str,
           opened: Callable[[Any], Any]) -> SpectralTable:
+    import colour  # takes a second
+
     text_of(content, path.name)     # raises where it is no text
     try:
-        spectrum = opened(colour_science()).read()
+        spectrum = opened(colour).read()
         nm, values = np.asarray(spectrum.wavelengths), np.asarray(spectrum.values)
         model = str(spectrum.header.measurement_equipment or maker)
     except DAMAGE as error:

@@ -71,30 +71,16 @@ def checked_table(table: SpectralTable) -> SpectralTable:
         raise InputError(f"{table.file}: wavelengths from {nm[0]:g} to {nm[-1]:g} cannot be in nm; "
                          "give them in nm")
     values = np.where(np.isfinite(table.values), table.values, np.nan)
-    return SpectralTable(nm, table.names, values, table.facts, table.file, table.main,
-                         table.column_facts, (*table.notes, *gap_notes(nm, table.names, values)))
-
-
-def gap_notes(nm: np.ndarray, names: tuple[str, ...], values: np.ndarray) -> tuple[str, ...]:
-    """Sentences on wide steps of the wavelengths and on missing values.
-
-    Parameters
-    ----------
-    nm : (P,) array
-    names : tuple of C str
-    values : (C, P) array
-        NaN where missing.
-    """
     steps = np.diff(nm)
     wide = np.flatnonzero(steps > GAP_STEPS * np.median(steps))
     notes = [f"no wavelengths between {nm[gap]:g} and {nm[gap + 1]:g} nm" for gap in wide[:3]]
     notes += [f"{wide.size - 3} more such gaps"] if wide.size > 3 else []
-    empty = ~np.isfinite(values)
-    for name, row in zip(names, empty, strict=True):
+    for name, row in zip(table.names, ~np.isfinite(values), strict=True):
         if row.any() and len(notes) < 8:
             notes.append(f"column {name!r} has no number at {int(row.sum())} of {nm.size} "
                          f"wavelengths ({nm[row][0]:g}-{nm[row][-1]:g} nm)")
-    return tuple(notes)
+    return SpectralTable(nm, table.names, values, table.facts, table.file, table.main,
+                         table.column_facts, (*table.notes, *notes))
 
 
 def text_of(content: bytes, name: str) -> str:
