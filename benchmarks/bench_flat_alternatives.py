@@ -30,9 +30,8 @@ from typing import Any
 import numpy as np
 
 from spectrabox.fixtures.paints import NM
-from spectrabox.radiometry.appearance import tristimulus_weights
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz, tristimulus_weights
 from spectrabox.radiometry.chart import chart_reflectances
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.colour_upsampling import upsampled
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import RegionSamples

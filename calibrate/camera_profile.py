@@ -11,8 +11,13 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import BRADFORD, adapted_tristimulus, tristimulus_weights
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import (
+    BRADFORD,
+    adapted_tristimulus,
+    ciede2000,
+    lab_from_xyz,
+    tristimulus_weights,
+)
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.named_spectra import light

@@ -7,8 +7,7 @@ from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.radiometry.appearance import decode_srgb, tristimulus
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import ciede2000, decode_srgb, lab_from_xyz, tristimulus
 from spectrabox.radiometry.records import LinearImage, WavelengthGrid
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides

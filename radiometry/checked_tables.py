@@ -1,7 +1,7 @@
 """Tables of TOML and JSON files that people write, checked by pydantic models.
 
 A model states keys, types, limits and defaults once. Its faults become sentences that name the file
-and the place in it, all at once; an unknown key is answered with the nearest known one.
+and the key in it, all at once; an unknown key is answered with the nearest known one.
 """
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
 
 
 def fault_sentences(error: ValidationError, model: type[Table]) -> list[str]:
-    """Every fault of a file in a sentence, place by place.
+    """Every fault of a file in a sentence, key by key.
 
     Parameters
     ----------
@@ -96,12 +96,12 @@ def fault_sentences(error: ValidationError, model: type[Table]) -> list[str]:
     list of str
         One for each key that is at fault; without the name of the file.
     """
-    by_place: dict[str, list[tuple[_Place, Fault]]] = {}
+    by_key: dict[str, list[tuple[_Key, Fault]]] = {}
     for fault in error.errors(include_url=False):
-        place = _place_of(fault["loc"], model)
-        by_place.setdefault(place.name, []).append((place, fault))
+        key = _key_of(fault["loc"], model)
+        by_key.setdefault(key.name, []).append((key, fault))
     sentences = []
-    for faults in by_place.values():
+    for faults in by_key.values():
         # Of the kinds that a value may be, the one that was followed furthest was meant.
         deepest = max(len(fault["loc"]) for _, fault in faults)
         sentences.append(_sentence([one for one in faults if len(one[1]["loc"]) == deepest]))
@@ -113,7 +113,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return difflib.get_close_matches(word, list(known), n=1, cutoff=0.0)[0]
 
 
-class _Place(NamedTuple):
+class _Key(NamedTuple):
     """Where a fault is: dotted name, its parts, the model around it, the key's field and kinds."""
 
     name: str
@@ -123,7 +123,7 @@ class _Place(NamedTuple):
     options: list[Any]
 
 
-def _place_of(loc: tuple[int | str, ...], model: type[BaseModel]) -> _Place:
+def _key_of(loc: tuple[int | str, ...], model: type[BaseModel]) -> _Key:
     names: tuple[str, ...] = ()
     field: FieldInfo | None = None
     options: list[Any] = [model]
@@ -143,7 +143,7 @@ def _place_of(loc: tuple[int | str, ...], model: type[BaseModel]) -> _Place:
         else:
             arguments = typing.get_args(kind)
             options = _options(arguments[typing.get_origin(kind) is dict]) if arguments else []
-    return _Place(".".join(names), names, model, field, options)
+    return _Key(".".join(names), names, model, field, options)
 
 
 def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
@@ -171,47 +171,47 @@ def _options(kind: Any) -> list[Any]:
     return [] if kind is types.NoneType else [kind]
 
 
-def _sentence(faults: list[tuple[_Place, Fault]]) -> str:
-    place, fault = faults[0]
-    kind, value, table = fault["type"], fault["input"], ".".join(place.names[:-1])
+def _sentence(faults: list[tuple[_Key, Fault]]) -> str:
+    key, fault = faults[0]
+    kind, value, table = fault["type"], fault["input"], ".".join(key.names[:-1])
     if kind == "extra_forbidden":
-        near = nearest(place.names[-1], _fields(place.model))
-        return (f"unknown key {shortened(place.names[-1])}{f' in [{table}]' if table else ''}; "
+        near = nearest(key.names[-1], _fields(key.model))
+        return (f"unknown key {shortened(key.names[-1])}{f' in [{table}]' if table else ''}; "
                 f"did you mean {near!r}?")
-    tables = [option for option in place.options if _is_table(option)]
+    tables = [option for option in key.options if _is_table(option)]
     if not value and not tables and any(fault["type"] == "too_short" for _, fault in faults):
-        needed = place.field is not None and place.field.is_required()
-        return f"{place.name} is empty; name at least one{'' if needed else ', or leave it out'}"
+        needed = key.field is not None and key.field.is_required()
+        return f"{key.name} is empty; name at least one{'' if needed else ', or leave it out'}"
     if kind == "missing" or (kind == "too_short" and tables):
         if not tables:
-            return f"{place.name} is missing"
-        return f"the table [{place.name}{'' if _is_model(tables[0]) else '.NAME'}] is missing"
+            return f"{key.name} is missing"
+        return f"the table [{key.name}{'' if _is_model(tables[0]) else '.NAME'}] is missing"
     if kind == "model_type" or (kind == "dict_type" and len(faults) == 1):
-        return f"[{place.name}] must be a table" if table else \
-            f"{place.name} must be a table [{place.name}]"
+        return f"[{key.name}] must be a table" if table else \
+            f"{key.name} must be a table [{key.name}]"
     if kind == "literal_error":
-        choices = [str(choice) for choice in typing.get_args(place.options[0])]
-        return (f"{place.name} is {shortened(value)}; {', '.join(choices)} "
+        choices = [str(choice) for choice in typing.get_args(key.options[0])]
+        return (f"{key.name} is {shortened(value)}; {', '.join(choices)} "
                 f"{'are possible' if len(choices) > 1 else 'is needed'}")
     if kind in ("too_short", "too_long"):
-        whole = "whole " if int in typing.get_args(place.options[0]) else ""
+        whole = "whole " if int in typing.get_args(key.options[0]) else ""
         count = fault["ctx"].get("min_length", fault["ctx"].get("max_length"))
         if isinstance(value, dict):
-            return f"{place.name} has {len(value)} of the {count} entries that are needed"
-        return f"{place.name} is {shortened(value)}; {count} {whole}numbers in brackets are needed"
+            return f"{key.name} has {len(value)} of the {count} entries that are needed"
+        return f"{key.name} is {shortened(value)}; {count} {whole}numbers in brackets are needed"
     if kind in ("greater_than_equal", "less_than_equal", "finite_number"):
-        return f"{place.name} is {_number(value)}; {_limits(place.field)}"
-    items = typing.get_args(place.options[0]) if len(place.options) == 1 else ()
+        return f"{key.name} is {_number(value)}; {_limits(key.field)}"
+    items = typing.get_args(key.options[0]) if len(key.options) == 1 else ()
     if kind == "tuple_type" and any(_is_model(item) for item in items):
-        return f"write [[{place.name}]] with two brackets, once for each"
+        return f"write [[{key.name}]] with two brackets, once for each"
     if kind == "tuple_type" and float in items:
-        return f"{place.name} is {shortened(value)}; a list of numbers is needed"
+        return f"{key.name} is {shortened(value)}; a list of numbers is needed"
     if all(one["type"] in TYPE_NAMES for _, one in faults):
         wanted = " or ".join(dict.fromkeys(TYPE_NAMES[one["type"]] for _, one in faults))
-        return f"{place.name} is {shortened(value)}; {wanted} is needed"
+        return f"{key.name} is {shortened(value)}; {wanted} is needed"
     # Of a validator of ours, which says it all; else what pydantic says.
     return str(fault["ctx"]["error"]) if kind == "value_error" else \
-        f"{place.name} is {shortened(value)}; {fault['msg']}"
+        f"{key.name} is {shortened(value)}; {fault['msg']}"
 
 
 def _number(value: float) -> str:

@@ -11,9 +11,9 @@ class SpectraboxError(Exception):
 
     exit_code = 1
 
-    def __init__(self, said: str) -> None:
-        # in one place: no error of ours repeats a control character or a whole file
-        super().__init__(message(said))
+    def __init__(self, sentence: str) -> None:
+        # here for all: no error of ours repeats a control character or a whole file
+        super().__init__(message(sentence))
 
 
 class InputError(SpectraboxError):
@@ -29,7 +29,7 @@ class CheckError(SpectraboxError):
 
 
 class ChartNotFoundError(CheckError):
-    """No ColorChecker could be found in the chart photo."""
+    """No ColorChecker was detected in the chart photo."""
 
 
 class ClippedPhotoError(CheckError):

@@ -133,7 +133,7 @@ def whole_file(path: Path) -> Iterator[Path]:
             yield unfinished
             sync(unfinished)
             unfinished.replace(path)
-            sync_folder(path.parent)
+            sync(path.parent)
         finally:
             unfinished.unlink(missing_ok=True)
 
@@ -168,7 +168,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
             if path.exists():
                 path.replace(before)
             unfinished.replace(path)
-            sync_folder(path.parent)
+            sync(path.parent)
         finally:
             for left in (unfinished, before):
                 shutil.rmtree(left, ignore_errors=True)
@@ -208,22 +208,21 @@ def _is_running(process: int) -> bool:
 
 
 def sync(path: Path) -> None:
-    """Bring a file's content onto the disk."""
-    handle = os.open(path, os.O_RDWR)
+    """Bring a file's content, or the names in a folder where the system can, onto the disk.
+
+    Parameters
+    ----------
+    path : Path
+        Of a folder after a rename in it, so that the rename survives a power cut.
+    """
+    folder = path.is_dir()
+    if folder and not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY if folder else os.O_RDWR)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def sync_folder(folder: Path) -> None:
-    """Make a rename in a folder survive a power cut, where the system can."""
-    if hasattr(os, "O_DIRECTORY"):
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 @contextlib.contextmanager

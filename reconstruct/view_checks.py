@@ -12,7 +12,7 @@ from spectrabox.reconstruct.view import View
 DARK_BAND = 1e-6         # of the strongest band's light: below, a band has none
 NEGATIVE_SIGMA = 6.0     # a pixel this far below zero is no noise
 MAX_NEGATIVE = 1e-3      # share of such pixels that defects explain
-MIN_PIXELS = 12          # of a material, below which its colour cannot be said
+MIN_PIXELS = 12          # of a material, below which its colour cannot be estimated
 
 
 def check_views(views: Sequence[View]) -> None:

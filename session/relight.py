@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.colour_science import adapted_srgb
 from spectrabox.radiometry.records import Calibration, WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light as named_light

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 
 # Sharma, Wu & Dalal 2005, Table 1: pairs 1, 4, 7, 9, 13, 17, 20, 24.
 PUBLISHED = [((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),

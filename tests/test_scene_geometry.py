@@ -192,7 +192,7 @@ def test_geometry_light_says_what_to_write_into_a_box(captured):
     lines = "\n".join(line for line in said.splitlines() if line.startswith("moved"))
     text = text.replace("radius_mm = 8 ", f"{lines}\nradius_mm = 8 ")
     (captured / "session.toml").write_text(text, encoding="utf-8")
-    assert read_session(captured).box.lamp.place_mm == (52.0, 268.77, 385.0)
+    assert read_session(captured).box.lamp.position_mm == (52.0, 268.77, 385.0)
 
 
 def test_an_error_without_its_move_is_refused():

@@ -179,7 +179,7 @@ def test_what_is_done_is_not_done_again(image, expected, tmp_path, inline):
 def test_an_end_that_was_cut_short_is_made_up_for(image, expected, tmp_path, inline, monkeypatch):
     inline()
     with monkeypatch.context() as patch:
-        patch.setattr(tiles, "sync_folder", lambda folder: 1 / 0)
+        patch.setattr(tiles, "sync", lambda folder: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             answer(image, tmp_path)
     pool = inline()

@@ -54,7 +54,7 @@ def lamp_placements(lamp: LampTable) -> list[Placement]:
     if lamp.moved_mm is None:
         return []
     return [Placement("lamp", "measured with a tape, then moved to explain the shading of surfaces "
-                      "of known reflectance", MM, np.array(lamp.at_mm), np.array(lamp.place_mm),
+                      "of known reflectance", MM, np.array(lamp.at_mm), np.array(lamp.position_mm),
                       np.array(lamp.moved_mm), _array(lamp.moved_error_mm))]
 
 

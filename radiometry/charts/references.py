@@ -141,11 +141,12 @@ def _plain(name: str) -> str:
 
 
 def _require_order(file: str, reflectances: np.ndarray, grid: WavelengthGrid, chart: Chart) -> None:
-    found = order_correlations(typical_camera_signals(reflectances, grid),
-                               published_signals(chart, grid), chart.rows)
-    best = max(found, key=lambda words: found[words])
-    if found[best] > max(SURE_CORRELATION, found[AS_ASKED] + CLEAR_GAIN):
-        raise CheckError(f"{file} lists the patches of a {chart.name} {best}: read so they "
-                         f"correlate with a published chart by {found[best]:.2f}, as they stand "
-                         f"by {found[AS_ASKED]:.2f}; list them row by row, {chart.names[0]} first, "
-                         "or name them after the patches")
+    correlations = order_correlations(typical_camera_signals(reflectances, grid),
+                                      published_signals(chart, grid), chart.rows)
+    best = max(correlations, key=lambda words: correlations[words])
+    as_listed = correlations[AS_ASKED]
+    if correlations[best] > max(SURE_CORRELATION, as_listed + CLEAR_GAIN):
+        raise CheckError(f"{file} lists the patches of a {chart.name} {best}: in that order they "
+                         f"correlate with a published chart by {correlations[best]:.2f}, as listed "
+                         f"by {as_listed:.2f}; list them row by row, {chart.names[0]} first, or "
+                         "name them after the patches")

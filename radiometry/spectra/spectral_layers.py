@@ -71,21 +71,21 @@ def spectral_layers(names: Sequence[str], *, first: str) -> tuple[str, list[tupl
     """
     by_kind: dict[str, list[tuple[float, int]]] = {}
     for index, name in enumerate(names):
-        if found := _layer(name):
-            by_kind.setdefault(found[0], []).append((found[1], index))
+        if layer := _layer(name):
+            by_kind.setdefault(layer[0], []).append((layer[1], index))
     kind = next((kind for kind in (first, REFLECTANCE, LIGHT, "", *by_kind) if kind in by_kind), "")
     return kind, sorted(by_kind.get(kind, []))
 
 
 def _layer(name: str) -> tuple[str, float] | None:
     """Kind and wavelength in nm of one channel; none where it is no spectrum's."""
-    found = LAYER.fullmatch(name)
-    before = (found[1] or "") if found else ""
-    if found is None or POLARISED.fullmatch(before) or LAYER.fullmatch(before):
+    match = LAYER.fullmatch(name)
+    before = (match[1] or "") if match else ""
+    if match is None or POLARISED.fullmatch(before) or LAYER.fullmatch(before):
         return None
-    value = float(found[2].replace(",", ".")) * MULTIPLES[found[3] or ""]
+    value = float(match[2].replace(",", ".")) * MULTIPLES[match[3] or ""]
     if value <= 0:
         return None
-    metres = value if found[4] == "m" else LIGHT_SPEED / value
+    metres = value if match[4] == "m" else LIGHT_SPEED / value
     # rounded: 560 x 1e-9 m comes back as 560 nm
     return before.rpartition(".")[2], round(metres * NM_PER_METRE, 9)

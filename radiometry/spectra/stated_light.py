@@ -65,5 +65,5 @@ def vague_light(word: str) -> UnknownLight | None:
     InputError
         If it is a temperature that no lamp has.
     """
-    said = vague_words(word)
-    return None if said is None else UnknownLight(*said)
+    stated = vague_words(word)
+    return None if stated is None else UnknownLight(*stated)

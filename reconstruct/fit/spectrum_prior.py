@@ -34,7 +34,7 @@ def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid,
     grid : WavelengthGrid
         P wavelengths, on which a learnt prior is interpolated.
     of_family : LearntSpectra, optional
-        In place of ``learnt``, where somebody said what family of surfaces the material is of.
+        In place of ``learnt``, where the material's family of surfaces is stated.
 
     Raises
     ------

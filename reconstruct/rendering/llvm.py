@@ -67,8 +67,8 @@ def llvm_version(library: Path) -> int | None:
 
 def llvm_name() -> str:
     """Name and size of the libLLVM that would be chosen by its name, which none is loaded for."""
-    named = [(int(found[1]), file) for file in _candidates()
-             if (found := re.search(r"libLLVM[-.a-z]*(\d+)", file.name)) is not None]
+    named = [(int(match[1]), file) for file in _candidates()
+             if (match := re.search(r"libLLVM[-.a-z]*(\d+)", file.name)) is not None]
     if not named:
         return "none"
     _, file = max(named)
@@ -87,7 +87,14 @@ def find_llvm() -> tuple[Path, int] | None:
 
     An operator's own choice, in the environment variable, counts alone.
     """
-    _preload_companions()
+    # the libraries unpacked with LLVM first: the linker then finds them by name
+    waiting = [file for file in sorted(ENVIRONMENT_FOLDER.glob("lib*.so*"))
+               if not file.name.startswith("libLLVM")]
+    while waiting:
+        left = [file for file in waiting if not _load(file)]
+        if len(left) == len(waiting):
+            break
+        waiting = left
     versions = [(version, file) for file in _candidates()
                 if (version := llvm_version(file)) is not None]
     usable = [(version, file) for version, file in versions if version >= oldest_usable()]
@@ -105,14 +112,14 @@ def ensure_llvm() -> tuple[Path, int]:
     EnvironmentProblem
         If this machine has none.
     """
-    found = find_llvm()
-    if found is None:
+    newest = find_llvm()
+    if newest is None:
         chosen = os.environ.get(VARIABLE)
         what = (f"{VARIABLE} points to {chosen}, which is not a usable LLVM" if chosen
                 else "no usable LLVM was found")
         raise EnvironmentProblem(f"{what}: version {oldest_usable()} or newer is needed; {ADVICE}")
-    os.environ[VARIABLE] = str(found[0])
-    return found
+    os.environ[VARIABLE] = str(newest[0])
+    return newest
 
 
 @contextlib.contextmanager
@@ -205,19 +212,6 @@ def _quietly(command: list[str], folder: str) -> bool:
     return outcome.returncode == 0
 
 
-def _preload_companions() -> None:
-    """Load the libraries that were unpacked beside LLVM, so that the linker finds them by name when
-    LLVM is loaded.
-    """
-    waiting = [file for file in sorted(ENVIRONMENT_FOLDER.glob("lib*.so*"))
-               if not file.name.startswith("libLLVM")]
-    while waiting:
-        left = [file for file in waiting if not _load(file)]
-        if len(left) == len(waiting):
-            return
-        waiting = left
-
-
 def _load(library: Path) -> bool:
     try:
         ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
@@ -230,12 +224,12 @@ def main() -> int:
     """Set-up step: make sure that the environment has a usable LLVM."""
     if find_llvm() is None or not _load(Path("libatomic.so.1")):
         fetch_llvm()
-    found = find_llvm()
-    if found is None:
+    newest = find_llvm()
+    if newest is None:
         print(f"no usable LLVM (version {oldest_usable()} or newer) was found or could be fetched: "
               f"{ADVICE}", file=sys.stderr)
         return EnvironmentProblem.exit_code
-    print(f"LLVM {found[1]}: {found[0]}")
+    print(f"LLVM {newest[1]}: {newest[0]}")
     return 0
 
 

@@ -28,7 +28,7 @@ CHART_DEPTH = 2             # the chart is lit by the lamp alone
 CHART_VIEW = 2.0            # distance of the chart scene's camera, in widths of the card
 PLACEHOLDER = "0.5"
 TAKE_OVER = (" Made from [scene.box] of session.toml. To go on by hand, copy this file into scene/ "
-             "and name the copy as {key} in session.toml, in place of the tables. ")
+             "and name the copy as {key} in session.toml, in position of the tables. ")
 FRAME = (" Lengths in mm: x to the right, y up, z out of the box's opening; (0, 0, 0) is the "
          "middle of the opening's lower edge. Reflectances and radiance are placeholders. ")
 
@@ -43,14 +43,14 @@ def box_xml(box: BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None
     size : (width, height)
         Of the photo in pixels.
     pose : mapping, optional
-        ``to_world``, ``fov`` and so on of a ``perspective`` sensor, where the camera was found
-        from the photo; by default the camera's measured place.
+        ``to_world``, ``fov`` and so on of a ``perspective`` sensor, where the camera was estimated
+        from the photo; by default the camera's measured pose.
     camera : CameraTable, optional
         That was measured, where it is not the box's.
     """
     root = _scene(MAX_DEPTH, TAKE_OVER.format(key="scene.file"))
     _add_sensor(root, _stated(camera or box.camera) if pose is None else camera_nodes(pose), size)
-    _add_lamp(root, box.lamp, box.lamp.place_mm)
+    _add_lamp(root, box.lamp, box.lamp.position_mm)
     for name in box.materials:
         bsdf = ET.SubElement(root, "bsdf", type="diffuse", id=name)
         ET.SubElement(bsdf, "spectrum", name="reflectance", value=PLACEHOLDER)
@@ -72,7 +72,7 @@ def chart_xml(box: BoxTable, chart: ChartPlaceTable) -> str:
     eye = at + CHART_VIEW * width * facing / np.linalg.norm(facing)
     _add_sensor(root, [_float("fov", 40.0), _string("fov_axis", "x"),
                        _transform([_lookat(eye, at, chart.up)])], (600, 400))
-    _add_lamp(root, box.lamp, chart.lamp_at_mm or box.lamp.place_mm)
+    _add_lamp(root, box.lamp, chart.lamp_at_mm or box.lamp.position_mm)
     bsdf = ET.SubElement(root, "bsdf", type="diffuse", id="card")
     ET.SubElement(bsdf, "spectrum", name="reflectance", value="0.2")
     root.append(_shape("rectangle", "chart", "card",
@@ -102,7 +102,7 @@ def box_edges(box: BoxTable) -> list[tuple[str, str]]:
 
 
 def _wall_steps(box: BoxTable, wall: str) -> list[ET.Element]:
-    """A rectangle, which spans -1 to 1 and faces +z, turned and put to its place."""
+    """A rectangle, which spans -1 to 1 and faces +z, turned and moved to its position."""
     half_width, half_height, half_depth = box.width_mm / 2, box.height_mm / 2, box.depth_mm / 2
     if wall == "back":
         return [_scale(half_width, half_height, 1), _translate((0, half_height, -box.depth_mm))]
@@ -171,9 +171,9 @@ def _stated(camera: CameraTable) -> list[ET.Element]:
             _transform([_lookat(camera.at_mm, camera.look_at_mm, camera.up)])]
 
 
-def _scene(max_depth: int, said: str) -> ET.Element:
+def _scene(max_depth: int, comment: str) -> ET.Element:
     root = ET.Element("scene", version="3.0.0")
-    root.append(ET.Comment(said))
+    root.append(ET.Comment(comment))
     root.append(ET.Comment(FRAME))
     integrator = ET.SubElement(root, "integrator", type="path")
     ET.SubElement(integrator, "integer", name="max_depth", value=str(max_depth))
@@ -211,8 +211,8 @@ def _rotate(axis: str, angle_deg: float) -> ET.Element:
     return ET.Element("rotate", {axis: "1", "angle": f"{angle_deg:.10g}"})
 
 
-def _translate(place: Sequence[float]) -> ET.Element:
-    x, y, z = place
+def _translate(position: Sequence[float]) -> ET.Element:
+    x, y, z = position
     return ET.Element("translate", x=f"{x:.10g}", y=f"{y:.10g}", z=f"{z:.10g}")
 
 
@@ -221,8 +221,8 @@ def _lookat(origin: Sequence[float] | np.ndarray, target: Sequence[float] | np.n
     return ET.Element("lookat", origin=_numbers(origin), target=_numbers(target), up=_numbers(up))
 
 
-def _point(name: str, place: Sequence[float]) -> ET.Element:
-    return ET.Element("point", name=name, value=_numbers(place))
+def _point(name: str, position: Sequence[float]) -> ET.Element:
+    return ET.Element("point", name=name, value=_numbers(position))
 
 
 def _float(name: str, value: float) -> ET.Element:

@@ -30,7 +30,8 @@ def _require_upright(what: str, at: Sequence[float] | None, target: Sequence[flo
     assert at is not None and target is not None
     ahead = [b - a for a, b in zip(at, target, strict=True)]
     if not any(ahead):
-        raise ValueError(f"look_at_mm of the {what} is its own place; give a point that it faces")
+        raise ValueError(f"look_at_mm of the {what} is its own position; give a point that it "
+                         "faces")
     (x, y, z), (u, v, w) = ahead, up
     across = math.hypot(y * w - z * v, z * u - x * w, x * v - y * u)
     if across < 1e-6 * math.hypot(x, y, z) * math.hypot(u, v, w) or not any(up):
@@ -108,21 +109,22 @@ class LampTable(Table):
             raise ValueError("beam is of a panel, which has a direction; give size_mm and "
                              "look_at_mm in place of radius_mm")
         if self.look_at_mm is not None and self.look_at_mm == self.at_mm:
-            raise ValueError("look_at_mm of the lamp is its own place; give a point it faces")
+            raise ValueError("look_at_mm of the lamp is its own position; give a point that it "
+                             "faces")
         if self.moved_error_mm is not None and self.moved_mm is None:
             raise ValueError("moved_error_mm of the lamp are errors of moved_mm, which is missing; "
                              "give both or neither")
         return self
 
     @property
-    def place_mm(self) -> tuple[float, ...]:
+    def position_mm(self) -> tuple[float, ...]:
         """Where its middle is taken to be."""
         return tuple(at + by for at, by in zip(self.at_mm, self.moved_mm or (0, 0, 0),
                                                strict=True))
 
 
 class CameraTable(Table):
-    """Where the camera stands: measured, or found from the box's corners in the photo."""
+    """Where the camera stands: measured, or estimated from the box's corners in the photo."""
 
     at_mm: Point | None = Field(None, description="[x, y, z] of the lens")
     look_at_mm: Point | None = Field(None, description="a point in the middle of the photo")
@@ -138,7 +140,7 @@ class CameraTable(Table):
                               "its lens is")
 
     @model_validator(mode="after")
-    def _is_measured_or_found(self) -> CameraTable:
+    def _is_measured_or_estimated(self) -> CameraTable:
         measured = [name for name in ("at_mm", "look_at_mm") if getattr(self, name) is not None]
         if self.image is not None:
             others = [name for name in ("at_mm", "look_at_mm", "fov_deg", "corners_px")
@@ -156,8 +158,8 @@ class CameraTable(Table):
             _require_upright("camera", self.at_mm, self.look_at_mm, self.up)
             return self
         if measured:
-            raise ValueError(f"the camera has corners_px and {' and '.join(measured)}: its place "
-                             "is either found from the corners or measured; leave one out")
+            raise ValueError(f"the camera has corners_px and {' and '.join(measured)}: its pose "
+                             "is either estimated from the corners or measured; leave one out")
         if len(self.corners_px) < MIN_CORNERS:
             raise ValueError(f"corners_px has {len(self.corners_px)} corners; {MIN_CORNERS} or "
                              "more are needed: of the opening, the back wall, objects")
@@ -284,9 +286,9 @@ class BoxTable(Table):
 
         def moved(one: ObjectTable) -> ObjectTable:
             across, ahead = one.at_mm[0] - x0, one.at_mm[2] - z0
-            place = (x0 + cosine * across + sine * ahead, one.at_mm[1],
+            at_mm = (x0 + cosine * across + sine * ahead, one.at_mm[1],
                      z0 - sine * across + cosine * ahead)
-            return one.model_copy(update={"at_mm": place, "turn_deg": one.turn_deg + angle_deg})
+            return one.model_copy(update={"at_mm": at_mm, "turn_deg": one.turn_deg + angle_deg})
 
         return self.model_copy(update={"objects": tuple(
             moved(one) if one.on_turntable else one for one in self.objects)})
@@ -297,7 +299,7 @@ class BoxTable(Table):
         positions = _corners(inner, (0.0, 0.0, -self.depth_mm / 2), 0.0)
         for one in self.objects:
             if one.size_mm is not None:
-                positions |= {f"{one.name} {corner}": place for corner, place in
+                positions |= {f"{one.name} {corner}": position for corner, position in
                               _corners(one.size_mm, one.at_mm, one.turn_deg).items()}
         return positions
 
@@ -307,11 +309,12 @@ def _corners(size: Sequence[float], at: Sequence[float],
     """Corners of a box by name, which stands on the middle of its base and is turned there."""
     (width, height, depth), (x, y, z) = size, at
     cosine, sine = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
-    places = {}
+    corners = {}
     for name in CORNERS:
         near, level, side = name.split()
         across = width / 2 if side == "right" else -width / 2
         ahead = depth / 2 if near == "front" else -depth / 2
-        places[name] = (x + cosine * across + sine * ahead, y + (height if level == "top" else 0.0),
-                        z - sine * across + cosine * ahead)
-    return places
+        up = height if level == "top" else 0.0
+        corners[name] = (x + cosine * across + sine * ahead, y + up,
+                         z - sine * across + cosine * ahead)
+    return corners

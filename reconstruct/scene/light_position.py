@@ -42,8 +42,9 @@ MAX_ERROR = 0.5         # of the surfaces' extent: above, the position is not kn
 
 UNDETERMINED = ("the photo does not tell where the light is: brightness hardly changes when it "
                 "moves; photograph surfaces nearer to it, in several directions")
-BEHIND = ("moved a little way, the light goes behind a surface and leaves most of the scene dark, "
-          "so its position cannot be refined: it hangs too close to a wall or ceiling; measure it")
+LAMP_HIDDEN = ("moved a little way, the light goes behind a surface and leaves most of the scene "
+               "dark, so its position cannot be refined: it hangs too close to a wall or ceiling; "
+               "measure it")
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
             ends = np.array([[rendered(offset + sign * step)[0][lit] for sign in (1, -1)]
                              for step in STEP * extent * np.eye(3)])
             if np.any((ends > 0).mean(axis=(2, 3)) < MIN_LIT):
-                raise CalibrationError(BEHIND)
+                raise CalibrationError(LAMP_HIDDEN)
             ahead, behind = np.log(np.maximum(ends, TINY)).swapaxes(0, 1)
             slopes = (ahead - behind) / (2 * STEP * extent)
         fit = _solve(target - np.log(np.maximum(now[lit], TINY)), slopes, whiten, nuisance)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra

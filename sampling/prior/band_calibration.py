@@ -188,7 +188,7 @@ def calibrated(prior: LogitMixture, left_out: Sequence[LeftOut]) -> LogitMixture
     prior : LogitMixture
     left_out : sequence of LeftOut
     """
-    stated, unstated = (np.array([[_factor(judges, place) for place in range(LEVELS.size)]
+    stated, unstated = (np.array([[_factor(judges, index) for index in range(LEVELS.size)]
                                   for judges in _by_family(prior, left_out, kind)])
                         for kind in ("stated", "unstated"))
     unstated *= COMMON
@@ -255,17 +255,17 @@ class _Judges:
     limits: tuple[float, float]
 
 
-def _factor(judges: _Judges, place: int) -> np.ndarray:
+def _factor(judges: _Judges, index: int) -> np.ndarray:
     """Factor (61,) of one family at one level."""
-    level = LEVELS[place]
+    level = LEVELS[index]
     tenths = np.array_split(np.arange(PRIOR_GRID.nm.size), TENTHS)
-    shape = np.mean([[np.quantile(scores[place][:, tenth], level) for tenth in tenths]
-                     / np.quantile(scores[place], level) for scores in judges.groups], axis=0)
+    shape = np.mean([[np.quantile(scores[index][:, tenth], level) for tenth in tenths]
+                     / np.quantile(scores[index], level) for scores in judges.groups], axis=0)
     shape[0] = max(shape[0], np.median(shape))
     shape = np.interp(PRIOR_GRID.nm, [PRIOR_GRID.nm[tenth].mean() for tenth in tenths], shape)
     allowed = [(scores, level) for scores in judges.groups] \
         + [(scores, 1 - (1 + SLACK) * (1 - level)) for scores in judges.models]
-    enough = max(float(np.quantile(scores[place] / shape, share)) for scores, share in allowed)
+    enough = max(float(np.quantile(scores[index] / shape, share)) for scores, share in allowed)
     return np.clip(enough * shape, *judges.limits)
 
 

@@ -71,7 +71,7 @@ class LogitMixture(Record):
     familiar_surprise: float
     width_power: float              # of a band's mean width over the usual, in its factor
     source: str                                 # what it was trained on, with licences
-    stated: tuple[str, ...] = ()                # families that somebody said it is one of
+    stated: tuple[str, ...] = ()                # families that were stated
     certificates: Mapping[str, FamilyCertificate] = field(default_factory=dict)     # by family
     # of the families that have other ones where they are stated
     where_stated: Components | None = None
@@ -94,7 +94,7 @@ class LogitMixture(Record):
 
 
 def of_families(prior: LogitMixture, stated: Sequence[str]) -> LogitMixture:
-    """The prior of a surface that is said to belong to one of the families; of any for none.
+    """The prior of a surface of one of the stated families; of any family where none is stated.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ HERMITE_NODES, _VECTORS = np.linalg.eigh(np.diag(RECURRENCE, 1) + np.diag(RECURR
 HERMITE_WEIGHTS = _VECTORS[0]**2
 NORMAL_95 = NormalDist().inv_cdf(0.975)
 USUAL_WIDTH = 0.12          # mean of a 95 % band before calibration
-LEVEL = 0.95                # whose calibrated factor enlarges draws, and what is said of them
+LEVEL = 0.95                # whose calibrated factor enlarges draws and their moments
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 ROOT_2_PI = np.sqrt(2 * np.pi)
 STEPS = 40                  # most of them
-STILL = 1e-4                # of a deviation: the error after such a step is of the order of 1e-7
+TOLERANCE = 1e-4            # of a deviation: the error after such a step is about 1e-7
 TINY = 1e-30
 # of the logarithm of erfc(z) e^(z^2) / t by powers of t = 1 / (1 + z / 2)
 TAIL = (-1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398,
@@ -45,7 +45,7 @@ def quantiles(weights: np.ndarray, centres: np.ndarray, deviations: np.ndarray,
     low = own.min(axis=1, where=possible, initial=np.inf)
     high = own.max(axis=1, where=possible, initial=-np.inf)
     x = np.einsum("nc,ncp->np", weights, own)
-    still = STILL * np.einsum("nc,ncp->np", weights, deviations)
+    tolerance = TOLERANCE * np.einsum("nc,ncp->np", weights, deviations)
     for _ in range(STEPS):
         z, slope = unstretched((x[:, None] - centres) / deviations, skews)
         beyond = np.maximum(np.einsum("nc,ncp->np", weights, normal_below(side * z)), TINY)
@@ -55,7 +55,7 @@ def quantiles(weights: np.ndarray, centres: np.ndarray, deviations: np.ndarray,
         step = -side * np.log(beyond / tail) * beyond * ROOT_2_PI / np.maximum(density, TINY)
         to = x + step
         to = np.where((to >= low) & (to <= high), to, (low + high) / 2)
-        arrived = bool(np.all(np.abs(to - x) <= still))
+        arrived = bool(np.all(np.abs(to - x) <= tolerance))
         x = to
         if arrived:
             break

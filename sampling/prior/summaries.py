@@ -47,7 +47,7 @@ class PriorSummaries:
 
 def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               causes: dict[str, np.ndarray], level: float) -> PriorSummaries:
-    """Mean, standard deviation and band of many signals, and what else is said of one.
+    """Mean, standard deviation and band of many signals, and the rest that is estimated of one.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     known : mapping, optional
         Reflectance (P,) of materials that are not asked for, by name.
     families : mapping, optional
-        Families that a material is said to be one of, by name.
+        Families stated for a material, by name.
 
     Raises
     ------

@@ -62,7 +62,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     known : mapping, optional
         Reflectance (61,) of the materials that are given, by name.
     families : mapping, optional
-        Families of surfaces that a material is said to be one of, by name.
+        Families of surfaces stated for a material, by name.
     coefficients : int
         N of the splines that are fitted to the draws.
     effective_wanted : float

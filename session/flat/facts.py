@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import tristimulus
-from spectrabox.radiometry.colour_difference import lab_from_xyz
+from spectrabox.radiometry.appearance import lab_from_xyz, tristimulus
 from spectrabox.session.calibration_facts import left_out_facts
 from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.pictures.picture_results import picture_facts

@@ -24,7 +24,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
 )
 from spectrabox.measure.pictures.uplift import ImageSource, plan_image
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
-from spectrabox.radiometry.files import UNFINISHED, require_no_link, sync_folder, writable
+from spectrabox.radiometry.files import UNFINISHED, require_no_link, sync, writable
 from spectrabox.radiometry.spectra.formats.zarr_array import (
     CHUNK_PX,
     CHUNKS_A_SHARD,
@@ -222,7 +222,7 @@ def _move_arrays(folder: Path, paths: list[Path]) -> None:
                 if path.exists():
                     path.replace(folder / f"before-{path.name}")
                 (folder / path.name).replace(path)
-        sync_folder(folder.parent)
+        sync(folder.parent)
         (folder / PLAN).unlink()        # first: without it nothing can be resumed from the folder
         shutil.rmtree(folder)
 

@@ -10,10 +10,11 @@ from markupsafe import Markup
 
 from spectrabox.radiometry.appearance import (
     adapted_tristimulus,
+    ciede2000,
     encoded_srgb,
+    lab_from_xyz,
     tristimulus_weights,
 )
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records import SpectrumSamples
 

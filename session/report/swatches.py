@@ -5,8 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import encode_srgb, encoded_srgb, tristimulus
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import (
+    ciede2000,
+    encode_srgb,
+    encoded_srgb,
+    lab_from_xyz,
+    tristimulus,
+)
 from spectrabox.radiometry.records import HeldOutPatches
 from spectrabox.session.report.maps import display_bands
 from spectrabox.session.report.verdict import chart_residuals

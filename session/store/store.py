@@ -20,7 +20,6 @@ from spectrabox.radiometry.files import (
     require_no_link,
     sha256_of,
     sync,
-    sync_folder,
     writable,
 )
 
@@ -116,7 +115,7 @@ def stage_folder(results: Path, stage: str) -> Iterator[Path]:
             if final.exists():
                 final.replace(old)
             new.replace(final)
-            sync_folder(results)
+            sync(results)
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(new, ignore_errors=True)
@@ -139,7 +138,7 @@ def _seal(folder: Path) -> None:
     (folder / SUMS).write_text(text, encoding="utf-8")
     for name in (*names, SUMS):
         sync(folder / name)
-    sync_folder(folder)
+    sync(folder)
 
 
 def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], seconds: float,

@@ -12,8 +12,7 @@ import numpy as np
 
 from spectrabox.api.notebook import spectrum_html
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
-from spectrabox.radiometry.appearance import tristimulus_weights
-from spectrabox.radiometry.colour_difference import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz, tristimulus_weights
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples, SpectrumSummary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture

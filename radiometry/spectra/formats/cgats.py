@@ -66,9 +66,9 @@ def read_cgats(content: bytes, path: Path) -> SpectralTable:
     order = np.argsort(nm, kind="stable")
     facts = {"source": keys.get("DESCRIPTOR", path.name), **_stated(keys)}
     names = distinct(_names(fields, rows))
-    places = [field.upper() for field in fields].index(LOCATION) \
+    column = [field.upper() for field in fields].index(LOCATION) \
         if LOCATION in [field.upper() for field in fields] else None
-    stated = {} if places is None else {name: {"location": row[places]}
+    stated = {} if column is None else {name: {"location": row[column]}
                                         for name, row in zip(names, rows, strict=True)}
     return SpectralTable(nm[order], names, values[:, order], facts, path.name, None, stated)
 

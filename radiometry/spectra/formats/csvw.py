@@ -62,11 +62,11 @@ def metadata_text(file: str, columns: dict[str, np.ndarray], *, quantity: Quanti
 
 def facts_beside(path: Path) -> dict[str, str]:
     """Quantity, unit and source that the file beside a CSV states; empty where there is none."""
-    beside = metadata_path(path)
-    if not beside.is_file() or beside.stat().st_size > MAX_BYTES:
+    metadata = metadata_path(path)
+    if not metadata.is_file() or metadata.stat().st_size > MAX_BYTES:
         return {}
     try:
-        stated = json.loads(beside.read_text(encoding="utf-8"))
+        stated = json.loads(metadata.read_text(encoding="utf-8"))
         column = stated["tableSchema"]["columns"][1]
         facts = {"quantity": column.get(QUANTITY), "unit": column.get(UNIT),
                  "source": stated.get(SOURCE)}

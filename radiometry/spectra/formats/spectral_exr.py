@@ -102,11 +102,11 @@ def _table(nm: np.ndarray, values: np.ndarray, kind: str, facts: dict[str, str],
 def _quantity(kind: str, facts: dict[str, str],
               notes: list[str]) -> tuple[dict[str, str], list[str]]:
     """Quantity and unit as facts, and the notes with what was taken for granted."""
-    units, said = facts[UNIT].lower(), facts[QUANTITY]
-    if said.upper() in Quantity.__members__:
-        return {"quantity": said, "unit": Quantity[said.upper()].value}, notes
-    if said:
-        return {"quantity": said}, notes
+    units, quantity = facts[UNIT].lower(), facts[QUANTITY]
+    if quantity.upper() in Quantity.__members__:
+        return {"quantity": quantity, "unit": Quantity[quantity.upper()].value}, notes
+    if quantity:
+        return {"quantity": quantity}, notes
     if kind == REFLECTANCE:
         return {"quantity": "reflectance", "unit": "1"}, notes
     per_nm = units.endswith(PER_NM)

@@ -140,7 +140,7 @@ def create_picture(folder: Path, shape: tuple[int, int, int], half: bool,
         str(folder), shape=shape, dtype=np.float16 if half else np.float32, dimension_names=axes,
         chunks=(CHUNK_PX, CHUNK_PX, shape[2]),
         shards=(CHUNK_PX, CHUNK_PX * CHUNKS_A_SHARD, shape[2]),
-        # bytes of one place together: smaller by a fifth, and packed in half the time
+        # bytes of equal significance together: smaller by a fifth, and packed in half the time
         compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"),
         attributes=dict(attributes))
 
