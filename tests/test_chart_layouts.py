@@ -164,7 +164,7 @@ def test_the_order_of_a_table_is_found_out(tmp_path, classic, words):
         np.testing.assert_allclose(measured_chart(path, GRID, CLASSIC), classic, rtol=1e-8)
     else:
         with pytest.raises(CheckError, match=rf"measured.csv lists the patches of a ColorChecker "
-                                             rf"Classic {words}: .* by 1.00, as they stand"):
+                                             rf"Classic {words}: .* by 1.00, as listed"):
             measured_chart(path, GRID, CLASSIC)
 
 

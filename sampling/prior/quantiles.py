@@ -47,7 +47,11 @@ def quantiles(weights: np.ndarray, centres: np.ndarray, deviations: np.ndarray,
     x = np.einsum("nc,ncp->np", weights, own)
     tolerance = TOLERANCE * np.einsum("nc,ncp->np", weights, deviations)
     for _ in range(STEPS):
-        z, slope = unstretched((x[:, None] - centres) / deviations, skews)
+        z = (x[:, None] - centres) / deviations
+        slope: float | np.ndarray = 1.0
+        if skews is not None:       # undo `stretched`; far out where no z has this value
+            inner = np.maximum(1 + skews * z, TINY)
+            z, slope = np.log(inner) / skews, 1 / inner
         beyond = np.maximum(np.einsum("nc,ncp->np", weights, normal_below(side * z)), TINY)
         above = (beyond < tail) == (side > 0)       # the quantile lies above x
         low, high = np.where(above, x, low), np.where(above, high, x)
@@ -96,17 +100,3 @@ def stretched(z: float, skews: np.ndarray | None) -> float | np.ndarray:
     skews : array or None
     """
     return z if skews is None else np.expm1(skews * z) / skews
-
-
-def unstretched(u: np.ndarray, skews: np.ndarray | None) -> tuple[np.ndarray, float | np.ndarray]:
-    """The z whose stretched value is u, and dz / du; far out where no z has it.
-
-    Parameters
-    ----------
-    u : array
-    skews : array or None
-    """
-    if skews is None:
-        return u, 1.0
-    inner = np.maximum(1 + skews * u, TINY)
-    return np.log(inner) / skews, 1 / inner

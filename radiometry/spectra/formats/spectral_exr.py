@@ -102,11 +102,11 @@ def _table(nm: np.ndarray, values: np.ndarray, kind: str, facts: dict[str, str],
 def _quantity(kind: str, facts: dict[str, str],
               notes: list[str]) -> tuple[dict[str, str], list[str]]:
     """Quantity and unit as facts, and the notes with what was taken for granted."""
-    units, quantity = facts[UNIT].lower(), facts[QUANTITY]
-    if quantity.upper() in Quantity.__members__:
-        return {"quantity": quantity, "unit": Quantity[quantity.upper()].value}, notes
-    if quantity:
-        return {"quantity": quantity}, notes
+    units, stated = facts[UNIT].lower(), facts[QUANTITY]
+    if stated.upper() in Quantity.__members__:
+        return {"quantity": stated, "unit": Quantity[stated.upper()].value}, notes
+    if stated:
+        return {"quantity": stated}, notes
     if kind == REFLECTANCE:
         return {"quantity": "reflectance", "unit": "1"}, notes
     per_nm = units.endswith(PER_NM)
