@@ -23,7 +23,6 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhot
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
-from spectrabox.calibrate.prior.plain_priors import smooth_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
@@ -199,14 +198,6 @@ def test_a_band_of_any_brightness_is_fitted_alike():
         # The prior takes each band's level from the photo; what is left is which near-zero values
         # are held at zero.
         assert relative_error(gained[band], given[band]) < 0.03
-
-
-def test_a_prior_of_smoothness_knows_levels_only():
-    shot = photo(signals(many_bands(5), daylight(), SURFACES), daylight(), SURFACES)
-    made = smooth_prior([shot], GRID)
-    assert made.bands == 5 and np.ptp(made.means, axis=0).max() == 0
-    # constants
-    np.testing.assert_allclose(np.ptp(made.means[0].reshape(5, -1), axis=1), 0, atol=1e-12)
 
 
 def test_draws_follow_the_calibrations_covariance():

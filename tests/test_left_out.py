@@ -54,6 +54,8 @@ def test_every_calibration_predicts_each_patch_from_the_others(method):
     assert patches.rmse.mean() < 0.045
     # 24 curves of about 3 independent readings each: 95 % less 3 standard errors of 2.6 %.
     assert patches.inside.mean() > 0.87
+    # 95 % bands of any surface, of familiar ones
+    assert method != "unknown" or patches.expected.mean() > 0.98
     facts = left_out_facts(patches, CLASSIC.names)
     assert facts["rmse_mean"] == pytest.approx(patches.rmse.mean())
     assert facts["patches"][4]["name"] == "blue flower"
@@ -143,10 +145,3 @@ def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(i
     [found] = criteria_of_left_out(SimpleNamespace(chart=SimpleNamespace(left_out=patches)))
     assert found.status is status and found.limit == "99 % expected"
     assert left_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)
-
-
-def test_bands_of_a_chart_hold_nearly_all_where_nothing_errs():
-    patches = held_out_patches(calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID),
-                               SURFACES)
-    # 95 % bands of any surface, of familiar ones
-    assert patches.expected.mean() > 0.98

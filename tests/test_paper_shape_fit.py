@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
-from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.view import MaterialSpec, View
@@ -15,7 +14,6 @@ from spectrabox.reconstruct.view import MaterialSpec, View
 from benchmarks.paper.mesh import (
     add_outline_gradient,
     icosphere,
-    large_steps,
     silhouette,
     subdivided,
     write_mesh,
@@ -23,7 +21,6 @@ from benchmarks.paper.mesh import (
 from benchmarks.paper.shape_fit import (
     ShapeSettings,
     Stage,
-    ViewLoss,
     reconstruct_shape,
     with_mesh,
 )
@@ -71,35 +68,6 @@ def test_the_sphere_is_closed_and_turned_outwards(level):
     # The same surface: only round-off.
     assert volume(*finer) == pytest.approx(volume(vertices, faces), rel=1e-12)
     assert volume(*object_mesh()) > 0
-
-
-def test_large_steps_undo_each_other_and_leave_a_shift_alone():
-    vertices, faces = icosphere(2)
-    forward, back = large_steps(faces, len(vertices), 19.0)
-    # Condition number of I + 19 L below 250, times float64 round-off.
-    np.testing.assert_allclose(back(forward(vertices)), vertices, atol=1e-12)
-    np.testing.assert_allclose(forward(np.ones((len(vertices), 3))), 1.0, atol=1e-12)
-    spike = np.zeros((len(vertices), 3))
-    spike[7] = 1.0
-    # A gradient is spread, none of it is lost.
-    np.testing.assert_allclose(back(spike).sum(axis=0), 1.0, atol=1e-12)
-    assert back(spike).max() < 0.1
-
-
-@pytest.mark.parametrize("scale", [0.4, 3.0])
-def test_the_slope_of_the_loss_by_the_spectrum_is_that_of_differences(tmp_path, scale):
-    """Whatever the light scale between rendering and photo."""
-    vertices, faces = icosphere(2)
-    write_mesh(tmp_path / "ball.ply", vertices, faces)
-    view = with_mesh(blank_views(tmp_path, 3)[1], "object", tmp_path / "ball.ply")
-    view = replace(view, light_scale=LightScale(scale, None, None, "given"),
-                   photo=photo_of(scale * np.full((WIDTH, WIDTH, 3), 4.0)))
-    middle, step = np.full(5, 0.4), np.array([0.03, 0.02, -0.01, 0.02, 0.03])
-    loss = ViewLoss(view, middle, "object")
-    ahead, behind = (loss.gradients(vertices, middle + sign * step, 64, 7)[2] for sign in (1, -1))
-    slope = np.mean([loss.gradients(vertices, middle, 64, draw)[1] for draw in (7, 9)], axis=0)
-    # 64 paths of 576 pixels, whose light is direct; central differences of a parabola are exact
-    assert slope @ step == pytest.approx((ahead - behind) / 2, rel=0.03)
 
 
 @pytest.mark.parametrize("motion, height", [("larger", 3 * WIDTH // 2), ("upwards", WIDTH)])

@@ -31,7 +31,6 @@ from spectrabox.reconstruct.tracer.transport import (
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 from tests.cornell_problem import (
-    GRID,
     TRUTH,
     WIDTH,
     plain_settings,
@@ -241,18 +240,3 @@ def test_a_coated_surface_is_sent_to_the_gradient_engine(tmp_path):
     with pytest.raises(InputError,
                        match=r"red of box\.xml is coated or glossy.*engine = \"gradient\""):
         reconstruct(view_of(scene(tmp_path, text)), plain_settings(7), lambda done, what: None)
-
-
-def test_a_transport_of_a_black_wall_equals_a_scene_with_a_black_wall(view):
-    """A reflectance of zero drops every product with that material, as if the wall swallowed the
-    light.
-    """
-    spectra = SPECTRA.copy()
-    spectra[2] = 0
-    found = traced(view, spp=16)
-    image = signal(found.coefficients, found.exponents, spectra, view.response)
-    without = found.exponents[:, 2] == 0
-    reduced = found.coefficients[:, without] @ band_products(found.exponents, spectra,
-                                                             view.response)[without]
-    np.testing.assert_allclose(image, reduced, rtol=1e-12)  # round-off
-    assert GRID.nm.size == spectra.shape[1]

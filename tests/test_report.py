@@ -20,7 +20,6 @@ from spectrabox.sampling.prior.family_coverage import (
     FamilyCoverage,
 )
 from spectrabox.session.report.maps import residual_maps
-from spectrabox.session.report.methods import methods_text
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import plain_line
@@ -303,12 +302,3 @@ def with_ratio(results, ratio):
     agreement = dataclasses.replace(made.agreement, ratio=ratio)
     return dataclasses.replace(results, reconstruction=dataclasses.replace(made,
                                                                            agreement=agreement))
-
-
-def test_a_pixel_with_one_clipped_band_is_left_out_as_a_whole(tmp_path):
-    results = example_session(tmp_path)
-    saturated = np.zeros(results.photo.signal.shape, bool)
-    saturated[::2, ::2, 1] = True
-    photo = dataclasses.replace(results.photo, saturated=saturated)
-    said = methods_text(dataclasses.replace(results, photo=photo))[0]
-    assert f"; {percent(0.25)} of the pixels were clipped and left out." in said

@@ -20,7 +20,6 @@ from spectrabox.session.report.small_figures import (
     LEFT,
     ROW,
     WIDTH,
-    field_whiskers,
     prior_share_figure,
 )
 from spectrabox.session.report.swatches import swatch_facts, swatch_section
@@ -139,19 +138,6 @@ def test_page_and_data_hold_the_same_numbers(written):
     assert f'background: {colour}"' in report.page and "width: 70.0%" in report.page
 
 
-def test_the_halves_of_a_pair_touch(browser, written, tmp_path):
-    """In a gap an edge would hide."""
-    path = tmp_path / "report.html"
-    path.write_text(written[1].page, encoding="utf-8")
-    with browser.new_page() as page:
-        page.goto(path.as_uri())
-        gaps = page.evaluate("""[...document.querySelectorAll(".halves")].map((one) => {
-          const [left, right] = [...one.children].map((half) => half.getBoundingClientRect());
-          return [right.left - left.right, left.height, left.width]; })""")
-        assert len(gaps) == 24
-        assert all(gap == 0 and height > 80 and width > 60 for gap, height, width in gaps)
-
-
 def test_the_share_of_the_prior_is_drawn_as_high_as_it_is():
     grid = GRID
     share = np.stack([np.full(grid.nm.size, 0.25), np.linspace(0, 1, grid.nm.size)])
@@ -165,17 +151,3 @@ def test_the_share_of_the_prior_is_drawn_as_high_as_it_is():
         np.testing.assert_allclose((points[:, 0] - left) / WIDTH, (grid.nm - 400) / 300, atol=2e-5)
         np.testing.assert_array_equal(axes["lines"][0]["y"], share[k])
     assert "<G>" not in drawing and "&lt;G&gt;" in drawing
-
-
-def test_light_on_regions_lies_on_one_scale():
-    marks = field_whiskers({"a": (0.9, 0.01), "b": (1.1, 0.02)})
-    at = {name: float(re.search(r'cx="([\d.]+)"', mark)[1]) for name, mark in marks.items()}
-    chart = {re.search(r'd="M([\d.]+) 0V', mark)[1] for mark in marks.values()}
-    assert len(chart) == 1      # the same line in all
-    # 0.88 to 1.14 fill the width
-    scale = 114 / 0.26
-    assert at["b"] - at["a"] == pytest.approx(0.2 * scale, abs=0.11)
-    assert float(chart.pop()) - at["a"] == pytest.approx(0.1 * scale, abs=0.11)
-    ends = [float(v) for v in re.search(r'd="M([\d.]+) 8\.0H([\d.]+)"', marks["b"]).groups()]
-    assert ends[1] - ends[0] == pytest.approx(0.08 * scale, abs=0.11)
-    assert field_whiskers({}) == {}

@@ -2,8 +2,6 @@
 input.
 """
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -177,24 +175,6 @@ def test_signals_that_no_reflectance_gives_are_said_to_be_so(signal, method, sen
     assert facts["outcome"].startswith(sentence)
 
 
-def test_priors_from_elsewhere_are_checked(tmp_path):
-    from spectrabox.sampling.prior.mixture import SHIPPED
-    content = SHIPPED.read_bytes()
-    with np.load(SHIPPED, allow_pickle=False) as stored:
-        arrays = dict(stored)
-    (tmp_path / "cut.npz").write_bytes(content[:len(content) // 2])
-    (tmp_path / "text.npz").write_text("not a prior")
-    np.savez(tmp_path / "grid.npz", **(arrays | {"nm": arrays["nm"] + 1}))
-    np.savez(tmp_path / "lacks.npz",
-             **{key: value for key, value in arrays.items() if key != "means"})
-    np.savez(tmp_path / "nan.npz", **(arrays | {"means": np.full_like(arrays["means"], np.nan)}))
-    np.savez(tmp_path / "pickle.npz", **(arrays | {"source": np.array([{}], dtype=object)}))
-    for name in ("cut", "text", "grid", "lacks", "nan", "pickle"):
-        text = sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / f"{name}.npz",
-                      code=3)["error"]
-        assert f"{name}.npz" in text, text
-
-
 @pytest.mark.parametrize("camera, lamp, message", [
                              ("Nikon 5101", "D65", "nearest are Nikon 5100 (NPL)"), ("Nikon 5100 "
                                                                                      "(NPL)", "D66",
@@ -301,14 +281,3 @@ def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):
     assert [row["name"] for row in facts["left_out_in_turn"]] == ["one", "two"]
     assert "outcome" in sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / "own.npz",
                                "--samples", 1000)
-
-
-def test_help_loads_nothing_heavy():
-    code = ("import sys; from spectrabox.session.cli import app; from typer.testing import "
-            "CliRunner; outcome = CliRunner().invoke(app, ['--help']); assert 'sample' in "
-            "outcome.stdout; heavy = "
-            "{'numpy', 'scipy', 'mitsuba', 'colour', 'cv2', 'matplotlib'} & "
-            "set(sys.modules); assert not heavy, heavy")
-    outcome = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True,
-                             check=False)
-    assert outcome.returncode == 0, outcome.stderr

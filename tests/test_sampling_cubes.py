@@ -2,9 +2,7 @@
 has its sentence.
 """
 import json
-import os
 import tracemalloc
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +21,6 @@ from spectrabox.sampling.judge.cubes import cube_of_channels, parse_wavelengths
 from spectrabox.session.cli import app
 
 NM = np.arange(400, 701, 10.0)
-FLEA = Path(os.environ.get("SPECTRABOX_DATA", "/nonexistent")) / "flea3_chart"
 HEADER = """ENVI
 samples = {width}
 lines = {height}
@@ -449,32 +446,6 @@ def test_what_uplift_writes_can_be_judged(tmp_path):
     write_exr(tmp_path / "mean.exr", curves, [f"{nm:g}nm" for nm in NM])
     facts = judge(tmp_path / "mean.exr", "--point", "1,1")
     np.testing.assert_allclose(facts["regions"][0]["mean"], surface(NM, 4), atol=1e-6)  # float32
-
-
-@pytest.mark.skipif(not (FLEA / "spectra_averaged.csv").exists(),
-                    reason="SPECTRABOX_DATA names no flea3_chart")
-def test_a_real_picture_from_matlab_is_read_and_judged(tmp_path):
-    """A chart behind seven filters, as its authors published it, with the mask of its patches and
-    measured spectra.
-    """
-    from spectrabox.radiometry.spectra.spectrum_files import read_table
-    names = read_table(FLEA / "spectra_averaged.csv").names[11:35]
-    labels = FLEA / "colorChecker_labels" / "d2_colorChecker30cm_550nm_labels.png"
-    (tmp_path / "m.png").write_bytes(labels.read_bytes())
-    (tmp_path / "r.toml").write_text("".join(f'[regions."{name}"]\nmask = "m.png"\nlabel = '
-                                             f'{index}\n'
-                                             for index, name in enumerate(names, 1)))
-    facts = judge(FLEA / "multispectral_images" / "d2_colorChecker30cm_dHyper.mat", "--wavelengths",
-                  "400:700:50", "--regions", tmp_path / "r.toml", "--truth",
-                  FLEA / "spectra_averaged.csv", "--white-region", names[18], "--samples", 1000)
-    # The light on that chart falls off by a factor of two: RMSE 0.08 and 0.055 after the best scale
-    # were measured.
-    assert facts["means"]["imported picture"]["rmse_best_scale"] < 0.06 < facts["means"]["imported "
-                                                                                         "picture"][
-        "rmse"]
-    angles = {one["name"]: one["judged"]["imported picture"]["spectral_angle"]
-              for one in facts["regions"]}
-    assert max(angles[name] for name in ("orange", "red", "yellow")) < 0.35
 
 
 def test_a_picture_from_matlab_is_judged_against_measured_spectra_by_the_mask_of_its_patches(

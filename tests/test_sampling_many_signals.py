@@ -35,15 +35,6 @@ def test_a_signal_among_many_is_answered_as_alone():
                                        atol=1e-6)
 
 
-def test_the_order_of_signals_does_not_matter():
-    response, signals, causes = problem(12)
-    forth = summaries(load_prior(), response, signals, causes, 0.95)
-    back = summaries(load_prior(), response, signals[::-1],
-                     {name: part[::-1] for name, part in causes.items()}, 0.95)
-    for name in CURVES:
-        np.testing.assert_allclose(getattr(back, name)[::-1], getattr(forth, name), atol=1e-6)
-
-
 def asked(folder, signals, keep_draws):
     path = folder / "signals.csv"
     path.write_text("R,G,B\n" + "".join(f"{r},{g},{b}\n" for r, g, b in signals))

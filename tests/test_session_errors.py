@@ -18,14 +18,13 @@ from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.surface_spectra import score
 from spectrabox.measure.white import PhotoWhite
-from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
+from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.batch import processes, tasks
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.texture_files import write_textures
-from spectrabox.session.report.verdict import Status, _between_photos, _clipped
+from spectrabox.session.report.verdict import Status, _clipped
 from spectrabox.session.stages import reconstruct_stage
 
 SIGMAS = 3.9
@@ -246,15 +245,6 @@ def test_errors_of_white_and_glare_are_those_of_small_changes_of_all_unknowns():
                                    slopes @ white.covariance @ slopes.T, rtol=1e-8, atol=1e-14)
 
 
-def test_what_repeating_light_costs_is_its_share_in_the_mean_and_of_the_worst():
-    made = [SimpleNamespace(variance_shares=shares) for shares in (
-        {REPEATABILITY: 0.1, "noise": 0.9}, {REPEATABILITY: 0.4}, {"noise": 1.0})]
-    scale = with_common_error(LightScale(1.0, 0.1, None, "chart photo"), REPEATABILITY, 0.02)
-    found, = _between_photos(SimpleNamespace(light_scale=scale, materials=made))
-    assert "25 % of the variance" in found.sentence and "up to 40 % of a material" in found.sentence
-    assert found.value == 0.02
-
-
 # ---- what is counted -----------------------------------------------------------------------------
 
 def test_a_pixel_is_clipped_where_any_band_is():
@@ -271,22 +261,3 @@ def test_a_band_is_as_wide_as_it_is_in_the_mean():
                               bound_upper=np.ones(61))
     samples = SimpleNamespace(grid=PRIOR_GRID, spectra=np.full((3, 61), 0.4))
     assert score(np.full(61, 0.4), None, summary, samples).band_width == pytest.approx(0.15)
-
-
-@pytest.mark.parametrize("workers", [1, 3])
-def test_processes_leave_a_tenth_of_the_free_memory(monkeypatch, workers):
-    monkeypatch.setattr(processes, "free_memory", lambda: 10_000)
-    monkeypatch.setattr(processes, "_started", lambda cores: cores)
-    assert processes.Processes(workers).budget_bytes == 9_000
-
-
-def test_a_session_needs_memory_for_its_largest_photo_and_what_goes_with_it(monkeypatch):
-    sizes = {"chart": (100, 50), "box": (400, 300), "flat": (400, 300), "dark": (10, 10)}
-    monkeypatch.setattr(tasks, "photo_size", sizes.__getitem__)
-    config = SimpleNamespace(
-        path=lambda name: name, photos=SimpleNamespace(flats={"photo": "flat"},
-                                                       dark_files=("dark",)),
-        all_views=[SimpleNamespace(photo_files=("box",), chart_files=("chart",)),
-                   SimpleNamespace(photo_files=("box", "box"), chart_files=("chart",))])
-    pixels = 120_000 + 100 + 2 * 120_000
-    assert tasks.needed_bytes(config) == tasks.PROGRAM_BYTES + tasks.BYTES_A_PIXEL * pixels

@@ -110,14 +110,6 @@ def test_resampling_reproduces_a_line_and_never_extrapolates():
         on_grid(np.arange(420.0, 701.0), np.ones(281), grid, "lamp.csv")
 
 
-def test_coarse_samples_do_not_overshoot():
-    nm = np.arange(400.0, 701.0, 10)
-    step = np.where(nm < 550, 0.1, 0.9)
-    fine = on_grid(nm, step, visible_grid(), "step")
-    # monotone between samples, up to round-off
-    assert fine.min() >= 0.1 - 1e-12 and fine.max() <= 0.9 + 1e-12
-
-
 def test_curves_come_with_their_names(tmp_path):
     nm, names, values = read_curves(write(tmp_path, "nm,R,G,B\n400,1,2,3\n410,4,5,6\n"))
     assert names == ("R", "G", "B")

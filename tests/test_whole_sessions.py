@@ -29,6 +29,7 @@ from typer.testing import CliRunner
 
 from spectrabox.fixtures.flat_demo import PHOTO_SIZE, write_flat_demo
 from spectrabox.session.cli import with_only
+from spectrabox.session.config.session_file import read_session
 
 RECORDS = Path(__file__).parent / "whole_sessions"
 PAINTING = tuple(side // 2 for side in PHOTO_SIZE)
@@ -67,6 +68,11 @@ def answer_of(*words):
 def test_a_session(name, hold, tmp_path):
     folder = SESSIONS[name](tmp_path / "session")
     hold(name, table_of(folder, answer_of("run", folder)))
+    config = read_session(folder)
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    for view in config.all_views[1:]:
+        assert f"Photo “{view.name}”" in page
+        assert config.flat or (folder / f"comparison {view.name}.exr").is_file()
 
 
 @pytest.mark.usefixtures("figures_undrawn")
