@@ -12,7 +12,6 @@ from spectrabox.radiometry.appearance import (
 )
 
 NM = np.arange(400.0, 701.0, 5.0)
-RED = 0.05 + 0.6 / (1 + np.exp(-(NM - 600) / 10))
 
 
 @pytest.mark.parametrize("step_nm", [1.0, 5.0, 20.0])

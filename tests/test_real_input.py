@@ -2,10 +2,7 @@
 for the scale.
 """
 import json
-import os
 import re
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.session.cli import app
 
-YALE = Path(os.environ.get("SPECTRABOX_DATA", "/nonexistent")) / "yale_box"
 SESSION = """
 [session]
 name = "box without a chart"
@@ -119,23 +115,3 @@ def test_a_scene_may_not_reach_files_outside(converted):
     outcome = run(converted)
     assert outcome.exit_code == 3 and "outside the session folder" in json.loads(
         outcome.stdout)["error"]
-
-
-@pytest.mark.skipif(not (YALE / "materials.csv").exists(),
-                    reason="SPECTRABOX_DATA names no folder with yale_box")
-def test_a_real_box_gives_its_paints_and_says_what_is_wrong_with_it():
-    from spectrabox.reconstruct.inverse_rendering import reconstruct
-    from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-    from spectrabox.reconstruct.view import MaterialSpec
-
-    from benchmarks.bench_yale import LEARNT, errors, methods, read_box
-
-    start_mitsuba("cpu")
-    view, truth = read_box(YALE, "yellow")
-    materials = tuple(MaterialSpec(name, name, paint if name == "white" else None) for name,
-                      paint in truth.items())
-    found = reconstruct(replace(view, materials=materials), methods(1)[LEARNT],
-                        lambda done, what: None)
-    assert np.mean(list(errors(found, truth).values())) < 0.06
-    # The ceiling is 40 % brighter than its paint and the stated lamp allow.
-    assert any("white / shape_5 does not fit" in note for note in found.notes)

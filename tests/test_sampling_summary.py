@@ -32,14 +32,6 @@ def samples():
     return sample_uniform(paint(), 2_000, 1, COEFFICIENTS)
 
 
-def test_mean_and_spread_are_those_of_the_spectra(samples):
-    summary = summarise(samples, paint())
-    spectra = samples.spectra
-    # Two ways to add 2000 products of order 1: 2000 eps is 5e-13.
-    np.testing.assert_allclose(summary.mean, spectra.mean(axis=0), atol=1e-12)
-    np.testing.assert_allclose(summary.standard_deviation, spectra.std(axis=0, ddof=0), atol=1e-10)
-
-
 @pytest.mark.parametrize("level", [0.5, 0.95])
 def test_the_band_leaves_equal_tails(samples, level):
     summary = summarise(samples, paint(), level)

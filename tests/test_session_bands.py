@@ -9,9 +9,7 @@ from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.image_files import write_linear_exr
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.inputs import read_photo
-from spectrabox.session.stages.stored_records import reconstruction_of
 
 BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
 EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own
@@ -40,15 +38,6 @@ def test_bands_are_stacked_at_one_exposure(captured):
     stacked, _ = read_photo(config, config.all_views[0].photo)
     assert stacked.exposure_s == pytest.approx(whole.exposure_s * min(EXPOSED))
     np.testing.assert_allclose(stacked.signal / min(EXPOSED), whole.signal, rtol=1e-3, atol=1e-6)
-
-
-def test_a_session_of_bands_finds_what_the_colour_photo_finds(captured, finished):
-    config = split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
-    run = run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
-    stacked, whole = (reconstruction_of(stored) for stored in (run.stored,
-                                                               load_finished(read_session(
-                                                                                 finished)).stored))
-    np.testing.assert_allclose(stacked.signal, whole.signal, rtol=0.02)
 
 
 def test_photos_of_other_bands_are_named(captured):

@@ -36,10 +36,6 @@ def warm_light(grid=UNEVEN):
     return 0.4 + 0.9 * ((grid.nm - 380) / 300) ** 1.5 + 0.1 * np.sin(grid.nm / 23)
 
 
-def blue_light(grid=UNEVEN):
-    return 0.3 + np.exp(-0.5 * ((grid.nm - 462) / 31) ** 2) + 0.2 * np.cos(grid.nm / 37) ** 2
-
-
 def surfaces(count, grid=UNEVEN, seed=5):
     """Reflectances (I, P): two neutral, one nearly black."""
     made = reflectances(count + 5, seed)[:count]
