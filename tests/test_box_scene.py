@@ -238,7 +238,7 @@ def test_an_unknown_template_is_refused(tmp_path):
     ({"lamp": {"at_mm": [0, 0, 0], "size_mm": [10.0, 10.0]}}, "belong together"),
     ({"lamp": {"at_mm": [0, 0, 0], "radius_mm": 5.0, "beam": "beam.csv"}}, "beam is of a panel"),
     ({"camera": {"at_mm": [0, 0, 0]}}, "lacks look_at_mm, fov_deg"),
-    ({"camera": {**FAR, "corners_px": {}}}, "either found from the corners or measured"),
+    ({"camera": {**FAR, "corners_px": {}}}, "either estimated from the corners or measured"),
     ({"camera": {"corners_px": {f"back top {n}": [1, 1] for n in range(3)}}}, "6 or more"),
     ({"camera": {"corners_px": {f"back top {n}": [1, 1] for n in range(6)}}}, "corners are"),
     ({"camera": {**FAR, "up": [0, 0, 0]}}, "up of the camera"),

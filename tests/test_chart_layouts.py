@@ -263,7 +263,7 @@ def test_the_order_of_a_digital_sg_is_known_from_its_published_colours(tmp_path)
     spectra = np.clip(xyz @ (bumps / bumps.sum(axis=0)), 0.005, 1)
     np.testing.assert_allclose(measured_chart(csv(tmp_path, spectra), GRID, sg), spectra, rtol=1e-8)
     by_columns = spectra[np.arange(140).reshape(10, 14).T.ravel()]
-    with pytest.raises(CheckError, match="Digital SG column by column: read so"):
+    with pytest.raises(CheckError, match="Digital SG column by column: in that order"):
         measured_chart(csv(tmp_path, by_columns), GRID, sg)
 
 

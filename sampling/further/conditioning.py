@@ -146,7 +146,7 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
     gain = first.noise_covariance @ np.linalg.pinv(total, hermitian=True)
     surprise = difference @ np.linalg.pinv(total, hermitian=True) @ difference
     if surprise > chi_square_beyond(CONTRADICTION, len(difference)):
-        raise InputError("two patches stated to be the same material differ by "
+        raise InputError("two patches said to be the same material differ by "
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")
     return SpectralMeasurement(first.grid, first.relative_response,
