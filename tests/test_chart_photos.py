@@ -4,7 +4,6 @@ import json
 import numpy as np
 import pytest
 from chart_photos import GRID, PRINTED, layout_named, noisy, photograph, true_reflectances, turned
-from typer.testing import CliRunner
 
 from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.capture.chart.detection import find_chart
@@ -21,7 +20,8 @@ from spectrabox.radiometry.errors import ChartNotFoundError, CheckError
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import table_text
-from spectrabox.session.cli import app
+
+from tests.session_runs import call
 
 CURVES, POWER = sensitivities("Nikon 5100 (NPL)", GRID), light("A", GRID)
 SG = "ColorChecker Digital SG"
@@ -155,10 +155,6 @@ def written(tmp_path_factory):
                     photograph(printed, camera_signals(truth), printed.corners()))
     words = " ".join(f"{x:.1f},{y:.1f}" for x, y in printed.corners())
     return folder, words, camera_signals(truth)
-
-
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def test_chart_takes_a_layout_of_ones_own(written):

@@ -10,33 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner
 
 import spectrabox
 from spectrabox.fixtures.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.paints import paint
 from spectrabox.radiometry.spectra.spectrum_files import read_table
-from spectrabox.session.cli import app
 from spectrabox.session.command_line import SUBJECTS, reported_errors
+
+from tests.session_runs import call, edit
 
 ROOT = Path(__file__).resolve().parent.parent
 
 pytestmark = pytest.mark.usefixtures("figures_undrawn")
-
-
-def call(*arguments):
-    outcome = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    if outcome.exception is not None and not isinstance(outcome.exception, SystemExit):
-        raise outcome.exception
-    return outcome
-
-
-def edit(folder, before, after, name="session.toml"):
-    path = folder / name
-    text = path.read_text(encoding="utf-8")
-    assert before in text
-    path.write_text(text.replace(before, after), encoding="utf-8")
 
 
 def repaint(path, paint):

@@ -2,16 +2,12 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
 
-from spectrabox.session.cli import app
 from spectrabox.session.stages.order import STAGES, stages_in_order
 
+from tests.session_runs import call
+
 pytestmark = pytest.mark.usefixtures("figures_undrawn")
-
-
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.mark.parametrize("command", ["check", "run", "status"])

@@ -17,11 +17,11 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
-from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.new_session import FlatOrder, session_of
-from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.stored_records import samples_of, signals_of
 from spectrabox.session.store.locks import only_writer
+
+from tests.session_runs import run
 
 pytestmark = pytest.mark.usefixtures("light_as_stated")
 
@@ -29,11 +29,6 @@ C2_NM_K = 1.438777e7        # second radiation constant
 FILTER = 1 / (1 + np.exp((NM - 570) / 12))      # transmission of a glass that keeps red away
 SECOND = {"warm": NM**-5.0 / np.expm1(C2_NM_K / NM / 2856),
           "glass": lamp.radiance(NM) * FILTER}
-
-
-def run(folder):
-    return run_stages(read_session(folder), device="cpu", only=None, force=False,
-                      progress=lambda *_: None)
 
 
 def errors_of(signals):

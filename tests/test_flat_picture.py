@@ -16,10 +16,11 @@ from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import run_stages
 from spectrabox.session.progress_display import with_time_left
 from spectrabox.session.stages.stored_records import samples_of
 from spectrabox.session.write_outputs import write_outputs
+
+from tests.session_runs import run
 
 LEFT, TOP, CELL, CELLS = 276, 30, 12, 14        # of a mosaic of surfaces, in pixels of the photo
 CLIPPED = (3, 5)                                # row and column of the cell that is too bright
@@ -54,11 +55,6 @@ def write_session(folder):
 def write_toml(folder, part, more=""):
     (folder / "session.toml").write_text(f"{HEAD}[picture]\nlight = \"A\"\n{part}{GROUND}{more}",
                                          encoding="utf-8")
-
-
-def run(folder, progress=lambda *_: None):
-    return run_stages(read_session(folder), device="cpu", only=None, force=False,
-                      progress=progress)
 
 
 def stored(folder, name):

@@ -27,9 +27,10 @@ from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.assemble import assemble_flat
-from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.verdict import Status, judge
 from spectrabox.session.stages.stored_records import signals_of
+
+from tests.session_runs import run
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -44,11 +45,6 @@ def _finished_flat(tmp_path_factory):
 def flat_session(_finished_flat, tmp_path):
     """A finished session of its own."""
     return shutil.copytree(_finished_flat[0], tmp_path / "session")
-
-
-def run(folder):
-    return run_stages(read_session(folder), device="cpu", only=None, force=False,
-                      progress=lambda *_: None)
 
 
 def true_signals(signals):

@@ -4,14 +4,14 @@ import json
 import colour
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from spectrabox.fixtures.spectral_files import NM
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.spectra import kept_cameras
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
-from spectrabox.session.cli import app
+
+from tests.session_runs import call
 
 GRID = visible_grid(5)
 SIGNAL = ["--light", "D65", "--signal", "0.3,0.3,0.2", "--noise", "0.01,0.01,0.01"]
@@ -22,10 +22,6 @@ def own(tmp_path, monkeypatch):
     """The folder of one's own cameras, empty."""
     monkeypatch.setenv(kept_cameras.FOLDER, str(tmp_path / "cameras"))
     return tmp_path / "cameras"
-
-
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def rawtoaces_file(folder, model, curves, nm=NM):

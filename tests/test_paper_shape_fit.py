@@ -25,16 +25,13 @@ from benchmarks.paper.shape_fit import (
     with_mesh,
 )
 from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
+from tests.session_runs import silent
 
 pytestmark = pytest.mark.usefixtures("mitsuba")
 
 WIDTH = 24
 PAINT = 0.1 + 0.6 / (1 + np.exp((570 - GRID.nm) / 12))
 MATERIALS = (MaterialSpec("paint", "paint"),)
-
-
-def silent(done, what):
-    pass
 
 
 def volume(vertices, faces):

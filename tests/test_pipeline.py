@@ -16,7 +16,6 @@ from spectrabox.sampling.spline_measurement import response_on
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import (
     load_finished,
-    run_stages,
     stage_states,
 )
 from spectrabox.session.stages.order import STAGES
@@ -24,20 +23,9 @@ from spectrabox.session.stages.reconstruct_stage import read_materials, settings
 from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stored_records import calibrations_of, joint_of, samples_of
 
+from tests.session_runs import edit, run
+
 ROOT = Path(__file__).resolve().parent.parent
-
-
-def run(folder, **options):
-    settings = {"device": "cpu", "only": None, "force": False,
-                "progress": lambda *_: None} | options
-    return run_stages(read_session(folder), **settings)
-
-
-def edit(folder, before, after):
-    path = folder / "session.toml"
-    text = path.read_text(encoding="utf-8")
-    assert before in text
-    path.write_text(text.replace(before, after), encoding="utf-8")
 
 
 def states(folder):

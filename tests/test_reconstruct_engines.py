@@ -40,15 +40,12 @@ from tests.cornell_problem import (
     specs,
     view_of,
 )
+from tests.session_runs import silent
 
 pytestmark = pytest.mark.usefixtures("mitsuba")
 
 SPECTRA = np.array([TRUTH[name] for name in MATERIALS])
 BOUNCES = 3
-
-
-def silent(done, what):
-    pass
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,7 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.view import MaterialSpec
 
 from tests.cornell_problem import GRID, photo_of, plain_settings, view_of
+from tests.session_runs import silent
 
 pytestmark = pytest.mark.usefixtures("mitsuba")
 
@@ -47,10 +48,6 @@ SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_dep
 <shape type="rectangle" id="ground">
 <transform name="to_world"><scale value="4"/><rotate x="1" angle="-90"/>
 <translate y="-0.9"/></transform><ref id="floor"/></shape></scene>"""
-
-
-def silent(done, what):
-    pass
 
 
 def ball(folder, kind="diffuse"):

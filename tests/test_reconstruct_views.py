@@ -32,6 +32,7 @@ from tests.cornell_problem import (
     scene,
     view_of,
 )
+from tests.session_runs import silent
 
 pytestmark = pytest.mark.usefixtures("mitsuba")
 
@@ -40,10 +41,6 @@ BOUNCES = 3
 NOISE = 0.003
 FALLING = 0.1 + np.exp(-((GRID.nm - 400) / 90) ** 2) + 0.6 * np.exp(-((GRID.nm - 570) / 15) ** 2)
 SETTINGS = plain_settings(9)
-
-
-def silent(done, what):
-    pass
 
 
 @pytest.fixture(autouse=True)

@@ -18,20 +18,18 @@ from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
 from spectrabox.session.stages.stored_records import joint_of
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
 
+from tests.session_runs import silent
+
 pytestmark = pytest.mark.usefixtures("figures_undrawn")
 
 TIMES, FEW = 20, 6
-
-
-def quiet(*_):
-    """No progress."""
 
 
 def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished):
     config = read_session(finished)
     stored = load_finished(config).stored
     joint = joint_of(stored)
-    stage = set_stage(views_of(config, stored, None), settings_of(config), quiet)
+    stage = set_stage(views_of(config, stored, None), settings_of(config), silent)
     view = stage.views[0].view
     truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
                   (view.response[None] * joint.views[0].light_scale.value,),
@@ -66,7 +64,7 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
 def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished):
     config = read_session(finished)
     stage = set_stage(views_of(config, load_finished(config).stored, None), settings_of(config),
-                      quiet)
+                      silent)
     traced = dataclasses.replace(stage.views[0], nuisances=dataclasses.replace(
         stage.views[0].nuisances, block_error=0.02))
     surfaces = np.unique(traced.group)
@@ -95,7 +93,7 @@ def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished
 
 @pytest.fixture(scope="module")
 def honest(_finished):
-    return rehearse(read_session(_finished), TIMES, 4, "cpu", quiet)
+    return rehearse(read_session(_finished), TIMES, 4, "cpu", silent)
 
 
 def test_bands_of_the_demo_hold_truths_that_its_own_errors_explain(honest):
@@ -112,7 +110,7 @@ def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, ho
         return response(*given) * np.array([1.3, 1.0, 0.75])[:, None]
     monkeypatch.setattr(rehearsal, "_response", under_another_light)    # of truths alone
     monkeypatch.setattr(rehearsal, "MIN_TIMES", FEW)
-    mistaken = rehearse(read_session(finished), FEW, 4, "cpu", quiet)
+    mistaken = rehearse(read_session(finished), FEW, 4, "cpu", silent)
     held = [np.mean([each.coverage for each in some]) for some in (honest, mistaken)]
     # bands of about 0.15 in reflectance hold few bright truths that are off by a quarter
     assert held[1] < held[0] - 0.1
@@ -146,16 +144,16 @@ def test_a_rehearsal_of_other_results_is_not_shown(finished):
 def test_the_same_seed_gives_the_same_rehearsal(finished, monkeypatch):
     config = read_session(finished)
     monkeypatch.setattr(rehearsal, "MIN_TIMES", 2)
-    first, second = (rehearse(config, 2, 8, "cpu", quiet) for _ in range(2))
+    first, second = (rehearse(config, 2, 8, "cpu", silent) for _ in range(2))
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a.coverage, b.coverage)
 
 
 def test_too_few_rehearsals_are_refused(finished):
     with pytest.raises(InputError, match="5 rehearsals tell nothing of coverage: 20 or more"):
-        rehearse(read_session(finished), 5, 1, "cpu", quiet)
+        rehearse(read_session(finished), 5, 1, "cpu", silent)
 
 
 def test_a_session_that_was_not_run_is_refused(captured):
     with pytest.raises(InputError, match="is not up to date: run 'spectrabox run' first"):
-        rehearse(read_session(captured), TIMES, 1, "cpu", quiet)
+        rehearse(read_session(captured), TIMES, 1, "cpu", silent)

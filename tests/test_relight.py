@@ -17,7 +17,7 @@ from spectrabox.session.stages.inputs import GRID, read_reflectance
 from spectrabox.session.store.locks import outputs_writer
 
 from tests.killed_runs import started
-from tests.test_command_line import call
+from tests.session_runs import call
 
 
 def lab_of(reflectance, name):

@@ -8,7 +8,7 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.store.rehearsals import save_rehearsal
 
-from tests.test_command_line import call, edit
+from tests.session_runs import call, edit
 
 FILES = ("report.html", "spectra.csv", "spectra.csv-metadata.json", "materials.xml",
          "materials.csv", "comparison.exr", "comparison.png")

@@ -31,10 +31,11 @@ from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pictures import scene_stage
-from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import rewritten_outputs
 from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.stages.stage_task import StageTask
+
+from tests.session_runs import run
 
 SIZE = (40, 60)
 SIGMAS_95 = 1.96
@@ -51,10 +52,6 @@ def saturated(first):
 YELLOW = 0.08 + 0.72 / (1 + np.exp(-(NM - 530) / 12))
 PATTERNS = {"green": chequered(saturated(0), 4, 1), "red": chequered(saturated(40), 4, 2),
             "cube": chequered(saturated(80), 2, 3)}
-
-
-def run(folder, progress=lambda *_: None):
-    return run_stages(read_session(folder), device="cpu", only=None, force=False, progress=progress)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from spectrabox.session.store.locks import only_writer
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
 from tests.killed_runs import killed_at, leftovers, results_of, started, was_killed
-from tests.test_command_line import call
+from tests.session_runs import call
 
 RUN = ("--device", "cpu")
 

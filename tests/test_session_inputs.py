@@ -10,16 +10,11 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.session import keys as keys_module
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.keys import stage_keys
-from spectrabox.session.pipeline import run_stages, stage_states
+from spectrabox.session.pipeline import stage_states
 from spectrabox.session.stages import inputs
 from spectrabox.session.store.input_files import InputFiles
 
-from tests.test_command_line import call
-
-
-def run(folder, only=None):
-    return run_stages(read_session(folder), device="cpu", only=only, force=False,
-                      progress=lambda *_: None)
+from tests.session_runs import call, run
 
 
 @pytest.mark.parametrize("put_back", [False, True], ids=["replaced", "replaced and put back"])
