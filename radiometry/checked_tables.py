@@ -200,7 +200,8 @@ def _sentence(faults: list[tuple[_Key, Fault]]) -> str:
             return f"{key.name} has {len(value)} of the {count} entries that are needed"
         return f"{key.name} is {shortened(value)}; {count} {whole}numbers in brackets are needed"
     if kind in ("greater_than_equal", "less_than_equal", "finite_number"):
-        return f"{key.name} is {_number(value)}; {_limits(key.field)}"
+        number = f"{value:g}" if abs(value) < 1e300 else shortened(value)
+        return f"{key.name} is {number}; {_limits(key.field)}"
     items = typing.get_args(key.options[0]) if len(key.options) == 1 else ()
     if kind == "tuple_type" and any(_is_model(item) for item in items):
         return f"write [[{key.name}]] with two brackets, once for each"
@@ -212,10 +213,6 @@ def _sentence(faults: list[tuple[_Key, Fault]]) -> str:
     # Of a validator of ours, which says it all; else what pydantic says.
     return str(fault["ctx"]["error"]) if kind == "value_error" else \
         f"{key.name} is {shortened(value)}; {fault['msg']}"
-
-
-def _number(value: float) -> str:
-    return f"{value:g}" if abs(value) < 1e300 else shortened(value)
 
 
 def _limits(field: FieldInfo | None) -> str:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import product
 from pathlib import Path
 from string import ascii_uppercase
 
@@ -82,18 +83,14 @@ def read_layout(path: Path) -> Chart:
 def _names(written: LayoutFile, file: str) -> tuple[str, ...]:
     patches = written.rows * written.columns
     if written.names is None:
-        return tuple(f"{_letters(column)}{row}" for row in range(1, written.rows + 1)
-                     for column in range(written.columns))
+        # A to Z, then AA, AB and so on
+        letters = ["".join(pair) for pair in product(("", *ascii_uppercase), ascii_uppercase)]
+        return tuple(f"{column}{row}" for row in range(1, written.rows + 1)
+                     for column in letters[:written.columns])
     if len(written.names) != patches or len(set(written.names)) != patches:
         raise InputError(f"{file}: names lists {len(set(written.names))} different names; "
                          f"{written.rows} rows of {written.columns} patches need {patches}")
     return written.names
-
-
-def _letters(column: int) -> str:
-    """A to Z, then AA, AB and so on."""
-    first, second = divmod(column, len(ascii_uppercase))
-    return (ascii_uppercase[first - 1] if first else "") + ascii_uppercase[second]
 
 
 def _pair(values: tuple[float, ...], key: str, file: str) -> tuple[float, float]:

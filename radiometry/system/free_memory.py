@@ -1,6 +1,7 @@
 """Memory that the machine can still give."""
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -19,23 +20,14 @@ def free_memory() -> int | None:
     """
     try:
         lines = dict(line.split(":", 1) for line in MEMINFO.read_text().splitlines())
-        machine: int | None = int(lines["MemAvailable"].split()[0]) * 1024
+        free = [int(lines["MemAvailable"].split()[0]) * 1024]
     except (OSError, KeyError, ValueError):
-        machine = _built_in()
-    free = [left for limit, used in GROUPS if (left := _left_of_group(limit, used)) is not None]
-    free += [] if machine is None else [machine]
+        try:
+            free = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+        except (AttributeError, OSError, ValueError):       # not on Windows
+            free = []
+    for limit, used in GROUPS:
+        # no group, or its limit is "max"
+        with contextlib.suppress(OSError, ValueError):
+            free.append(max(int(limit.read_text()) - int(used.read_text()), 0))
     return min(free, default=None)
-
-
-def _built_in() -> int | None:
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):       # not on Windows
-        return None
-
-
-def _left_of_group(limit: Path, used: Path) -> int | None:
-    try:
-        return max(int(limit.read_text()) - int(used.read_text()), 0)
-    except (OSError, ValueError):       # no group, or its limit is "max"
-        return None

@@ -86,22 +86,16 @@ def _expand_instances(root: ET.Element) -> list[str]:
         for index, shape in enumerate(group.findall("shape")):
             one = copy.deepcopy(shape)
             one.set("id", f"{name} {shape.get('id') or index + 1}")
-            _move(one, instance.find("transform"))
+            # the instance's transform comes after the shape's own
+            own, by = one.find("transform"), instance.find("transform")
+            if by is not None and own is None:
+                one.append(copy.deepcopy(by))
+            elif by is not None and own is not None:
+                own.extend(copy.deepcopy(step) for step in by)
             root.insert(position + index, one)
     for group in groups.values():
         root.remove(group)
     return problems
-
-
-def _move(shape: ET.Element, by: ET.Element | None) -> None:
-    """Apply an instance's transform after the shape's own."""
-    if by is None:
-        return
-    own = shape.find("transform")
-    if own is None:
-        shape.append(copy.deepcopy(by))
-    else:
-        own.extend(copy.deepcopy(step) for step in by)
 
 
 def _lift_bsdfs(root: ET.Element) -> None:

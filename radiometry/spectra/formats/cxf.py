@@ -68,8 +68,10 @@ def read_cxf(content: bytes, path: Path) -> SpectralTable:
         if not np.array_equal(wavelengths, nm):
             raise InputError(f"{path.name}: {names[0]!r} and {name!r} have different wavelengths, "
                              "or state none; export the file again")
+    description = next(((element.text or "").strip() for element in root.iter()
+                        if _tag(element) == "Description"), "")
     return SpectralTable(nm, distinct(names), np.array([values for _, values in spectra]),
-                         {"source": _description(root) or path.name, "quantity": "reflectance",
+                         {"source": description or path.name, "quantity": "reflectance",
                           "unit": "1"}, path.name)
 
 
@@ -91,8 +93,3 @@ def _specifications(root: ElementTree.Element) -> tuple[dict[str, str], dict[str
             if "Increment" in limits.attrib:
                 steps[identity] = number(limits.attrib["Increment"])
     return starts, steps
-
-
-def _description(root: ElementTree.Element) -> str:
-    return next(((element.text or "").strip() for element in root.iter()
-                 if _tag(element) == "Description"), "")

@@ -79,17 +79,14 @@ def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
     source : str
         Stored in the file.
     """
+    header = [name if not any(mark in name for mark in ',;"#') else
+              '"' + name.replace('"', '""') + '"' for name in map(cell, columns)]
     lines = [f"# quantity: {quantity.name.lower()}", f"# unit: {quantity.value}",
              f"# source: {plain(' '.join(source.split()))}",
-             ",".join(["wavelength_nm", *(_cell(name) for name in columns)])]
+             ",".join(["wavelength_nm", *header])]
     lines += [",".join([f"{wavelength:.9g}", *(f"{values[i]:.9g}" for values in columns.values())])
               for i, wavelength in enumerate(nm)]
     return "\n".join(lines) + "\n"
-
-
-def _cell(name: str) -> str:
-    name = cell(name)
-    return '"' + name.replace('"', '""') + '"' if any(mark in name for mark in ',;"#') else name
 
 
 def _split_rows(text: str, name: str) -> tuple[dict[str, str], list[list[str]]]:
@@ -113,7 +110,7 @@ def _split_rows(text: str, name: str) -> tuple[dict[str, str], list[list[str]]]:
     if not any(delimiter in line for line in body):
         return facts, [line.split() for line in body]
     if delimiter != "," and not any("," in line and "." in line for line in body[1:]):
-        named = not _is_numbers(body[0], delimiter)
+        named = not np.isfinite(number(body[0].split(delimiter)[0].replace(",", ".")))
         body = [*body[:named], *(line.replace(",", ".") for line in body[named:])]
     try:
         return facts, list(csv.reader(body, delimiter=delimiter))
@@ -144,10 +141,6 @@ def _wavelengths_across(rows: list[list[str]]
     values = np.array([[number(row[index]) if index < len(row) else np.nan
                         for index in range(first, len(header))] for row in body])
     return distinct([from_cell(row[column].strip()) for row in body]), nm, values
-
-
-def _is_numbers(line: str, delimiter: str) -> bool:
-    return bool(np.isfinite(number(line.split(delimiter)[0].replace(",", "."))))
 
 
 def _header_and_numbers(rows: list[list[str]], wavelength: int,

@@ -44,7 +44,9 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
     InputError
     """
     header_path, data, data_name = _both_files(content, path)
-    keys = _keys(content if header_path == path else _bytes_of(header_path), header_path.name)
+    header = text_of(content if header_path == path else _bytes_of(header_path), header_path.name)
+    keys = {match[1].strip().lower(): (match[2] if match[2] is not None else match[3]).strip()
+            for match in ITEM.finditer(header.replace("\r\n", "\n"))}
     bands, count, offset, data_type = (_integer(keys, key, header_path.name)
                                        for key in ("samples", "lines", "header offset",
                                                    "data type"))
@@ -133,12 +135,6 @@ def _bytes_of(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
-
-
-def _keys(content: bytes, name: str) -> dict[str, str]:
-    text = text_of(content, name).replace("\r\n", "\n")
-    return {match[1].strip().lower(): (match[2] if match[2] is not None else match[3]).strip()
-            for match in ITEM.finditer(text)}
 
 
 def _integer(keys: dict[str, str], key: str, name: str) -> int:

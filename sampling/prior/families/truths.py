@@ -47,19 +47,13 @@ def true_reflectances(prior: LogitMixture, count: int, rng: np.random.Generator)
 
 def _paints(prior: LogitMixture, family: int, count: int, rng: np.random.Generator) -> np.ndarray:
     """Paints (count, 61): draws of the family's components, and mixtures of such."""
-    pigments = _draws(prior, family, 4 * count, rng)
-    mixed = pigment_mixtures(rng, count, pigments)
-    return np.asarray(np.where(rng.random((count, 1)) < MIXED, mixed, pigments[:count]))
-
-
-def _draws(prior: LogitMixture, family: int, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Reflectances (count, 61) of the components of one family."""
     own = np.flatnonzero(prior.family == family)
-    weights = prior.weights[own] / prior.weights[own].sum()
-    chosen = rng.choice(own, size=count, p=weights)
-    logits = np.empty((count, prior.means.shape[1]))
+    chosen = rng.choice(own, size=4 * count, p=prior.weights[own] / prior.weights[own].sum())
+    logits = np.empty((4 * count, prior.means.shape[1]))
     for index in np.unique(chosen):
         rows = np.flatnonzero(chosen == index)
         logits[rows] = rng.multivariate_normal(prior.means[index],
                                                prior.covariances[index].astype(float), rows.size)
-    return reflectance(logits)
+    pigments = reflectance(logits)
+    mixed = pigment_mixtures(rng, count, pigments)
+    return np.asarray(np.where(rng.random((count, 1)) < MIXED, mixed, pigments[:count]))
