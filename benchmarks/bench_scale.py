@@ -96,22 +96,23 @@ def uplift(image: str, out: str, form: str, low_rank: str, by: str, marks: str) 
     """What the command does, with the seconds of processor at each tenth of the writing, and what
     a low rank costs.
     """
-    from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
+    from spectrabox.session.commands.requests import UpliftRequest
+    from spectrabox.session.pictures.uplift import uplift_answer
     at: list[float] = []
 
     def progress(stage: str, share: float, message: str) -> None:
         if stage == "spectra" and (not at or share >= len(at) / 10):
             at.append(time.process_time())
 
-    request = UpliftRequest(Path(image), Path(out), CAMERA, LIGHT, None, 0.01, 25, 10, False,
-                            form=form, coefficients=int(low_rank) or None)
+    request = UpliftRequest(
+        image=Path(image), out=Path(out), sensitivity=CAMERA, light=LIGHT, to=form,
+        low_rank=int(low_rank) or None, cluster="local" if by.startswith("dask") else None,
+        workers=None if by == "one" else int(by.removeprefix("dask")))
     if by == "one":
         facts, _ = uplift_answer(request, progress)
     else:
         from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
-        dask = by.startswith("dask")
-        facts, _ = shared_uplift_answer(request, "local" if dask else None,
-                                        int(by.removeprefix("dask")), progress)
+        facts, _ = shared_uplift_answer(request, progress)
     Path(marks).write_text(json.dumps([at, facts.get("errors")]))
 
 

@@ -21,13 +21,10 @@ from spectrabox.session.commands import (
     batch,
     camera,
     capture,
-    compare,
-    draws,
+    finished,
     flat,
     geometry,
     meter,
-    page,
-    rehearse,
     sampling,
     session,
     spectrum,
@@ -38,8 +35,8 @@ from spectrabox.session.interruption import stop_on_signals
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, batch, flat, rehearse, draws, capture, geometry, camera, sampling, meter,
-                page, compare, spectrum):
+for subject in (session, batch, flat, finished, capture, geometry, camera, sampling, meter,
+                spectrum):
     subject.register(app)
 
 

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,20 +98,25 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     return states
 
 
-def stale_stages(config: SessionConfig) -> tuple[list[str], str]:
-    """Stages whose stored results are of other inputs than the session has now, and a sentence for
-    who is shown these results all the same; nothing and an empty one where there are none.
+def warn_of_stale_stages(config: SessionConfig, tell: Callable[[str], None]) -> list[str]:
+    """Names of the stages whose stored results are of other inputs than the session has now.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    tell : function of a sentence
+        Warns whoever is shown these results all the same.
     """
     try:
         stale = [state for state in stage_states(config) if state.state == "stale"]
     except InputError as error:
-        return [], f"whether results are up to date is not known: {error}"
-    if not stale:
-        return [], ""
-    why = "; ".join(f"{state.name}: {', '.join(state.reasons)}" for state in stale[:1])
-    return [state.name for state in stale], (
-        f"stored results are of an earlier run ({why}): 'spectrabox run {config.folder.name}' "
-        "brings them up to date")
+        tell(f"warning: whether results are up to date is not known: {error}")
+        return []
+    if stale:
+        tell(f"warning: stored results are of an earlier run ({stale[0].name}: "
+             f"{', '.join(stale[0].reasons)}): 'spectrabox run {config.folder.name}' brings them "
+             "up to date")
+    return [state.name for state in stale]
 
 
 def run_stages(config: SessionConfig, *, device: str, only: str | None, force: bool,

@@ -29,7 +29,7 @@ from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import rewritten_outputs
-from spectrabox.session.store.locks import sole_batch
+from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.shared_stages import share_stage
 from spectrabox.session.store.store import load_stage
 
@@ -330,9 +330,9 @@ def test_what_nobody_foresaw_is_a_row_too(session, tmp_path, monkeypatch, error,
 
 
 def test_one_batch_at_a_time_uses_a_folder(tmp_path):
-    with sole_batch(tmp_path / "out"), \
+    with sole_user(tmp_path / "out", "batch"), \
             pytest.raises(EnvironmentProblem, match="uses this folder of a batch; wait for it"), \
-            sole_batch(tmp_path / "out"):
+            sole_user(tmp_path / "out", "batch"):
         pass
 
 

@@ -16,8 +16,9 @@ from spectrabox.measure.pictures.uplift import ImageSource, plan_image
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
+from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.low_rank_files import open_low_rank
-from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
+from spectrabox.session.pictures.uplift import uplift_answer
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
 HEIGHT, WIDTH = 150, 70
@@ -39,8 +40,8 @@ def picture(seed=0):
 def answer(folder, image, form, coefficients=12, *, full=False):
     folder.mkdir(exist_ok=True)
     write_exr(folder / "picture.exr", image, ["R", "G", "B"])
-    request = UpliftRequest(folder / "picture.exr", folder / "out", CAMERA, LIGHT, None, 0.01, 5,
-                            10, full, form=form, coefficients=coefficients)
+    request = UpliftRequest(image=folder / "picture.exr", out=folder / "out", sensitivity=CAMERA,
+                            light=LIGHT, side=5, full=full, to=form, low_rank=coefficients)
     return uplift_answer(request, lambda *_: None)[0]
 
 

@@ -178,7 +178,7 @@ def test_geometry_light_says_what_to_write_into_a_box(captured):
     from spectrabox.radiometry.records import LightScale, Outcome
     from spectrabox.reconstruct.scene.box_scene import is_of_box
     from spectrabox.reconstruct.scene.light_position import LightPosition
-    from spectrabox.session.commands.light_position import _text
+    from spectrabox.session.commands.lamp import _light_text
     made = CliRunner().invoke(app, ["geometry", "box", str(rewritten(captured, **FAR).folder)])
     assert made.exit_code == 0, made.output
     assert is_of_box(captured / "scene.xml")
@@ -186,7 +186,7 @@ def test_geometry_light_says_what_to_write_into_a_box(captured):
     estimate = LightPosition("lamp", np.array([2.0, -1.234, 5.0]), np.array([1.0, 1.0, 2.0]),
                              np.eye(3), LightScale(1.0, 0.1, None, "surfaces"), 3.0, 1.1,
                              np.zeros((2, 3)), Outcome.CONVERGED)
-    said = _text(estimate, captured / "lit.xml", True)
+    said = _light_text(estimate, captured / "lit.xml", True)
     assert "moved_mm = [2.0, -1.23, 5.0]\nmoved_error_mm = [1.0, 1.0, 2.0]" in said
     text = (captured / "session.toml").read_text(encoding="utf-8")
     lines = "\n".join(line for line in said.splitlines() if line.startswith("moved"))

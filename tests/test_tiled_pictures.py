@@ -17,8 +17,9 @@ from spectrabox.radiometry.spectra.formats import zarr_array
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr, zarr_rows
 from spectrabox.radiometry.system.strips import read_by_strips, written_by_strips
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
+from spectrabox.session.pictures.uplift import uplift_answer
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.store.store import load_stage
 
@@ -40,7 +41,8 @@ def write_zarr(path, image, chunks, **more):
 
 
 def answer(folder, path, form):
-    request = UpliftRequest(path, folder, CAMERA, LIGHT, None, 0.01, 5, 10, False, form=form)
+    request = UpliftRequest(image=path, out=folder, sensitivity=CAMERA, light=LIGHT, side=5,
+                            to=form)
     facts = uplift_answer(request, lambda *_: None)[0]
     return [stored(Path(facts[name])) for name in ("mean", "standard_deviation")]
 

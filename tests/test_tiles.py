@@ -15,9 +15,10 @@ from spectrabox.radiometry.files import UNFINISHED
 from spectrabox.session.batch.pool import Finished, Lost
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.cli import app
+from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures import shared_uplift as tiles
 from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
-from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
+from spectrabox.session.pictures.uplift import uplift_answer
 
 pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
 HEIGHT, WIDTH, TASKS = 400, 70, 4
@@ -39,8 +40,8 @@ def _one_shard_a_task(monkeypatch):
 
 
 def request(image, out, coefficients=None, **more):
-    return UpliftRequest(image, out, CAMERA, LIGHT, None, 0.01, 5, 10, False,
-                         **{"form": "zarr", "coefficients": coefficients} | more)
+    return UpliftRequest(image=image, out=out, sensitivity=CAMERA, light=LIGHT, side=5,
+                         **{"to": "zarr", "low_rank": coefficients} | more)
 
 
 def contents(out):
@@ -50,8 +51,8 @@ def contents(out):
 
 
 def answer(image, out, coefficients=None, workers=None, cluster=None):
-    return shared_uplift_answer(request(image, out, coefficients), cluster, workers,
-                                lambda *_: None)[0]
+    return shared_uplift_answer(request(image, out, coefficients, workers=workers,
+                                        cluster=cluster), lambda *_: None)[0]
 
 
 class Inline:
@@ -252,7 +253,7 @@ def test_a_worker_with_another_program_is_refused(image, tmp_path, inline, monke
 
 def test_one_stream_is_not_shared_out(image, tmp_path):
     with pytest.raises(InputError, match="--to exr is one stream: give --to zarr"):
-        shared_uplift_answer(request(image, tmp_path, form="exr"), None, 2, lambda *_: None)
+        shared_uplift_answer(request(image, tmp_path, to="exr", workers=2), lambda *_: None)
 
 
 @pytest.mark.parametrize("words", [["--workers", "2"], ["--cluster", "local"]])

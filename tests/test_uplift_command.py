@@ -13,7 +13,8 @@ from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.uplift_table import build_table, uplift_directly, uplift_pixels
-from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
+from spectrabox.session.commands.requests import UpliftRequest
+from spectrabox.session.pictures.uplift import uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
 
 SIDE = 5
@@ -27,8 +28,8 @@ def picture(height=70, width=24):
 def answer(folder, image, **options):
     path = folder / "picture.exr"
     write_exr(path, image, ["R", "G", "B"])
-    chosen = {"white": None, "noise": 0.01, "side": SIDE, "step_nm": 10, "full": False} | options
-    request = UpliftRequest(path, folder / "out", CAMERA, LIGHT, **chosen)
+    request = UpliftRequest(image=path, out=folder / "out", sensitivity=CAMERA, light=LIGHT,
+                            **{"side": SIDE} | options)
     return uplift_answer(request, lambda stage, share, message: None)[0]
 
 
@@ -72,7 +73,7 @@ def test_in_full_every_wavelength_is_kept_in_single_floats(tmp_path):
 
 def test_envi_images_hold_the_same_spectra(tmp_path):
     image = picture(3, 4)
-    exr, written = (answer(tmp_path, image, full=True, form=form) for form in ("exr", "envi"))
+    exr, written = (answer(tmp_path, image, full=True, to=form) for form in ("exr", "envi"))
     for name in ("mean", "standard_deviation"):
         shown = envi.open(written[name]).open_memmap()
         np.testing.assert_array_equal(shown, layers(exr[name])[0])
@@ -97,7 +98,7 @@ def test_pixels_beyond_white_are_counted(tmp_path):
 
 
 @pytest.mark.parametrize("options, message", [
-    ({"step_nm": 7}, "--step 7 does not divide 400-700 nm into steps of 5 nm"),
+    ({"step": 7}, "--step 7 does not divide 400-700 nm into steps of 5 nm"),
     ({"side": 8}, "--side 8 is not odd and at least 3"),
     ({"white": "1,1"}, "--white has 2 values; the sensitivities have 3 bands")])
 def test_options_that_cannot_be_are_errors(tmp_path, options, message):
@@ -107,8 +108,8 @@ def test_options_that_cannot_be_are_errors(tmp_path, options, message):
 
 def test_a_picture_of_other_bands_is_an_error(tmp_path):
     write_exr(tmp_path / "four.exr", np.full((4, 4, 4), 0.5), ["b1", "b2", "b3", "b4"])
-    request = UpliftRequest(tmp_path / "four.exr", tmp_path, CAMERA, LIGHT, None, 0.01, 5, 10,
-                            False)
+    request = UpliftRequest(image=tmp_path / "four.exr", out=tmp_path, sensitivity=CAMERA,
+                            light=LIGHT, side=5)
     with pytest.raises(InputError, match="the image has 4 bands and the sensitivities 3"):
         uplift_answer(request, lambda stage, share, message: None)
 

@@ -53,19 +53,14 @@ def batch(request: BatchRequest) -> Answer:
     check_device(request.device)
     from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
     from spectrabox.session.batch.manifest import program_of_batch
-    from spectrabox.session.batch.overview import (
-        BatchProgress,
-        batch_facts,
-        batch_text,
-        write_page,
-    )
+    from spectrabox.session.batch.overview import BatchProgress, batch_facts, batch_text, write_page
     from spectrabox.session.batch.tasks import Order
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.progress_display import progress_display
-    from spectrabox.session.store.locks import sole_batch
+    from spectrabox.session.store.locks import sole_user
     order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),
                   request.device, request.allow_outside, program_of_batch())
-    with sole_batch(order.out):
+    with sole_user(order.out, "batch"):
         outcomes = kept_outcomes(order)
         kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
         used = 0

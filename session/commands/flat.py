@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import (
-    Answer,
-    ChartLayout,
-    CommonOptions,
-    Quiet,
-    command,
-)
+from spectrabox.session.command_line import Answer, ChartLayout, CommonOptions, Quiet, command
 
 if TYPE_CHECKING:
     from spectrabox.session.run_outputs import RunOutputs

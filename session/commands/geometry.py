@@ -18,8 +18,7 @@ from spectrabox.session.command_line import (
     command,
     require_new,
 )
-from spectrabox.session.commands.beam import beam
-from spectrabox.session.commands.light_position import light
+from spectrabox.session.commands.lamp import beam, light
 
 if TYPE_CHECKING:
     import numpy as np
@@ -196,11 +195,7 @@ def box(request: SessionOptions) -> Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
     from spectrabox.session.box.box_camera import box_camera
     from spectrabox.session.box.camera_facts import camera_facts, camera_text
-    from spectrabox.session.box.scene_files import (
-        box_views,
-        write_overlays,
-        write_scene_files,
-    )
+    from spectrabox.session.box.scene_files import box_views, write_overlays, write_scene_files
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.config.session_schema import FIRST_PHOTO
     from spectrabox.session.store.locks import outputs_writer

@@ -6,11 +6,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from spectrabox.session.command_line import ChartLayout, CommonOptions, Outside, SessionOptions
+from spectrabox.session.command_line import (
+    ChartLayout,
+    CommonOptions,
+    Outside,
+    Quiet,
+    SessionOptions,
+)
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
@@ -119,6 +125,42 @@ class SampleRequest(PriorOptions, MeasuredSignal, CameraAndLight):
         help="File of the measured spectrum, to judge by.")] = None
     column: Annotated[str | None, typer.Option(help="Column of the truth.")] = None
     delta_light: DeltaLights = DELTA_LIGHTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpliftRequest(CameraAndLight):
+    """Options of ``spectrabox uplift``."""
+
+    image: Annotated[Path, typer.Argument(
+        metavar="IMAGE", help="Linear EXR, TIFF or Zarr array, or a camera raw.")]
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder of the results.")]
+    white: White = None
+    noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = 0.01
+    side: Annotated[int, typer.Option(
+        help="Points per side of the table; 33 is finer and slower.")] = 25
+    step: Annotated[int, typer.Option(
+        help="Nanometres between the mean's wavelengths; twice as far between those of the "
+        "spread.")] = 10
+    full: Annotated[bool, typer.Option(
+        "--full", help="All 61 wavelengths of both in single floats: eight times as "
+        "large.")] = False
+    family: Families = ()
+    to: Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
+        "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images "
+        "of single floats; zarr: Zarr arrays.")] = "exr"
+    low_rank: Annotated[int | None, typer.Option(
+        "--low-rank", metavar="N", show_default=False, help="Of each pixel N coefficients and once "
+        "their basis, in place of spectra: half as large with 16, and about 0.001 off "
+        "(rms).")] = None
+    workers: Annotated[int | None, typer.Option(
+        "--workers", min=1, show_default=False, help="Processes that share the picture, and go on "
+        "where a command ended that was stopped; one process on all cores by default. Needs --to "
+        "zarr.")] = None
+    cluster: Annotated[str | None, typer.Option(
+        "--cluster", metavar="ADDRESS", show_default=False, help="A Dask scheduler such as "
+        "tcp://host:8786, whose workers see the same folders; local starts one on this machine. "
+        "Needs --to zarr.")] = None
+    quiet: Quiet = False
 
 
 @dataclass(frozen=True, kw_only=True)

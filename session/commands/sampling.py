@@ -3,29 +3,20 @@ prior train.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import typer
 
-from spectrabox.session.command_line import (
-    Answer,
-    CommandGroup,
-    Quiet,
-    check_ending,
-    command,
-)
+from spectrabox.session.command_line import Answer, CommandGroup, check_ending, command
 from spectrabox.session.commands.requests import (
-    CameraAndLight,
     CertifyRequest,
-    Families,
     JudgeRequest,
     MatchRequest,
     PlanRequest,
     SampleRequest,
     TrainRequest,
-    White,
+    UpliftRequest,
 )
 
 
@@ -53,60 +44,20 @@ def sample(request: SampleRequest) -> Answer:
     return Answer(facts, text)
 
 
-@dataclass(frozen=True, kw_only=True)
-class UpliftOptions(CameraAndLight):
-    """Options of ``spectrabox uplift``."""
-
-    image: Annotated[Path, typer.Argument(
-        metavar="IMAGE", help="Linear EXR, TIFF or Zarr array, or a camera raw.")]
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder of the results.")]
-    white: White = None
-    noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = 0.01
-    side: Annotated[int, typer.Option(
-        help="Points per side of the table; 33 is finer and slower.")] = 25
-    step: Annotated[int, typer.Option(
-        help="Nanometres between the mean's wavelengths; twice as far between those of the "
-        "spread.")] = 10
-    full: Annotated[bool, typer.Option(
-        "--full", help="All 61 wavelengths of both in single floats: eight times as "
-        "large.")] = False
-    family: Families = ()
-    to: Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
-        "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images "
-        "of single floats; zarr: Zarr arrays.")] = "exr"
-    low_rank: Annotated[int | None, typer.Option(
-        "--low-rank", metavar="N", show_default=False, help="Of each pixel N coefficients and once "
-        "their basis, in place of spectra: half as large with 16, and about 0.001 off "
-        "(rms).")] = None
-    workers: Annotated[int | None, typer.Option(
-        "--workers", min=1, show_default=False, help="Processes that share the picture, and go on "
-        "where a command ended that was stopped; one process on all cores by default. Needs --to "
-        "zarr.")] = None
-    cluster: Annotated[str | None, typer.Option(
-        "--cluster", metavar="ADDRESS", show_default=False, help="A Dask scheduler such as "
-        "tcp://host:8786, whose workers see the same folders; local starts one on this machine. "
-        "Needs --to zarr.")] = None
-    quiet: Quiet = False
-
-
 @command
-def uplift(request: UpliftOptions) -> Answer:
+def uplift(request: UpliftRequest) -> Answer:
     """Mean and spread of the spectrum behind every pixel, as spectral EXR or ENVI images."""
     out = request.out
     if out.suffix.lower() in (".exr", ".hdr", ".img"):
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
                                  "which mean and standard deviation go", param_hint="--out")
-    from spectrabox.session.pictures.uplift import UpliftRequest, uplift_answer
+    from spectrabox.session.pictures.uplift import uplift_answer
     from spectrabox.session.progress_display import progress_display, with_time_left
-    picture = UpliftRequest(request.image, out, request.sensitivity, request.light, request.white,
-                            request.noise, request.side, request.step, request.full,
-                            request.family, request.to, request.low_rank)
     with progress_display(request.quiet) as progress:
         if request.workers is None and request.cluster is None:
-            return Answer(*uplift_answer(picture, with_time_left(progress)))
+            return Answer(*uplift_answer(request, with_time_left(progress)))
         from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
-        return Answer(*shared_uplift_answer(picture, request.cluster, request.workers,
-                                            with_time_left(progress)))
+        return Answer(*shared_uplift_answer(request, with_time_left(progress)))
 
 
 @command

@@ -1,7 +1,6 @@
 """Commands that work on a session folder, and the demo and doctor."""
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,12 +11,13 @@ from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputEr
 from spectrabox.session.command_line import (
     Answer,
     CommonOptions,
+    DebugOption,
     Device,
     Folder,
+    Outside,
     Quiet,
     SessionOptions,
     check_device,
-    check_ending,
     command,
     tell,
 )
@@ -28,8 +28,9 @@ STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (demo, new, check, run, status, report, relight, doctor):
+    for function in (demo, new, check, run, status, report, doctor):
         app.command()(function)
+    app.command(name="open")(open_page)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +148,35 @@ def status(request: SessionOptions) -> Answer:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OpenRequest(DebugOption):
+    """Options of ``spectrabox open``."""
+
+    folder: Folder
+    watch: Annotated[Path | None, typer.Option(
+        metavar="DIR", show_default=False, help="Judge each new photo that comes into this folder, "
+        "as when shooting tethered.")] = None
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 0
+    browser: Annotated[bool, typer.Option(
+        "--browser/--no-browser", help="Open it in the browser.")] = True
+    allow_outside: Outside = False
+
+
+@command
+def open_page(request: OpenRequest) -> None:
+    """Open a session's page on this machine: mark photos, run, read the report, judge new shots."""
+    from spectrabox.session.page.server import SessionPage, serve
+
+    def say(address: str) -> None:
+        print(address, flush=True)
+        tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
+             "session from this machine.")
+        if request.browser:
+            import webbrowser
+            webbrowser.open(address)
+    serve(SessionPage(request.folder, request.watch, request.allow_outside), request.port, say)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReportRequest(SessionOptions):
     """Options of ``spectrabox report``."""
 
@@ -168,77 +198,13 @@ def report(request: ReportRequest) -> Answer:
             f"{checked.files} files, and the numbers made again from the stored results")
         return Answer({"agrees": not checked.faults, **to_json(checked)}, text,
                       CheckError.exit_code if checked.faults else 0)
-    from spectrabox.session.pipeline import load_finished, stale_stages
+    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     from spectrabox.session.run_outputs import rewritten_outputs
     finished = load_finished(config)
-    stale, said = stale_stages(config)
-    if said:
-        tell(f"warning: {said}")
+    stale = warn_of_stale_stages(config, tell)
     facts = rewritten_outputs(config, finished, ["spectrabox", "report"],
                               "stored results").facts
     return Answer({"report": facts["report"], "stale": stale}, f"wrote {facts['report']}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RelightRequest(SessionOptions):
-    """Options of ``spectrabox relight``."""
-
-    light: Annotated[str | None, typer.Option(
-        help="A CIE illuminant such as D65 or FL11, or a file; the session's own by "
-        "default.")] = None
-    observer: Annotated[str | None, typer.Option(
-        help="Colour-matching functions by name or file; CIE 1931 2 degrees by default.")] = None
-    out: Annotated[Path | None, typer.Option(
-        "--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by default; the same as EXR lies "
-        "beside it.")] = None
-    width: Annotated[int, typer.Option(min=16, max=4096, help="Width in pixels.")] = 480
-    spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64
-    device: Device = "auto"
-
-
-@command
-def relight(request: RelightRequest) -> Answer:
-    """Render the scene with the recovered spectra under any light, and say how far its colours are
-    known there.
-    """
-    check_device(request.device)
-    check_ending(request.out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
-    from spectrabox.capture.photo.image_files import write_exr, write_png
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import load_finished, stale_stages
-    from spectrabox.session.relight import OBSERVER
-    from spectrabox.session.relight import relight as render_under
-    from spectrabox.session.run_outputs import require_results
-    from spectrabox.session.stages.scenes import read_session_scene
-    from spectrabox.session.store.locks import outputs_writer
-    config = read_session(request.folder, request.allow_outside)
-    scene = read_session_scene(config)
-    size = (request.width, max(round(request.width * scene.height / scene.width), 1))
-    finished = load_finished(config)
-    stale, said = stale_stages(config)
-    if said:
-        tell(f"warning: {said}")
-    digests = finished.result_digests()
-    made = render_under(config, finished, light=request.light,
-                        observer=request.observer or OBSERVER, size=size, spp=request.spp,
-                        device=request.device)
-    label = re.sub(r"[^\w.-]", "-", Path(request.light or "session").stem)
-    png = request.out or request.folder / f"relit {label}.png"
-    with outputs_writer(config.folder):     # two pictures that belong together
-        require_results(finished, digests, "spectrabox relight")
-        write_png(png, made.picture)
-        write_exr(png.with_suffix(".exr"), made.xyz, ("X", "Y", "Z"))
-    lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
-             f"{colour.lab[2]:6.1f}"
-             + ("   given" if colour.delta_e00_95 is None else
-                f"   draws within dE00 {colour.delta_e00_median:.2f} (half), "
-                f"{colour.delta_e00_95:.2f} (95 %)")
-             for colour in made.colours]
-    return Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
-                   "light": request.light or "session",
-                   "colours": [vars(colour) for colour in made.colours],
-                   "notes": list(made.notes), "stale": stale},
-                  "\n".join([*lines, *made.notes, f"picture: {png}"]))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,11 +20,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
 )
 from spectrabox.session.config.session_schema import PictureSection
 from spectrabox.session.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
-from spectrabox.session.pictures.spectra_files import (
-    PictureLayout,
-    computed_blocks,
-    write_spectra,
-)
+from spectrabox.session.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
 
 PIXELS_A_POINT = 500        # a point of the table takes as long as how many pixels looked up
 

@@ -33,8 +33,9 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
 )
 from spectrabox.sampling.prior.low_rank import LowRank
 from spectrabox.session.command_line import describe_error, interrupt_behind
+from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.spectra_files import PictureLayout
-from spectrabox.session.pictures.uplift import UpliftRequest, image_source
+from spectrabox.session.pictures.uplift import image_source, uplift_layout, uplift_paths
 from spectrabox.session.store.program import program_digest
 
 DONE = "done"           # folder of one empty file a task
@@ -102,7 +103,7 @@ def write_rows(source: ImageSource, plan: SpectraPlan, order: Order, first: int,
     first, last : int
         From a multiple of ``CHUNK_PX`` to the next, or to the end.
     """
-    arrays = order.request.paths(order.folder).values()
+    arrays = uplift_paths(order.request, order.folder).values()
     regions = [open_region(path if plan.low_rank is None else path / COEFFICIENTS)
                for path in arrays]
     _, width, bands = source.size
@@ -161,4 +162,4 @@ def _open_source(order: Order, thread: int) -> ImageSource:
 
 @functools.lru_cache(maxsize=1)
 def _plan_of(order: Order) -> SpectraPlan:
-    return load_plan(order.folder, order.request.layout)[0]
+    return load_plan(order.folder, uplift_layout(order.request))[0]

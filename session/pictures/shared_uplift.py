@@ -35,6 +35,7 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
 from spectrabox.radiometry.spectra.spectral_layers import QUANTITY
 from spectrabox.session.batch.pool import Finished, Pool
 from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.low_rank_files import low_rank_attributes
 from spectrabox.session.pictures.row_tasks import (
     DONE,
@@ -48,9 +49,14 @@ from spectrabox.session.pictures.row_tasks import (
     store_plan,
 )
 from spectrabox.session.pictures.spectra_files import QUANTITIES
-from spectrabox.session.pictures.uplift import UpliftRequest, image_source, uplift_summary
+from spectrabox.session.pictures.uplift import (
+    image_source,
+    uplift_layout,
+    uplift_paths,
+    uplift_summary,
+)
 from spectrabox.session.progress_display import StageProgress
-from spectrabox.session.store.locks import sole_uplift
+from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint
 
@@ -58,16 +64,14 @@ TASK_PIXELS = 4_000_000     # a few seconds: the cost of a lost worker, and litt
 MAX_TRIES = 2               # of a task whose worker dies
 
 
-def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: int | None,
+def shared_uplift_answer(request: UpliftRequest,
                          progress: StageProgress) -> tuple[dict[str, Any], str]:
     """JSON object and text of ``spectrabox uplift --workers`` or ``--cluster``.
 
     Parameters
     ----------
     request : UpliftRequest
-    cluster : str or None
-        Address of a Dask scheduler, or "local"; None for processes.
-    workers : int or None
+        With a number of ``workers``, or the address of a ``cluster``.
     progress : function of (stage, share of it that is done, message)
 
     Raises
@@ -77,8 +81,8 @@ def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: i
     EnvironmentProblem
         If workers die or are out of reach. What is written then stays so.
     """
-    if request.form != "zarr":
-        raise InputError(f"several workers write into Zarr arrays, and --to {request.form} is one "
+    if request.to != "zarr":
+        raise InputError(f"several workers write into Zarr arrays, and --to {request.to} is one "
                          "stream: give --to zarr, or leave --workers and --cluster out")
     request = replace(request, image=request.image.resolve(), out=request.out.resolve())
     source, code = image_source(request), program_digest()
@@ -88,8 +92,8 @@ def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: i
                   code)
     starts = range(0, height, rows)
     needed = needed_bytes(source, request)
-    paths = request.paths(request.out)
-    with sole_uplift(request.out):
+    paths = uplift_paths(request, request.out)
+    with sole_user(request.out, "uplift"):
         for path in paths.values():
             require_no_link(path)
             if path.is_file():
@@ -99,7 +103,7 @@ def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: i
         for unfinished in request.out.glob(f"{UNFINISHED}tiles-*"):
             if unfinished != order.folder and not unfinished.is_symlink():
                 shutil.rmtree(unfinished, ignore_errors=True)
-        with open_workers(cluster, workers, len(starts)) as pool:
+        with open_workers(request.cluster, request.workers, len(starts)) as pool:
             def results(stage: str, left: list[int], *, write: bool) -> Iterator[Survey | None]:
                 tasks = (RowsTask(order, first, min(first + rows, height), write, needed)
                          for first in left)
@@ -113,13 +117,13 @@ def shared_uplift_answer(request: UpliftRequest, cluster: str | None, workers: i
                 survey = merge_surveys(
                     each for each in results("signals", [*starts], write=False) if each is not None)
                 with ThreadPoolExecutor(os.cpu_count()) as threads:
-                    plan = plan_image(source, request.layout, survey, request.coefficients,
+                    plan = plan_image(source, uplift_layout(request), survey, request.low_rank,
                                       lambda share: progress("table", share, ""), threads.map)
                 _create_arrays(order, source, plan, survey.outside)
             left = [first for first in starts if not done_mark(order.folder, first).exists()]
             for _ in results("spectra", left, write=True):
                 pass
-        plan, outside = load_plan(order.folder, request.layout)
+        plan, outside = load_plan(order.folder, uplift_layout(request))
         _move_arrays(order.folder, [*paths.values()])
     facts, text = uplift_summary(request, plan, paths, height * width, outside)
     return facts | {"tasks": len(starts), "done_before": len(starts) - len(left)}, text
@@ -135,7 +139,7 @@ def needed_bytes(source: ImageSource, request: UpliftRequest) -> int:
     """Memory that a worker takes at most: rows of tiles as they are read, and a shard's spectra."""
     image = source.image
     read = 3 * 4 * image.bands * image.width * max(image.rows_at_once, CHUNK_PX)
-    numbers = request.coefficients or sum(nm.size for nm in request.layout.nm)
+    numbers = request.low_rank or sum(nm.size for nm in uplift_layout(request).nm)
     return PROGRAM_BYTES + read + 3 * 4 * numbers * (CHUNK_PX**2 * CHUNKS_A_SHARD + PIXELS_AT_ONCE)
 
 
@@ -196,7 +200,7 @@ def results_in_order(pool: Pool, needed: int, tasks: Iterator[RowsTask]
 def _create_arrays(order: Order, source: ImageSource, plan: SpectraPlan, outside: int) -> None:
     """Create arrays of zeros, and last store the plan: its presence says that they are whole."""
     request, (height, width, _) = order.request, source.size
-    paths, half = request.paths(order.folder), not request.full
+    paths, half = uplift_paths(request, order.folder), not request.full
     with writable(order.folder):
         # marks too: an end that was cut short leaves some, of arrays that were moved already
         for path in (order.folder / DONE, *paths.values()):
@@ -234,6 +238,6 @@ def _key(source: ImageSource, request: UpliftRequest, code: str, rows: int) -> s
     states = {str(path): (path.stat().st_size, path.stat().st_mtime_ns) for path in files}
     return fingerprint({
         "made by": code, "picture": states, "response": source.relative_response.tolist(),
-        "white": source.white.tolist(), "families": sorted(request.families),
-        "noise": request.noise, "side": request.side, "step": request.step_nm,
-        "full": request.full, "coefficients": request.coefficients, "rows": rows})[:16]
+        "white": source.white.tolist(), "families": sorted(request.family),
+        "noise": request.noise, "side": request.side, "step": request.step,
+        "full": request.full, "coefficients": request.low_rank, "rows": rows})[:16]

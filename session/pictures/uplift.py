@@ -4,7 +4,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,44 +21,23 @@ from spectrabox.measure.pictures.pixel_spectra import (
 from spectrabox.measure.pictures.uplift import ImageSource, plan_image, require_bands, require_side
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
+from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.low_rank_files import low_rank_path, write_low_rank
-from spectrabox.session.pictures.spectra_files import (
-    Format,
-    PictureLayout,
-    computed_blocks,
-    write_spectra,
-)
+from spectrabox.session.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
 from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.signals.signal_options import numbers, response_of_names
 
 
-@dataclass(frozen=True)
-class UpliftRequest:
-    """The options of ``spectrabox uplift`` as given."""
+def uplift_layout(request: UpliftRequest) -> PictureLayout:
+    """Wavelengths and format of the files."""
+    return PictureLayout(request.step, request.full, request.to)
 
-    image: Path
-    out: Path
-    sensitivity: str
-    light: str
-    white: str | None
-    noise: float
-    side: int
-    step_nm: int            # between wavelengths of the mean
-    full: bool              # all wavelengths of both, in single floats
-    families: tuple[str, ...] = ()      # of the surfaces; any where there are none
-    form: Format = "exr"
-    coefficients: int | None = None     # of each pixel, in place of its spectra
 
-    @property
-    def layout(self) -> PictureLayout:
-        """Wavelengths and format of the files."""
-        return PictureLayout(self.step_nm, self.full, self.form)
-
-    def paths(self, folder: Path) -> dict[str, Path]:
-        """The files or arrays in a folder, by name."""
-        if self.coefficients is not None:
-            return {"low_rank": low_rank_path(folder, self.layout)}
-        return self.layout.paths(folder)
+def uplift_paths(request: UpliftRequest, folder: Path) -> dict[str, Path]:
+    """The files or arrays in a folder, by name."""
+    layout = uplift_layout(request)
+    return layout.paths(folder) if request.low_rank is None \
+        else {"low_rank": low_rank_path(folder, layout)}
 
 
 def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict[str, Any], str]:
@@ -74,7 +52,7 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
     ------
     InputError
     """
-    source = image_source(request)
+    source, layout = image_source(request), uplift_layout(request)
     height, width, _ = source.size
 
     def surveys() -> Iterator[Survey]:
@@ -84,15 +62,15 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
 
     survey = merge_surveys(surveys())
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plan = plan_image(source, request.layout, survey, request.coefficients,
+        plan = plan_image(source, layout, survey, request.low_rank,
                           lambda share: progress("table", share, ""), pool.map)
     blocks = computed_blocks(height, width, source.block,
                              lambda block: plan.split(plan.values(source, block)))
     if plan.low_rank is None:
-        paths = write_spectra(blocks, (height, width), request.out, request.layout,
+        paths = write_spectra(blocks, (height, width), request.out, layout,
                               lambda share: progress("spectra", share, ""))
     else:
-        paths = write_low_rank(blocks, (height, width), request.out, request.layout, plan,
+        paths = write_low_rank(blocks, (height, width), request.out, layout, plan,
                                lambda share: progress("spectra", share, ""))
     return uplift_summary(request, plan, paths, height * width, survey.outside)
 
@@ -105,18 +83,18 @@ def image_source(request: UpliftRequest) -> ImageSource:
     InputError
     """
     span = round(PRIOR_GRID.nm[-1] - PRIOR_GRID.nm[0])
-    if request.step_nm < 1 or request.step_nm % GRID_STEP_NM or span % request.step_nm:
-        raise InputError(f"--step {request.step_nm} does not divide 400-700 nm into steps of "
+    if request.step < 1 or request.step % GRID_STEP_NM or span % request.step:
+        raise InputError(f"--step {request.step} does not divide 400-700 nm into steps of "
                          f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
     require_side(request.side)
-    request.paths(request.out)      # refuses a low rank in a format that has no place for it
+    uplift_paths(request, request.out)      # refuses a low rank in ENVI images
     relative_response = response_of_names(request.sensitivity, request.light)
     image = open_rows(request.image)
     require_bands(image.bands, relative_response)
     white = np.ones(image.bands) if request.white is None \
         else numbers(request.white, image.bands, "white")
     return ImageSource(image, white.astype(np.float32), relative_response,
-                       of_families(load_prior(), request.families), request.noise, request.side)
+                       of_families(load_prior(), request.family), request.noise, request.side)
 
 
 def uplift_summary(request: UpliftRequest, plan: SpectraPlan, paths: dict[str, Path], pixels: int,
@@ -138,7 +116,7 @@ def uplift_summary(request: UpliftRequest, plan: SpectraPlan, paths: dict[str, P
     facts = {**{name: str(path) for name, path in paths.items()},
              "pixels": pixels, "outside_0_to_1": outside / pixels,
              "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": deviation_nm.tolist(),
-             "pixel_type": request.layout.pixel_type}
+             "pixel_type": uplift_layout(request).pixel_type}
     text = f"wrote {' and '.join(str(path) for path in paths.values())}; "
     if plan.low_rank is not None and plan.errors is not None:
         facts |= {"coefficients": len(plan.low_rank.basis) - 1, "errors": plan.errors}

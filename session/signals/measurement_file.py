@@ -5,12 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals import (
-    READING_ERROR,
-    SIGNAL_GRID,
-    measurement_of_signal,
-    reading_at,
-)
+from spectrabox.measure.signals import READING_ERROR, SIGNAL_GRID, measurement_of_signal, reading_at
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there
@@ -25,11 +20,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement
 from spectrabox.session.commands.requests import MeasuredSignal
-from spectrabox.session.signals.signal_options import (
-    parse_reading,
-    per_band,
-    signal_and_noise,
-)
+from spectrabox.session.signals.signal_options import parse_reading, per_band, signal_and_noise
 
 SPOT_STEP_NM = 10.0
 Numbers = ListOf[float]

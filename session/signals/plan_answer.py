@@ -26,11 +26,7 @@ from spectrabox.session.commands.requests import PlanRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.measurement_file import further_measurements
-from spectrabox.session.signals.signal_options import (
-    numbers,
-    optional_numbers,
-    response_of_names,
-)
+from spectrabox.session.signals.signal_options import numbers, optional_numbers, response_of_names
 from spectrabox.session.stages.stored_records import calibrations_of, samples_of, signals_of
 
 COMMON = ("D65", "A", "LED-B1", "LED-B5", "LED-RGB1", "LED-V1", "FL11")

@@ -11,19 +11,10 @@ from spectrabox.sampling.prior.band_calibration import AT_95, LeftOut, band_figu
 from spectrabox.sampling.prior.families.family_models import FAMILIES
 from spectrabox.sampling.prior.families.family_names import WORDS
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
-from spectrabox.sampling.prior.mixture import (
-    LogitMixture,
-    load_prior,
-    of_families,
-)
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.training import MIXED
-from spectrabox.session.commands.requests import (
-    CertifyRequest,
-    TrainRequest,
-)
-from spectrabox.session.signals.signal_options import (
-    response_of_names,
-)
+from spectrabox.session.commands.requests import CertifyRequest, TrainRequest
+from spectrabox.session.signals.signal_options import response_of_names
 
 
 def certify_answer(request: CertifyRequest) -> tuple[dict[str, Any], str]:

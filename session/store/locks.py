@@ -18,9 +18,8 @@ try:
 except ImportError:     # Windows
     fcntl = None        # type: ignore[assignment]
 
-PICTURE = ".picture.lock"                       # beside the arrays of one that is written
 RUN, OUTPUTS = ".run.lock", ".outputs.lock"     # among the results
-BATCH = ".batch.lock"                           # in a batch's own folder
+USERS = {"batch": ".batch.lock", "uplift": ".picture.lock"}     # in their output folders
 
 
 @contextlib.contextmanager
@@ -63,8 +62,14 @@ def outputs_writer(folder: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def sole_batch(out: Path) -> Iterator[None]:
-    """Be the only batch that uses a folder, which is made.
+def sole_user(out: Path, command: str) -> Iterator[None]:
+    """Be the only command that uses an output folder, which is made.
+
+    Parameters
+    ----------
+    out : Path
+    command : {"batch", "uplift"}
+        That writes into it from several workers.
 
     Raises
     ------
@@ -72,26 +77,11 @@ def sole_batch(out: Path) -> Iterator[None]:
         If another process does, saying which; if the folder cannot be written.
     """
     require_no_link(out)
-    with held_lock(out / BATCH, wait=False, command="spectrabox batch",
-                   where="uses this folder of a batch"):
-        for inside in (out, *(each for each in out.iterdir() if each.is_dir())):
+    with held_lock(out / USERS[command], wait=False, command=f"spectrabox {command}",
+                   where="uses this output folder"):
+        folders = [each for each in out.iterdir() if each.is_dir()] if command == "batch" else []
+        for inside in (out, *folders):
             sweep_unfinished(inside)
-        yield
-
-
-@contextlib.contextmanager
-def sole_uplift(out: Path) -> Iterator[None]:
-    """Be the only command that shares out a picture into a folder, which is made.
-
-    Raises
-    ------
-    EnvironmentProblem
-        If another process does, saying which; if the folder cannot be written.
-    """
-    require_no_link(out)
-    with held_lock(out / PICTURE, wait=False, command="spectrabox uplift",
-                   where="writes into this folder"):
-        sweep_unfinished(out)
         yield
 
 

@@ -16,12 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import (
-    require_no_link,
-    sha256_of,
-    sync,
-    writable,
-)
+from spectrabox.radiometry.files import require_no_link, sha256_of, sync, writable
 
 FACTS, ARRAYS, SUMS = "facts.json", "arrays.npz", "SHA256SUMS"
 

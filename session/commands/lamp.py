@@ -1,4 +1,4 @@
-"""Command that refines the position of a light of the scene."""
+"""Commands that measure the lamp of a scene on photos: its position, its beam."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -18,14 +18,23 @@ from spectrabox.session.command_line import (
     command,
     require_new,
 )
+from spectrabox.session.json_values import to_json
 
 if TYPE_CHECKING:
-    import numpy as np
-
+    from spectrabox.calibrate.beam.beam_fit import BeamProfile
+    from spectrabox.calibrate.geometry.lens import Lens
+    from spectrabox.radiometry.records import LinearImage
     from spectrabox.reconstruct.scene.light_position import LightPosition
 
 # per degree of freedom: above it, the position depends on which errors the fit allows for
 MAX_CHI_SQUARE = 2.0
+WIDTH = 600             # pixels to which the photo is brought
+# above these, one profile of the angle does not describe the lamp
+MAX_ASYMMETRY, MAX_BAND_DIFFERENCE, MAX_OFF_AXIS_DEG = 0.05, 0.05, 3.0
+
+
+UndistortLens = Annotated[Path | None, typer.Option(
+    "--lens", metavar="lens.json", help="Undistort the photo with this lens first.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +58,7 @@ class LightRequest(CommonOptions):
         "the light moved.")]
     light_id: Annotated[str | None, typer.Option(
         help="Which light, where the scene has several.")] = None
-    lens_file: Annotated[Path | None, typer.Option(
-        "--lens", metavar="lens.json", help="Undistort the photo with this lens first.")] = None
+    lens_file: UndistortLens = None
     width: Annotated[int, typer.Option(
         min=16, max=1024, help="Width of the rendered view in pixels.")] = 96
     spp: Annotated[int, typer.Option(min=1, help="Paths per pixel of each rendering.")] = 256
@@ -71,13 +79,11 @@ def light(request: LightRequest) -> Answer:
     from spectrabox.radiometry.response import response_matrix
     from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
     from spectrabox.radiometry.spectra.named_spectra import sensitivities
+    from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
     from spectrabox.reconstruct.rendering.renderer import start_mitsuba
     from spectrabox.reconstruct.scene.box_scene import is_of_box
     from spectrabox.reconstruct.scene.edit_scene import light_number, scene_with_light_moved
-    from spectrabox.reconstruct.scene.light_position import (
-        PositionSettings,
-        refine_light_position,
-    )
+    from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     from spectrabox.reconstruct.scene.scene_file import read_scene, require_same_shape
     from spectrabox.session.progress_display import progress_display
@@ -88,12 +94,8 @@ def light(request: LightRequest) -> Answer:
     number = light_number(written, request.light_id)
     response = response_matrix(grid, sensitivities(request.sensitivity, grid),
                                spectrum_of_light(request.light_spectrum, grid))
-    paints = _paints(request.reflectances)
-    image = open_photo(request.photo)
-    if request.lens_file is not None:
-        from spectrabox.calibrate.geometry.lens_files import read_lens
-        from spectrabox.calibrate.geometry.projection import undistorted
-        image = undistorted(image, read_lens(request.lens_file))
+    paints = read_reflectances(request.reflectances, grid)
+    image, _ = _undistorted(open_photo(request.photo), request.lens_file)
     if image.signal.shape[2] != len(response):
         raise InputError(f"photo {request.photo.name} has {image.signal.shape[2]} bands and "
                          f"{request.sensitivity} has {len(response)} curves; one curve per band is "
@@ -114,18 +116,12 @@ def light(request: LightRequest) -> Answer:
         moved=rounded(estimate.offset), standard_error=rounded(estimate.standard_error))
     write_text_whole(request.out, scene_with_light_moved(
         request.scene, number, estimate.offset, request.out.parent, refinement))
-    return Answer(_facts(estimate, request.out),
-                  _text(estimate, request.out, is_of_box(request.scene)),
+    return Answer(_light_facts(estimate, request.out),
+                  _light_text(estimate, request.out, is_of_box(request.scene)),
                   ConvergenceError.exit_code if estimate.outcome is Outcome.STEP_LIMIT else 0)
 
 
-def _paints(path: Path) -> dict[str, np.ndarray]:
-    from spectrabox.radiometry.grid import visible_grid
-    from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
-    return read_reflectances(path, visible_grid())
-
-
-def _facts(estimate: LightPosition, out: Path) -> dict[str, Any]:
+def _light_facts(estimate: LightPosition, out: Path) -> dict[str, Any]:
     return {"light": estimate.light, "offset": estimate.offset.tolist(),
             "standard_error": estimate.standard_error.tolist(),
             "covariance": estimate.covariance.tolist(), "light_scale": estimate.scale.value,
@@ -135,7 +131,7 @@ def _facts(estimate: LightPosition, out: Path) -> dict[str, Any]:
             "outcome": estimate.outcome.value, "out": str(out)}
 
 
-def _text(estimate: LightPosition, out: Path, of_box: bool) -> str:
+def _light_text(estimate: LightPosition, out: Path, of_box: bool) -> str:
     moved = ", ".join(f"{axis} {value:+.3g} ({error:.2g})" for axis, value, error in
                       zip("xyz", estimate.offset, estimate.standard_error, strict=True))
     lines = [f"light {estimate.light!r} moved by {moved} in the scene's unit (standard errors in "
@@ -151,3 +147,87 @@ def _text(estimate: LightPosition, out: Path, of_box: bool) -> str:
         lines.append("to keep [scene.box] in session.toml, write into [scene.box.lamp] in place of "
                      f"the copy:\nmoved_mm = {by}\nmoved_error_mm = {within}")
     return "\n".join([*lines, estimate.outcome.value, f"wrote {out}"])
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamRequest(CommonOptions):
+    """Options of ``spectrabox geometry beam``."""
+
+    photo: Annotated[Path, typer.Argument(
+        metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF of the "
+        "wall, lit by the lamp alone.")]
+    wall_file: Annotated[Path, typer.Option(
+        "--wall", metavar="wall.toml", show_default=False, help="Where a rectangle on the wall and "
+        "the lamp are.")]
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="beam.csv", show_default=False, help="Where to write radiance by "
+        "angle.")]
+    dark: Annotated[tuple[Path, ...], typer.Option(
+        help="The same with the lamp off, or dark frames, at the same exposure.")] = ()
+    flat: Annotated[Path | None, typer.Option(
+        help="Evenly lit white card: takes the lens's own fall-off out.")] = None
+    lens_file: UndistortLens = None
+    force: Force = False
+
+
+@command
+def beam(request: BeamRequest) -> Answer:
+    """Measure how a lamp's radiance falls off with the angle, on a photo of a white wall."""
+    from spectrabox.calibrate.beam.beam_fit import fit_beam
+    from spectrabox.calibrate.beam.wall import read_wall, wall_cells
+    from spectrabox.capture.develop.developed import develop_photos
+    from spectrabox.capture.photo.binning import bin_image, render_size
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.reconstruct.scene.light_profile import profile_text
+    check_ending(request.out, {".csv": "radiance by angle"})
+    require_new(request.out, request.force, request.photo, request.wall_file, request.flat,
+                request.lens_file, *request.dark)
+    wall = read_wall(request.wall_file)
+    image, _ = develop_photos([request.photo], request.dark, request.flat)
+    image, lens = _undistorted(image, request.lens_file)
+    height, width = image.signal.shape[:2]
+    if width > WIDTH:
+        image = bin_image(image, *render_size(width, height, WIDTH))
+    profile = fit_beam(wall_cells(image, wall, lens), wall)
+    write_text_whole(request.out, profile_text(profile.angle_deg, profile.radiance,
+                                       profile.standard_error))
+    return Answer({"out": request.out, **to_json(profile)},
+                  "\n".join(_beam_lines(profile, request.out, request.flat is not None)))
+
+
+def _beam_lines(profile: BeamProfile, out: Path, flat: bool) -> list[str]:
+    import numpy as np
+    top = profile.angle_deg[-1]
+    shown = [angle for angle in (10, 20, 30, 45, 60) if angle < top]
+    table = ", ".join(f"{np.interp(angle, profile.angle_deg, profile.radiance):.3f} "
+                      f"({np.interp(angle, profile.angle_deg, profile.standard_error):.3f}) at "
+                      f"{angle}" for angle in (*shown, round(float(top))))
+    lines = [f"radiance {table} degrees, of 1 straight ahead (standard errors in brackets)",
+             f"the beam's axis meets the wall at ({profile.axis_mm[0]:.0f}, "
+             f"{profile.axis_mm[1]:.0f}) mm, {profile.off_axis_deg:.1f} degrees from where the "
+             f"lamp is aimed; readings scatter by {profile.residual_rms:.1%} about the fit"]
+    if profile.off_axis_deg > MAX_OFF_AXIS_DEG:
+        lines.append("in a scene, let look_at_mm of the lamp be a point on the beam's axis, not "
+                     "where its housing points")
+    if profile.asymmetry > MAX_ASYMMETRY:
+        lines.append(f"the beam is not round, or the wall not even: a sector about the axis "
+                     f"differs by {profile.asymmetry:.0%}; one profile does not describe this lamp")
+    if profile.band_difference > MAX_BAND_DIFFERENCE:
+        lines.append(f"the beam changes its colour with the angle: bands differ by "
+                     f"{profile.band_difference:.2f} of the radiance ahead; one profile for all "
+                     "wavelengths does not describe this lamp")
+    if not flat:
+        lines.append("without --flat the lens's own fall-off towards the corners counts as the "
+                     "lamp's")
+    return [*lines, f"wrote {out}: give it to a panel as beam in [scene.box.lamp]; beyond "
+            f"{top:.0f} degrees its last value holds"]
+
+
+def _undistorted(image: LinearImage, lens_file: Path | None) -> tuple[LinearImage, Lens | None]:
+    """The photo without distortion, and its lens; the photo as it is where no lens is named."""
+    if lens_file is None:
+        return image, None
+    from spectrabox.calibrate.geometry.lens_files import read_lens
+    from spectrabox.calibrate.geometry.projection import undistorted
+    lens = read_lens(lens_file)
+    return undistorted(image, lens), lens

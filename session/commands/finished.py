@@ -1,0 +1,266 @@
+"""Commands on finished sessions: other light, draws for other programs, rehearsal, comparison."""
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.session.command_line import (
+    Answer,
+    CommonOptions,
+    Device,
+    Outside,
+    Quiet,
+    SessionOptions,
+    check_device,
+    check_ending,
+    command,
+    tell,
+)
+
+if TYPE_CHECKING:
+    from spectrabox.measure.comparison import (
+        ControlVerdict,
+        LastingShift,
+        SessionQuantities,
+        SurfacePair,
+    )
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands to the command line."""
+    for function in (relight, draws, rehearse, compare, catalogue):
+        app.command()(function)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelightRequest(SessionOptions):
+    """Options of ``spectrabox relight``."""
+
+    light: Annotated[str | None, typer.Option(
+        help="A CIE illuminant such as D65 or FL11, or a file; the session's own by "
+        "default.")] = None
+    observer: Annotated[str | None, typer.Option(
+        help="Colour-matching functions by name or file; CIE 1931 2 degrees by default.")] = None
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by default; the same as EXR is "
+        "written beside it.")] = None
+    width: Annotated[int, typer.Option(min=16, max=4096, help="Width in pixels.")] = 480
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64
+    device: Device = "auto"
+
+
+@command
+def relight(request: RelightRequest) -> Answer:
+    """Render the scene with the recovered spectra under any light, and say how far its colours are
+    known there.
+    """
+    check_device(request.device)
+    check_ending(request.out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
+    from spectrabox.capture.photo.image_files import write_exr, write_png
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
+    from spectrabox.session.relight import OBSERVER
+    from spectrabox.session.relight import relight as render_under
+    from spectrabox.session.run_outputs import require_results
+    from spectrabox.session.stages.scenes import read_session_scene
+    from spectrabox.session.store.locks import outputs_writer
+    config = read_session(request.folder, request.allow_outside)
+    scene = read_session_scene(config)
+    size = (request.width, max(round(request.width * scene.height / scene.width), 1))
+    finished = load_finished(config)
+    stale = warn_of_stale_stages(config, tell)
+    digests = finished.result_digests()
+    relit = render_under(config, finished, light=request.light,
+                         observer=request.observer or OBSERVER, size=size, spp=request.spp,
+                         device=request.device)
+    label = re.sub(r"[^\w.-]", "-", Path(request.light or "session").stem)
+    png = request.out or request.folder / f"relit {label}.png"
+    with outputs_writer(config.folder):     # two pictures that belong together
+        require_results(finished, digests, "spectrabox relight")
+        write_png(png, relit.picture)
+        write_exr(png.with_suffix(".exr"), relit.xyz, ("X", "Y", "Z"))
+    lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
+             f"{colour.lab[2]:6.1f}"
+             + ("   given" if colour.delta_e00_95 is None else
+                f"   draws within dE00 {colour.delta_e00_median:.2f} (half), "
+                f"{colour.delta_e00_95:.2f} (95 %)")
+             for colour in relit.colours]
+    return Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
+                   "light": request.light or "session",
+                   "colours": [vars(colour) for colour in relit.colours],
+                   "notes": list(relit.notes), "stale": stale},
+                  "\n".join([*lines, *relit.notes, f"picture: {png}"]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawsRequest(SessionOptions):
+    """Options of ``spectrabox draws``."""
+
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="FILE", show_default=False, help=".npz: one array a surface; .csv "
+        "or .parquet: a row for each surface, draw and wavelength.")]
+    step: Annotated[int, typer.Option(min=1, max=100, help="Nanometres between wavelengths.")] = 5
+    count: Annotated[int | None, typer.Option(
+        "--draws", min=1, help="Of each surface; all by default.")] = None
+
+
+@command
+def draws(request: DrawsRequest) -> Answer:
+    """Every spectrum that was drawn for the surfaces of a finished session, as one file."""
+    from spectrabox.session.store.draws_files import FORMS, stored_draws, write_draws
+    check_ending(request.out, FORMS)
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
+    config = read_session(request.folder, request.allow_outside)
+    drawn = stored_draws(load_finished(config).stored, request.step, request.count)
+    stale = warn_of_stale_stages(config, tell)
+    write_draws(request.out, drawn)
+    numbers = {name: len(values) for name, (_, values) in drawn.items()}
+    nm = next(iter(drawn.values()))[0]
+    counts = ", ".join(f"{count} of {name}" for name, count in numbers.items())
+    return Answer({"file": request.out, "draws": numbers, "wavelengths_nm": nm, "stale": stale},
+                  f"wrote {request.out}: {counts}, {nm[0]:g}-{nm[-1]:g} nm every {request.step} "
+                  "nm")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RehearseRequest(SessionOptions):
+    """Options of ``spectrabox rehearse``."""
+
+    times: Annotated[int, typer.Option(help="Photos of known truth, from 20 up.")] = 200
+    seed: Annotated[int, typer.Option(help="Random seed of truths, photos and draws.")] = 1
+    device: Device = "auto"
+    quiet: Quiet = False
+
+
+@command
+def rehearse(request: RehearseRequest) -> Answer:
+    """Do this session's bands hold? Its photos again with known truths, through the same code."""
+    check_device(request.device)
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.progress_display import progress_display
+    from spectrabox.session.rehearsal import facts
+    from spectrabox.session.rehearsal import rehearse as replay
+    from spectrabox.session.stages.order import all_stages
+    from spectrabox.session.store.locks import only_writer
+    from spectrabox.session.store.rehearsals import rehearsal_text, save_rehearsal
+    config = read_session(request.folder, request.allow_outside)
+    with only_writer(config.folder, all_stages(), "spectrabox rehearse"), \
+            progress_display(request.quiet) as progress:
+        rehearsals = replay(config, request.times, request.seed, request.device,
+                            lambda done, what: progress("rehearse", done, what))
+        answers = facts(rehearsals, config.sampling.level, request.seed)
+        path = save_rehearsal(config, answers)
+    return Answer(answers | {"file": str(path)}, rehearsal_text(answers))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareRequest(CommonOptions):
+    """Options of ``spectrabox compare``."""
+
+    folders: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="DIR...", show_default=False, help="Finished sessions, two or more, in the order "
+        "in which they were taken.")]
+    allow_outside: Outside = False
+
+
+@command
+def compare(request: CompareRequest) -> Answer:
+    """What changed between sessions: camera, light, chart, and surfaces of one name."""
+    from spectrabox.measure.comparison import control_chart, lasting_shifts, surface_pairs
+    from spectrabox.session.compare.quantities import session_quantities
+    if len(request.folders) < 2:
+        raise InputError("one session cannot be compared; name two or more")
+    sessions = [session_quantities(folder, request.allow_outside) for folder in request.folders]
+    verdicts, pairs = control_chart(sessions), surface_pairs(sessions)
+    shifts = lasting_shifts(sessions)
+    return Answer(_facts(sessions, verdicts, shifts, pairs),
+                  _text(sessions, verdicts, shifts, pairs))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatalogueRequest(CommonOptions):
+    """Options of ``spectrabox catalogue``."""
+
+    root: Annotated[Path, typer.Argument(
+        metavar="DIR", show_default=False, help="Folder of sessions.")]
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="FILE.sqlite", help="Where to write it: DIR/sessions.sqlite by "
+        "default.")] = None
+    allow_outside: Outside = False
+
+
+@command
+def catalogue(request: CatalogueRequest) -> Answer:
+    """Every session under a folder, made anew as an SQLite file, and those that are out of line."""
+    from spectrabox.measure.comparison import control_chart, lasting_shifts
+    from spectrabox.radiometry.files import writable
+    from spectrabox.session.compare.catalogue import write_catalogue
+    from spectrabox.session.compare.quantities import find_sessions, session_quantities
+    path = request.out or request.root / "sessions.sqlite"
+    if path.suffix != ".sqlite":
+        raise InputError(f"{path} is no name of a catalogue; give one that ends in .sqlite")
+    sessions, skipped = [], []
+    for folder in find_sessions(request.root):
+        try:
+            sessions.append(session_quantities(folder, request.allow_outside))
+        except SpectraboxError as error:
+            skipped.append(f"{folder.relative_to(request.root)} is left out: {error}")
+    if not sessions:
+        raise InputError("\n".join([f"{request.root} holds no session with results", *skipped]))
+    verdicts = control_chart(sessions)
+    with writable(path.parent):
+        write_catalogue(path, request.root, sessions, verdicts)
+    shifts = lasting_shifts(sessions)
+    facts = {**_facts(sessions, verdicts, shifts, []), "file": str(path), "skipped": skipped}
+    return Answer(facts, "\n".join([_text(sessions, verdicts, shifts, []), *skipped,
+                                    f"wrote {path}: {len(sessions)} sessions"]))
+
+
+def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerdict],
+           shifts: Sequence[LastingShift], pairs: Sequence[SurfacePair]) -> dict[str, Any]:
+    return {"sessions": [{"folder": str(one.folder), "name": one.name, "camera": one.camera,
+                          "light": one.light, "finished": one.finished,
+                          "quantities": {name: {"value": each.value,
+                                                "standard_error": each.standard_error}
+                                         for name, each in one.quantities.items()}}
+                         for one in sessions],
+            "out": [{"folder": str(sessions[one.session].folder), "quantity": one.quantity,
+                     "value": one.value, "middle": one.middle, "limit": one.limit}
+                    for one in verdicts if one.out],
+            "shifts": [{"quantity": one.quantity, "from": str(sessions[one.first].folder),
+                        "size": one.size, "standard_error": one.standard_error,
+                        "before": one.before, "after": one.after} for one in shifts],
+            "surfaces": [{"surface": one.surface, "folders": [str(sessions[one.first].folder),
+                                                              str(sessions[one.second].folder)],
+                          "delta_e00": one.delta_e00, "rms": one.rms,
+                          "share_out": one.share_out, "disagree": one.disagree}
+                         for one in pairs]}
+
+
+def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerdict],
+          shifts: Sequence[LastingShift], pairs: Sequence[SurfacePair]) -> str:
+    from spectrabox.measure.comparison import control_sentence, shift_sentence
+    lines = [f"{one.folder}  {one.finished}  {one.camera or 'no chart photo'}, {one.light}"
+             for one in sessions]
+    for one in pairs:
+        names = f"{sessions[one.first].folder} and {sessions[one.second].folder}"
+        lines.append(f"{one.surface}: {names} differ by {one.delta_e00:.1f} CIEDE2000 (rms "
+                     f"{one.rms:.3f}), " + (f"beyond both errors at {one.share_out:.0%} of the "
+                                            "wavelengths" if one.disagree
+                                            else "within their errors"))
+    out = [one for one in verdicts if one.out]
+    lines += [control_sentence(one, str(sessions[one.session].folder)) for one in out]
+    lines += [shift_sentence(one, str(sessions[one.first].folder)) for one in shifts]
+    if not verdicts:
+        lines.append("no two of these sessions have one camera under one light: brightness and "
+                     "colour balance are not compared")
+    elif not out and not shifts:
+        lines.append("camera, light and chart are as before, within photo-to-photo repeatability")
+    return "\n".join(lines)
