@@ -28,7 +28,6 @@ from spectrabox.reconstruct.settings import ENGINES
 from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
 from spectrabox.reconstruct.view_checks import check_views
 
-from benchmarks.paper.per_wavelength import descend, monochrome_job
 from tests.cornell_problem import (
     GRID,
     TRUTH,
@@ -132,15 +131,6 @@ def test_the_gradient_descent_is_the_same_for_the_same_seed(box, photo):
     # Gradients are summed by atomic float32 additions, in any order.
     np.testing.assert_allclose(runs[0], runs[1], atol=1e-4)
     assert not np.array_equal(runs[0], runs[2])
-
-
-def test_the_paper_s_brute_force_goes_downhill(box, photo):
-    view = view_of(box, photo)
-    settings = plain_settings(5, steps=4, spp=1, seed=1)
-    fit = descend(monochrome_job(view, settings))
-    assert fit.coefficients.shape == (3, 5) and np.all((fit.coefficients >= 0)
-                                                       & (fit.coefficients <= 1))
-    assert fit.loss_history[-1] < 0.8 * fit.loss_history[0]
 
 
 def test_an_unknown_engine_is_named(box, photo):
