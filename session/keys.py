@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.session.box.box_camera import colmap_files
 from spectrabox.session.config.curve_sources import SourceTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
@@ -73,7 +72,7 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     if config.views_with_chart and ONE_PHOTO not in views[0].photo:
         photos += config.views_with_chart[0].chart_files  # the channel of each band is chosen there
     keys["photo"] = {"files": files(*photos, *correcting, *scenes, config.camera.lens,
-                                    *colmap_files(config)),
+                                    *_colmap_files(config)),
                      "settings": {"shown": _outlines(config) if config.flat
                                   else {"width": config.reconstruct.width},
                                   "images": _images(config),
@@ -149,10 +148,19 @@ def _scenes(config: SessionConfig,
     """The scene of the chart photo, and those of the object photos by file."""
     from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
     # before they are parsed: a scene that is replaced after this is noticed
-    files(config.chart.scene, *(view.scene for view in config.all_views), *colmap_files(config))
+    files(config.chart.scene, *(view.scene for view in config.all_views), *_colmap_files(config))
     first = {view.scene: view for view in reversed(config.all_views)}
     return read_chart_scene(config), {scene: read_session_scene(config, view)
                                       for scene, view in first.items()}
+
+
+def _colmap_files(config: SessionConfig) -> list[str]:
+    """Names of the files of the COLMAP model; none where the session has no model."""
+    if config.box is None or config.box.colmap is None:
+        return []
+    from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
+    folder = config.box.colmap.folder.rstrip("/")
+    return [f"{folder}/{name}" for name in (CAMERAS_NAME, IMAGES_NAME)]
 
 
 def _reconstruct_key(config: SessionConfig, scenes: dict[str | None, SceneFile],
@@ -163,7 +171,7 @@ def _reconstruct_key(config: SessionConfig, scenes: dict[str | None, SceneFile],
     learnt = config.reconstruct.spectrum_prior == "learnt"
     return {
         "files": files(*scenes, *(reference.file for reference in known.values()), *named,
-                       *colmap_files(config)),
+                       *_colmap_files(config)),
         "settings": {"materials": config.bsdfs,
                      "families": _families(config) if learnt else {},
                      "known": {name: _plain(reference) for name, reference in known.items()},

@@ -4,7 +4,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.flat.facts import flat_facts, flat_text
@@ -45,6 +44,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
         facts, text = flat_facts(flat, report), flat_text(flat)
         files = write_surface_files(flat, flat.signals.grid.nm)
     else:
+        # here: flat samples do not load what reads and writes scenes
+        from spectrabox.session.box.scene_files import write_scene_files
         scene = assemble(config, finished, origin)
         report = write_report(scene)
         facts, text = run_facts(scene, report), run_text(scene)

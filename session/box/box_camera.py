@@ -143,15 +143,6 @@ def size_of_photo(config: SessionConfig, view: ViewInputs | None = None) -> tupl
     return photo_size(config.path(taken.photo_files[0]))
 
 
-def colmap_files(config: SessionConfig) -> list[str]:
-    """Names of the files of the COLMAP model; none where the session has no model."""
-    if config.box is None or config.box.colmap is None:
-        return []
-    from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
-    folder = config.box.colmap.folder.rstrip("/")
-    return [f"{folder}/{name}" for name in (CAMERAS_NAME, IMAGES_NAME)]
-
-
 def _model_camera(config: SessionConfig, image: str, size: tuple[int, int]) -> BoxCamera:
     """The camera of one picture of the session's COLMAP model."""
     from spectrabox.calibrate.geometry.colmap_model import read_colmap

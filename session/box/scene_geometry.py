@@ -2,12 +2,12 @@
 from __future__ import annotations
 
 from spectrabox.measure.scene.geometry import (
-    SceneGeometry,
     camera_placement,
     lamp_placements,
     marked_view,
     refined_placements,
 )
+from spectrabox.measure.scene.placements import SceneGeometry
 from spectrabox.reconstruct.scene.refinements import refinements
 from spectrabox.session.box.box_camera import box_camera
 from spectrabox.session.box.scene_files import box_views

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from spectrabox.measure.scene.geometry import SceneGeometry
+from spectrabox.measure.scene.placements import SceneGeometry
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,

@@ -16,7 +16,6 @@ from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.radiometry.system.words import cell
-from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
 from spectrabox.session.store.results import CommonResults, MaterialResult, SessionResults
 
@@ -77,6 +76,8 @@ def _write_comparison(path: Path, of: Reconstruction, bands: tuple[str, ...]) ->
 
 def materials_text(results: SessionResults) -> str:
     """Mitsuba BSDFs of all materials: the mean of the draws, or the given spectrum."""
+    # here: spectra of flat samples are written without what reads and writes scenes
+    from spectrabox.reconstruct.scene.scene_xml import materials_xml
     nm = results.reconstruction.grid.nm
     return materials_xml({material.name: np.clip(best_spectrum(material), 0, 1)
                           for material in results.materials}, (float(nm[0]), float(nm[-1])))
