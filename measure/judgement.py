@@ -149,15 +149,15 @@ def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable |
     InputError
     """
     if not options.full_scale > 0:
-        raise InputError(f"--full-scale {options.full_scale:g} cannot be; give what reflectance 1 "
-                         "reads in the picture")
+        raise InputError(f"a full scale of {options.full_scale:g} cannot be; give what reflectance "
+                         "1 reads in the picture")
     spectra = region_spectra(cube, list(regions), options.full_scale, options.seed)
     spectra = _divide_by_white(cube, spectra, truths, options.white_region)
     largest = max(float(region.mean.max()) for region in spectra)
     if largest > MAX_MEAN:
         raise InputError(f"the mean of a region of {cube.file} is {largest:.3g}, no reflectance; "
-                         "give what reflectance 1 reads with --full-scale, or a region of known "
-                         "reflectance with --white-region")
+                         "give what reflectance 1 reads (full scale), or a region of known "
+                         "reflectance (white region)")
     if truths is None:
         return PictureJudgement(spectra, [], [])
     if signals is not None and len(signals) != len(spectra):
@@ -198,7 +198,7 @@ def _divide_by_white(cube: Cube, regions: list[RegionSpectra], truths: SpectralT
         return regions
     white = next((one for one in regions if one.region.name == white_region), None)
     if white is None:
-        raise InputError(f"--white-region {white_region!r} is no region; there are "
+        raise InputError(f"the white region {white_region!r} is no region; there are "
                          f"{', '.join(region.region.name for region in regions)}")
     if white.mean.min() <= 0:
         raise InputError(f"region {white_region!r} reads {white.mean.min():.3g} at one wavelength; "

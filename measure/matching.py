@@ -97,7 +97,7 @@ def describe_match(identification: Identification, names: tuple[str, ...]) -> st
     if not count:
         return (f"none of {len(names)} spectra fits: the nearest, {names[best]}, misses the signal "
                 f"by {identification.misfit[best]:.1f} standard errors; it is another material, a "
-                "mixture, or varies more than was said (--variation)")
+                "mixture, or varies more than stated (variation)")
     if identification.probability_of_none > LIKELY_NONE:
         return (f"{count} of {len(names)} spectra would pass, but another surface is more likely "
                 f"(probability {identification.probability_of_none:.3f} at even odds)")

@@ -364,8 +364,8 @@ def relative_to_white(signals: np.ndarray, white: np.ndarray | None) -> np.ndarr
                          "perfect white reads")
     relative = signals / white
     if np.any(np.abs(relative) > 2):
-        raise InputError(f"the signal is {np.abs(relative).max():.3g} times white; give what white "
-                         "reads with --white")
+        raise InputError(f"the signal is {np.abs(relative).max():.3g} times white; give what a "
+                         "perfect white reads (white)")
     return relative
 
 

@@ -114,7 +114,7 @@ def test_files_of_curves_and_lights_are_taken_as_names_are(tmp_path):
                               "--signal has 2 values; the sensitivities have 3 bands"),
                              (["--signal", "a,b,c"], 3, "is not a list of numbers"),
                              (["--signal", "0.2,0.3,nan"], 3, "holds a value that is not finite"),
-                             (["--signal", "20,30,15"], 3, "give what white reads with --white"),
+                             (["--signal", "20,30,15"], 3, "perfect white reads (white)"),
                              (["--signal", "0.2,0.3,0.1", "--white", "1,0,1"], 3,
                               "is not positive in every band"),
                              (["--signal", "0.2,0.3,0.1", "--noise=-1,0,0"], 3,
