@@ -1,7 +1,7 @@
 """Spectra of regions of a flat sample, from one photo with a colour chart in it or beside it."""
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import hypot
@@ -22,6 +22,7 @@ from spectrabox.api.inputs import (
     one_blas_thread,
 )
 from spectrabox.api.photo import Photo, open_photo
+from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
@@ -48,6 +49,7 @@ from spectrabox.measure.white import (
 )
 from spectrabox.radiometry.chart import Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
@@ -146,8 +148,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
          chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
          reference: str | None = None, corners: ArrayLike | None = None,
          camera_prior: str | Path | None = None, draws: int = 4000, level: float = 0.95,
-         seed: int = 1, progress: Callable[[float, str], None] = lambda share, message: None
-         ) -> FlatSpectra:
+         seed: int = 1, progress: ProgressLike = None) -> FlatSpectra:
     """Spectra of regions of a flat sample: a painting, a print, a leaf.
 
     Camera, light and its fall-off are found on the colour chart; no scene, no renderer and no
@@ -174,8 +175,9 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         A prior made by ``spectrabox camera prior``.
     draws, level, seed
         Of the spectra behind each region.
-    progress : function, optional
-        Called with the share that is done, and what is being done.
+    progress : bool or function, optional
+        True shows a bar; a function is called with the share that is done, and what is being
+        done. By default a bar is shown in notebooks.
 
     Returns
     -------
@@ -199,35 +201,40 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     with_chart = opened if chart_photo is None else (
         chart_photo if isinstance(chart_photo, Photo) else open_photo(chart_photo))
     chart, stated = as_chart(layout), as_light(light)
-    progress(0.0, "finding the chart")
-    reflectances = reference_reflectances(reference, chart, GRID)
-    detection, patches = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
-    samples = sample_regions(opened.image, {name: _outline(one) for name, one in regions.items()})
-    progress(0.2, "fitting sensitivities")
-    options = CalibrationOptions(prior=None if camera_prior is None
-                                 else load_camera_prior(Path(camera_prior)))
-    calibrated = calibrate_chart([ChartPhoto(patches, reflectances, stated, chart=chart)], GRID,
-                                 options)
-    assert calibrated.prior_fit is not None
-    calibration = calibrated.calibration if isinstance(stated, UnknownLight) else replace(
-        calibrated.calibration, light=stated)
-    own_chart = with_chart is opened
-    thumbnail = _thumbnail(opened.image, THUMBNAIL_PX)
-    shown = FlatPhoto("photo", samples, thumbnail,
-                      _thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
-                      detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
-                      calibration)
-    errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, seed=seed)
-    spectra_known = {name: _reflectance(one) for name, one in (known or {}).items()}
-    progress(0.5, "light over the photo")
-    white = white_at_regions(shown, spectra_known, errors)
-    assert white is not None
-    named = {name: families_of((families or {}).get(name)) for name in regions}
-    bands = ("R", "G", "B") if opened.bands == 3 else tuple(
-        f"band {number + 1}" for number in range(opened.bands))
-    signals = flat_signals([shown], [white], named, spectra_known, bands, errors)
-    spectra = sample_surfaces(signals, DrawOptions(draws=draws, level=level, seed=seed), named,
-                              lambda share, name: progress(0.6 + 0.4 * share, name))
+    for name in (*(families or {}), *(known or {})):
+        if name not in regions:
+            raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
+    with progress_steps(progress, "flat") as step:
+        step(0.0, "finding the chart")
+        reflectances = reference_reflectances(reference, chart, GRID)
+        detection, patches = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
+        samples = sample_regions(opened.image, {name: _outline(one)
+                                                for name, one in regions.items()})
+        step(0.2, "fitting sensitivities")
+        options = CalibrationOptions(prior=None if camera_prior is None
+                                     else load_camera_prior(Path(camera_prior)))
+        calibrated = calibrate_chart([ChartPhoto(patches, reflectances, stated, chart=chart)], GRID,
+                                     options)
+        assert calibrated.prior_fit is not None
+        calibration = calibrated.calibration if isinstance(stated, UnknownLight) else replace(
+            calibrated.calibration, light=stated)
+        own_chart = with_chart is opened
+        thumbnail = _thumbnail(opened.image, THUMBNAIL_PX)
+        shown = FlatPhoto("photo", samples, thumbnail,
+                          _thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
+                          detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
+                          calibration)
+        errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, seed=seed)
+        spectra_known = {name: _reflectance(one) for name, one in (known or {}).items()}
+        step(0.5, "light over the photo")
+        white = white_at_regions(shown, spectra_known, errors)
+        assert white is not None
+        named = {name: families_of((families or {}).get(name)) for name in regions}
+        bands = ("R", "G", "B") if opened.bands == 3 else tuple(
+            f"band {number + 1}" for number in range(opened.bands))
+        signals = flat_signals([shown], [white], named, spectra_known, bands, errors)
+        spectra = sample_surfaces(signals, DrawOptions(draws=draws, level=level, seed=seed), named,
+                                  lambda share, name: step(0.6 + 0.4 * share, name))
     lit = np.full(len(calibrated.predicted), np.nan)
     lit[~calibrated.excluded] = calibrated.prior_fit.photos[0].field
     result = ChartResult(detection, patches, calibrated.predicted, lit / np.nanmax(lit), Path(),

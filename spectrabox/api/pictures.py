@@ -1,7 +1,6 @@
 """The spectrum behind every pixel of an image."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from spectrabox.api.inputs import (
     relative_response,
 )
 from spectrabox.api.photo import Photo
+from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -26,8 +26,7 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
            light: LightLike, noise: float = 0.01, white: ArrayLike | None = None,
            families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,
-           progress: Callable[[float], None] = lambda share: None
-           ) -> tuple[np.ndarray, np.ndarray]:
+           progress: ProgressLike = None) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation of the reflectance behind every pixel.
 
     Parameters
@@ -44,8 +43,9 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
         What the surfaces are: paint, textile, leaves, skin, white, earth, animal.
     prior : path or LogitMixture, optional
         On reflectances; the shipped one by default.
-    progress : function, optional
-        Called with the share that is done, 0 to 1.
+    progress : bool or function, optional
+        True shows a bar; a function is called with the share that is done, and what is being
+        done. By default a bar is shown in notebooks.
 
     Returns
     -------
@@ -63,6 +63,7 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     """
     pixels = image.signal if isinstance(image, Photo) else np.asarray(image, dtype=float)
     response = relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
-    return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
-                        white=None if white is None else np.asarray(white, dtype=float),
-                        progress=progress)
+    with progress_steps(progress, "uplift") as step:
+        return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
+                            white=None if white is None else np.asarray(white, dtype=float),
+                            progress=lambda share: step(share, "tables"))

@@ -1,7 +1,7 @@
 """Spectra of the materials of a scene, from one photo of it."""
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import hypot
 from pathlib import Path
@@ -25,6 +25,7 @@ from spectrabox.api.inputs import (
     one_blas_thread,
 )
 from spectrabox.api.photo import Photo, open_photo
+from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure.scene.reconstruction import SceneEstimate, SceneOptions
@@ -32,6 +33,7 @@ from spectrabox.measure.scene.reconstruction import reconstruct_scene as reconst
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records import Calibration, JointReconstruction, Quantity
 from spectrabox.radiometry.spectra.spectrum_files import (
@@ -95,8 +97,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
                       light: LightLike, materials: Sequence[str] | Mapping[str, KnownSpectrum],
                       families: Mapping[str, str | Sequence[str]] | None = None,
                       width: int = 96, draws: int = 4000, seed: int = 1, device: str = "auto",
-                      progress: Callable[[float, str], None] = lambda share, message: None
-                      ) -> SceneSpectra:
+                      progress: ProgressLike = None) -> SceneSpectra:
     """Spectra of the materials of a scene from one photo, by inverse rendering in Mitsuba 3.
 
     Xia et al. 2025, section 4; the light transport is traced once, then fitted by algebra.
@@ -119,8 +120,9 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
         Of the rendered view that is compared with the photo, in pixels.
     draws, seed : int
     device : {"auto", "cpu", "cuda"}
-    progress : function, optional
-        Called with the share that is done, and what is being done.
+    progress : bool or function, optional
+        True shows a bar; a function is called with the share that is done, and what is being
+        done. By default a bar is shown in notebooks.
 
     Returns
     -------
@@ -156,11 +158,15 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
         name: None if given is None else _reflectance(given) for name, given in materials.items()}
     stated = {name: families_of(one) for name, one in (families or {}).items()}
+    for name in stated:
+        if name not in known:
+            raise InputError(f"there is no material {name!r}; there are {', '.join(known)}")
     start_mitsuba(device)
     options = SceneOptions(width=width, inversion=InversionSettings(seed=seed),
                            drawing=DrawOptions(draws=draws, seed=seed))
-    result = reconstruct(opened.image, read_scene(Path(scene)), calibration, known, options,
-                         families=stated, scale=scale, chart_glare=glare, progress=progress)
+    with progress_steps(progress, "scene") as step:
+        result = reconstruct(opened.image, read_scene(Path(scene)), calibration, known, options,
+                             families=stated, scale=scale, chart_glare=glare, progress=step)
     signals, joint, estimates = result.signals, result.joint, []
     for index, name in enumerate(signals.names):
         if signals.known[index]:

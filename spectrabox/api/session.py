@@ -1,7 +1,7 @@
 """A session folder, as the command line knows it."""
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from spectrabox.api.estimate import SpectrumEstimate
 from spectrabox.api.notebook import spectrum_html
+from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.sampling.prior.mixture import load_prior, of_families
@@ -19,8 +20,6 @@ from spectrabox.session.run_outputs import outputs_of_run
 from spectrabox.session.stages.order import all_stages
 from spectrabox.session.stages.stored_records import joint_of, signals_of, spectrum_of
 from spectrabox.session.store.locks import only_writer
-
-StageProgress = Callable[[str, float, str], None]
 
 
 class Session(Mapping[str, SpectrumEstimate]):
@@ -64,7 +63,7 @@ class Session(Mapping[str, SpectrumEstimate]):
             raise CheckError("\n".join(problem.sentence for problem in problems))
 
     def run(self, *, device: str = "auto", force: bool = False,
-            progress: StageProgress | None = None) -> Session:
+            progress: ProgressLike = None) -> Session:
         """Run every stage whose inputs changed, and write report and spectra into the folder.
 
         Parameters
@@ -72,8 +71,9 @@ class Session(Mapping[str, SpectrumEstimate]):
         device : {"auto", "cpu", "cuda"}
         force : bool
             Run also what is up to date.
-        progress : function, optional
-            Called with the stage, the share of it that is done, and what it does.
+        progress : bool or function, optional
+            True shows a bar; a function is called with the share of a stage that is done, and
+            what is being done. By default a bar is shown in notebooks.
 
         Returns
         -------
@@ -85,9 +85,12 @@ class Session(Mapping[str, SpectrumEstimate]):
         SpectraboxError
             With the sentences of ``spectrabox run``.
         """
-        show = progress or (lambda stage, share, message: None)
         self.config = read_session(self.folder, self._allow_outside)
-        with only_writer(self.config.folder, all_stages(), "Session.run"):
+        with only_writer(self.config.folder, all_stages(), "Session.run"), \
+                progress_steps(progress, "session") as step:
+            def show(stage: str, share: float, message: str) -> None:
+                step(share, f"{stage} {message}")
+
             finished = run_stages(self.config, device=device, only=None, force=force, progress=show)
             outputs_of_run(self.config, finished, ["spectrabox", "run", self.folder.name,
                                                    "--device", device], device, show)
