@@ -87,6 +87,16 @@ def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
     return Spectrum(series.grid, series.mean, series.quantity, source, error)
 
 
+def relative_spread(series: ReadingSeries) -> float | None:
+    """Standard deviation of the readings over their mean, both summed over wavelengths; None for a
+    single reading.
+    """
+    if series.readings < 2:
+        return None
+    weights = series.grid.weights_nm
+    return float((series.spread @ weights) / (series.mean @ weights))
+
+
 def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float,
                      source: str) -> Spectrum:
     """Reflectance of a surface: its radiance over that of a white standard in the same position.

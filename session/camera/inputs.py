@@ -2,23 +2,92 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from spectrabox.calibrate.chart_calibration import (
+    LEVEL,
+    CalibrationOptions,
+    ChartPhoto,
+    CurveBand,
+)
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.measure.camera import CameraFit, fit_camera, measure_chart
+from spectrabox.radiometry.chart import CLASSIC, Chart, excluded_patches
+from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import whole_file, write_text_whole
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import (
+    Calibration,
+    PatchSamples,
+    Quantity,
+    Spectrum,
+    UnknownLight,
+    WavelengthGrid,
+)
+from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_name
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, table_text
+from spectrabox.radiometry.spectra.stated_light import stated_light
+from spectrabox.session.calibration_facts import (
+    left_out_facts,
+    left_out_sentence,
+    posterior_facts,
+)
+from spectrabox.session.camera.patch_files import read_patches
+from spectrabox.session.command_line import check_ending
+from spectrabox.session.commands.requests import CameraFitRequest
 
-if TYPE_CHECKING:
-    import numpy as np
+CURVES = {".csv": "the curves and their standard errors"}
+DRAWS = {".npz": "draws of the curves"}
 
-    from spectrabox.calibrate.chart_calibration import ChartPhoto, CurveBand
-    from spectrabox.measure.camera import CameraFit
-    from spectrabox.radiometry.chart import Chart
-    from spectrabox.radiometry.records import (
-        Calibration,
-        PatchSamples,
-        Spectrum,
-        UnknownLight,
-        WavelengthGrid,
-    )
+
+def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
+    """JSON object and text of ``spectrabox camera fit``, which writes its files.
+
+    Raises
+    ------
+    InputError
+        If an input cannot be read, or an output would replace one.
+    """
+    photos = [*request.photos, *request.chart]
+    given, grid = photos or [*request.patches], visible_grid()
+    outputs = [path for path in (request.out, request.samples) if path is not None]
+    require_outputs(outputs, [*given, *map(Path, request.light), *map(Path, request.reference),
+                              *(path for path in (request.curves, request.prior_file)
+                                if path is not None)])
+    check_ending(request.out, CURVES)
+    check_ending(request.samples, DRAWS, "--samples")
+    if request.keep is not None:
+        require_new_name(request.keep)
+    charts, names = read_photos(given, list(request.light), list(request.reference),
+                                list(request.corners), bool(photos), grid,
+                                numbers_of_patches(request.leave_out), request.layout)
+    curves = None if request.curves is None \
+        else read_measured_curves(request.curves, len(names), grid)
+    prior = None if request.prior_file is None else load_camera_prior(request.prior_file)
+    result = fit_camera(charts, grid, CalibrationOptions(request.method, prior, curves=curves))
+    calibration = result.chart.calibration
+    light = ", ".join(light_words(chart.light) for chart in charts)
+    facts = {**facts_of(result, charts[0].chart), "bands": list(names), "light": light}
+    columns, source = _columns(calibration, names, light)
+    nm, fit = calibration.sensitivity.grid.nm, calibration.sensitivity
+    lines = [f"bands {', '.join(names)}: {fit.method}",
+             *(f"- {check}" for check in facts["checks"]), fit.outcome.value]
+    if request.out is not None:
+        write_text_whole(request.out, table_text(nm, columns, quantity=Quantity.RELATIVE,
+                                                 source=source))
+        facts["file"] = str(request.out)
+        lines.append(f"wrote {request.out}")
+    if request.keep is not None:
+        facts["kept"] = str(keep_camera(request.keep, nm, columns, source))
+    if request.samples is not None:
+        write_draws(request.samples, result.band, grid)
+        facts["samples"] = str(request.samples)
+    return facts, "\n".join(lines)
 
 
 def read_photos(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
@@ -43,12 +112,6 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     InputError
         If the photos are not of the same bands, or one of the files cannot be read.
     """
-    import numpy as np
-
-    from spectrabox.radiometry.chart import excluded_patches
-    from spectrabox.radiometry.charts.references import reference_reflectances
-    from spectrabox.radiometry.spectra.stated_light import stated_light
-    from spectrabox.session.camera.patch_files import read_patches
     known_lights = {name: stated_light(name, grid) for name in lights}
     layout_of = read_layout(layout)
     excluded = excluded_patches(leave_out, layout_of, "--leave-out")
@@ -62,7 +125,6 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
     measured_photos = [_patches_of_picture(photo, at, layout_of, reflectances, grid) if decode
              else read_patches(photo, layout_of)
              for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
-    from spectrabox.calibrate.chart_calibration import ChartPhoto
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
     for index, (photo, (measured, bands)) in enumerate(zip(photos, measured_photos, strict=True)):
@@ -83,7 +145,6 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
 
 def light_words(light: Spectrum | UnknownLight) -> str:
     """What is known of a light, in words."""
-    from spectrabox.radiometry.records import UnknownLight
     return light.words if isinstance(light, UnknownLight) else light.source
 
 
@@ -105,36 +166,39 @@ def numbers_of_patches(written: str) -> list[int]:
 
 def read_layout(layout: str) -> Chart:
     """The chart of a name or a layout file; a ColorChecker Classic where nothing is named."""
-    from spectrabox.radiometry.chart import CLASSIC
-    from spectrabox.radiometry.charts.layouts import chart_layout
     return chart_layout(layout) if layout else CLASSIC
 
 
 def _patches_of_picture(path: Path, corners: str | None, chart: Chart, reflectances: np.ndarray,
                         grid: WavelengthGrid) -> tuple[PatchSamples, tuple[str, ...]]:
     """Patch statistics and band names of a photo."""
-    import numpy as np
-
-    from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.measure.camera import measure_chart
-    photo, corners_px = open_photo(path), None
-    if corners is not None:
-        try:
-            corners_px = np.array([[float(number) for number in word.split(",")]
-                                   for word in corners.split()])
-        except ValueError:
-            corners_px = np.zeros(0)
-        if corners_px.shape != (4, 2):
-            raise InputError(f"--corners {corners} are not four points; write --corners 'x,y x,y "
-                             "x,y x,y'")
+    photo = open_photo(path)
+    corners_px = None if corners is None else corner_points(corners, chart)
     bands = photo.signal.shape[2]
     return measure_chart(photo, chart, reflectances, grid, corners_px), (
         ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands)))
 
 
+def corner_points(text: str, chart: Chart) -> np.ndarray:
+    """Corners (4, 2) of a chart in pixels, of an option 'x,y x,y x,y x,y'.
+
+    Raises
+    ------
+    InputError
+        If they are not four points.
+    """
+    try:
+        points = np.array([[float(number) for number in word.split(",")] for word in text.split()])
+    except ValueError:
+        points = np.empty(0)
+    if points.shape != (4, 2):
+        raise InputError(f"--corners {text} are not four points; write --corners 'x,y x,y x,y x,y' "
+                         f"at {chart.corner_words}")
+    return points
+
+
 def read_measured_curves(path: Path, bands: int, grid: WavelengthGrid) -> np.ndarray:
     """Measured sensitivities (K, P) of largest value 1."""
-    from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
     nm, names, curves = read_curves(path)
     if len(names) != bands:
         raise InputError(f"{path.name} holds {len(names)} curves, the photo has {bands} bands; "
@@ -165,12 +229,6 @@ def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
     """A camera as plain numbers for a script (docs/json.md, ``camera fit``); the first photo shows
     ``chart``.
     """
-    from spectrabox.calibrate.chart_calibration import LEVEL
-    from spectrabox.session.calibration_facts import (
-        left_out_facts,
-        left_out_sentence,
-        posterior_facts,
-    )
     result, band = camera.chart, camera.band
     fit, joint = result.calibration.sensitivity, result.prior_fit
     facts: dict[str, Any] = {
@@ -199,23 +257,6 @@ def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
     return facts
 
 
-def write_curves(path: Path, calibration: Calibration, names: tuple[str, ...], light: str) -> None:
-    """Curves and their standard errors as a CSV."""
-    from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.radiometry.records import Quantity
-    from spectrabox.radiometry.spectra.spectrum_files import table_text
-    columns, source = _columns(calibration, names, light)
-    write_text_whole(path, table_text(calibration.sensitivity.grid.nm, columns,
-                                      quantity=Quantity.RELATIVE, source=source))
-
-
-def keep_fit(name: str, calibration: Calibration, names: tuple[str, ...], light: str) -> Path:
-    """Keep fitted curves and their standard errors under a name; their file."""
-    from spectrabox.radiometry.spectra.kept_cameras import keep_camera
-    columns, source = _columns(calibration, names, light)
-    return keep_camera(name, calibration.sensitivity.grid.nm, columns, source)
-
-
 def _columns(calibration: Calibration, names: tuple[str, ...],
              light: str) -> tuple[dict[str, Any], str]:
     """Curves and standard errors by column, and where they are from."""
@@ -229,9 +270,6 @@ def _columns(calibration: Calibration, names: tuple[str, ...],
 
 def write_draws(path: Path, band: CurveBand | None, grid: WavelengthGrid) -> None:
     """Draws of all curves together as an NPZ."""
-    import numpy as np
-
-    from spectrabox.radiometry.files import whole_file
     if band is None or band.draws is None:
         raise InputError("draws come with the method prior only; leave --samples out")
     with whole_file(path) as unfinished, unfinished.open("wb") as file:

@@ -3,24 +3,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from spectrabox.session.camera.inputs import (
-    facts_of,
-    keep_fit,
-    light_words,
-    numbers_of_patches,
-    read_measured_curves,
-    read_photos,
-    require_outputs,
-    write_curves,
-    write_draws,
-)
 from spectrabox.session.command_line import (
     Answer,
-    ChartLayout,
     CommandGroup,
     CommonOptions,
     UsageProblem,
@@ -28,17 +16,12 @@ from spectrabox.session.command_line import (
     command,
 )
 from spectrabox.session.commands.requests import (
+    METHODS,
+    CameraFitRequest,
     CameraPreflightRequest,
-    CameraPriorFile,
     CameraProfileRequest,
 )
 
-if TYPE_CHECKING:
-    from spectrabox.radiometry.records import Calibration
-
-METHODS = ("prior", "smooth", "nonnegative", "paper", "file")
-CURVES = {".csv": "the curves and their standard errors"}
-DRAWS = {".npz": "draws of the curves"}
 PRIORS = {".npz": "a prior on curves"}
 camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities of a camera: fit, "
                      "prior, preflight.")
@@ -49,46 +32,6 @@ def register(app: typer.Typer) -> None:
     for function in (fit, profile, prior, preflight, add, names):
         camera.command()(function)
     app.add_typer(camera, name="camera")
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraFitRequest(CommonOptions):
-    """Options of ``spectrabox camera fit``."""
-
-    light: Annotated[tuple[str, ...], typer.Option(
-        metavar="FILE|NAME", show_default=False, help="CSV of the light's spectrum, a CIE name "
-        "(D65, A, LED-B3), unknown, 3200K, or a kind: daylight, halogen, led, fluorescent. Once "
-        "for each photo, or once for all.")]
-    photos: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="[PHOTO...]", show_default=False, help="Photos of a colour chart, as --chart gives "
-        "them.")] = ()
-    chart: Annotated[tuple[Path, ...], typer.Option(
-        metavar="PHOTO", help="Raw, DNG, or linear EXR or TIFF of a colour chart; several of one "
-        "camera may be given.")] = ()
-    patches: Annotated[tuple[Path, ...], typer.Option(
-        metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
-        "standard_error... hold their errors.")] = ()
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "prior"
-    curves: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="Measured curves, with method file.")] = None
-    out: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="Write the curves and their band.")] = None
-    samples: Annotated[Path | None, typer.Option(
-        metavar="NPZ", help="Write 1000 draws of the curves.")] = None
-    reference: Annotated[tuple[str, ...], typer.Option(
-        metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you "
-        "measured; by default the layout's own.")] = ()
-    layout: ChartLayout = ""
-    corners: Annotated[tuple[str, ...], typer.Option(
-        metavar="'X,Y X,Y X,Y X,Y'", help="Corners of the chart where it is not found: of a "
-        "ColorChecker the outer corners of the patches at dark skin, bluish green, black and "
-        "white.")] = ()
-    leave_out: Annotated[str, typer.Option(
-        metavar="N,N...", show_default=False, help="Patches that no fit uses, by number from "
-        "1.")] = ""
-    prior_file: CameraPriorFile = None
-    keep: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Keep the curves under this name, for --sensitivity NAME.")] = None
 
 
 @command
@@ -114,40 +57,8 @@ def fit(request: CameraFitRequest) -> Answer:
         if stated and len(stated) not in (1, len(given)):
             raise UsageProblem(f"{len(stated)} times {option} for {len(given)} photos; give one "
                                "for each or one for all")
-    require_outputs([path for path in (request.out, request.samples) if path is not None],
-                    [*given, *map(Path, request.light), *map(Path, request.reference),
-                     *(path for path in (request.curves, request.prior_file)
-                       if path is not None)])
-    check_ending(request.out, CURVES)
-    check_ending(request.samples, DRAWS, "--samples")
-    if request.keep is not None:
-        from spectrabox.radiometry.spectra.kept_cameras import require_new_name
-        require_new_name(request.keep)
-    from spectrabox.radiometry.grid import visible_grid
-    grid = visible_grid()
-    charts, names = read_photos(list(given), list(request.light), list(request.reference),
-                                list(request.corners), bool(chart), grid,
-                                numbers_of_patches(request.leave_out), request.layout)
-    from spectrabox.calibrate.chart_calibration import CalibrationOptions
-    from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-    from spectrabox.measure.camera import fit_camera
-    curves = None if request.curves is None \
-        else read_measured_curves(request.curves, len(names), grid)
-    prior_used = None if request.prior_file is None else load_camera_prior(request.prior_file)
-    options = CalibrationOptions(request.method, prior_used, curves=curves)
-    result = fit_camera(charts, grid, options)
-    calibration = result.chart.calibration
-    source = ", ".join(light_words(chart.light) for chart in charts)
-    facts = {**facts_of(result, charts[0].chart), "bands": list(names), "light": source}
-    if request.out is not None:
-        write_curves(request.out, calibration, names, source)
-        facts["file"] = str(request.out)
-    if request.keep is not None:
-        facts["kept"] = str(keep_fit(request.keep, calibration, names, source))
-    if request.samples is not None:
-        write_draws(request.samples, result.band, grid)
-        facts["samples"] = str(request.samples)
-    return Answer(facts, _fit_text(facts, calibration, names, request.out))
+    from spectrabox.session.camera.inputs import fit_answer
+    return Answer(*fit_answer(request))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,11 +149,3 @@ def names(request: CommonOptions) -> Answer:
     return Answer({"own": {name: str(path) for name, path in own.items()},
                    "published": published},
                   "\n".join([*(f"{name}  (your own)" for name in own), *published]))
-
-
-def _fit_text(facts: dict[str, Any], calibration: Calibration, names: tuple[str, ...],
-              out: Path | None) -> str:
-    fit = calibration.sensitivity
-    lines = [f"bands {', '.join(names)}: {fit.method}",
-             *(f"- {check}" for check in facts["checks"]), fit.outcome.value]
-    return "\n".join([*lines, f"wrote {out}"] if out is not None else lines)

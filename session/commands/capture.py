@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.session.camera.inputs import read_layout
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.session.command_line import (
     Answer,
     ChartLayout,
@@ -21,7 +20,6 @@ from spectrabox.session.command_line import (
 
 if TYPE_CHECKING:
     from spectrabox.capture.chart.quality import ChartVerdict
-    from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records import ChartDetection, LinearImage
 
 ENCODED_SUFFIXES = (".jpg", ".jpeg", ".png")
@@ -63,14 +61,16 @@ def chart(request: ChartRequest) -> Answer:
     from spectrabox.capture.photo.image_files import write_png
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.grid import visible_grid
+    from spectrabox.session.camera.inputs import corner_points, read_layout
     grid, chart_of = visible_grid(), read_layout(request.layout)
     reflectances = None if chart_of.has_known_colours and request.reference is None else \
         reference_reflectances(request.reference, chart_of, grid)
     image = _open(request.photo, request.encoded)
     from spectrabox.measure.camera import chart_signals
     signals = chart_signals(chart_of, reflectances, image.signal.shape[2], grid)
+    corners = corner_points(" ".join(request.corners), chart_of) if request.corners else None
     try:
-        detection = locate_chart(image, signals, _corners(request.corners, chart_of), chart_of)
+        detection = locate_chart(image, signals, corners, chart_of)
         if detection.mirrored:
             raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo "
                              "as the camera took it, without flipping or a mirror in the light "
@@ -133,21 +133,6 @@ def _open(photo: Path, encoded: bool | None) -> LinearImage:
     if encoded and is_image_file(photo):
         return read_encoded_file(photo)
     return open_photo(photo)
-
-
-def _corners(given: tuple[str, ...], chart: Chart) -> Any:
-    if not given:
-        return None
-    import numpy as np
-    words = [part for word in given for part in word.split()]
-    try:
-        points = np.array([[float(number) for number in word.split(",")] for word in words])
-    except ValueError:
-        points = np.empty(0)
-    if points.shape != (4, 2):
-        raise InputError(f"--corners {' '.join(words)} are not four points; write --corners 'x,y "
-                         f"x,y x,y x,y' at {chart.corner_words}")
-    return points
 
 
 def _photo_facts(image: LinearImage) -> dict[str, Any]:

@@ -408,22 +408,14 @@ def _write_result(spectra: Path, role: str, names: list[str], white_reflectance:
 def _series_facts(spectra: Path, names: list[str],
                   calibrations: Sequence[MeterCalibration]) -> list[dict[str, Any]]:
     from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
-    from spectrabox.capture.meter.measurement_series import series_of
-    facts = []
-    for name in names:
-        series = series_of(stored_readings(readings_folder(spectra, name)), name, calibrations)
-        repeated = series.readings > 1
-        facts.append({
-                      "name": name, "readings": series.readings,
-                      "quantity": series.quantity.name.lower(),
-                      "relative_spread": float((series.spread @ series.grid.weights_nm)
-                                               / (series.mean @ series.grid.weights_nm)) if repeated
-                      else None,
-                      "relative_drift": series.relative_drift if repeated else None,
-                      "relative_drift_error": series.relative_drift_error if series.readings > 2
-                      else None,
-                      "flags": list(series.flags)})
-    return facts
+    from spectrabox.capture.meter.measurement_series import relative_spread, series_of
+    series = [series_of(stored_readings(readings_folder(spectra, name)), name, calibrations)
+              for name in names]
+    return [{"name": name, "readings": each.readings, "quantity": each.quantity.name.lower(),
+             "relative_spread": relative_spread(each),
+             "relative_drift": each.relative_drift if each.readings > 1 else None,
+             "relative_drift_error": each.relative_drift_error if each.readings > 2 else None,
+             "flags": list(each.flags)} for name, each in zip(names, series, strict=True)]
 
 
 def _measured_text(written: Path, facts: list[dict[str, Any]], spectrum: Spectrum | None) -> str:

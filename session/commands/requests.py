@@ -19,6 +19,7 @@ from spectrabox.session.command_line import (
 )
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
+METHODS = ("prior", "smooth", "nonnegative", "paper", "file")      # of camera fit
 DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
 Sensitivity = Annotated[str, typer.Option(
     help="CSV of sensitivities, or a camera or observer by its name.")]
@@ -264,6 +265,46 @@ class MatchRequest(SessionOptions):
     ratio: Annotated[float | None, typer.Option(
         help="Spectra so many times less evident than the best still count as not told apart; by "
         "default what a true one exceeds 1 time in 20.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFitRequest(CommonOptions):
+    """Options of ``spectrabox camera fit``."""
+
+    light: Annotated[tuple[str, ...], typer.Option(
+        metavar="FILE|NAME", show_default=False, help="CSV of the light's spectrum, a CIE name "
+        "(D65, A, LED-B3), unknown, 3200K, or a kind: daylight, halogen, led, fluorescent. Once "
+        "for each photo, or once for all.")]
+    photos: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="[PHOTO...]", show_default=False, help="Photos of a colour chart, as --chart gives "
+        "them.")] = ()
+    chart: Annotated[tuple[Path, ...], typer.Option(
+        metavar="PHOTO", help="Raw, DNG, or linear EXR or TIFF of a colour chart; several of one "
+        "camera may be given.")] = ()
+    patches: Annotated[tuple[Path, ...], typer.Option(
+        metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
+        "standard_error... hold their errors.")] = ()
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "prior"
+    curves: Annotated[Path | None, typer.Option(
+        metavar="CSV", help="Measured curves, with method file.")] = None
+    out: Annotated[Path | None, typer.Option(
+        metavar="CSV", help="Write the curves and their band.")] = None
+    samples: Annotated[Path | None, typer.Option(
+        metavar="NPZ", help="Write 1000 draws of the curves.")] = None
+    reference: Annotated[tuple[str, ...], typer.Option(
+        metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you "
+        "measured; by default the layout's own.")] = ()
+    layout: ChartLayout = ""
+    corners: Annotated[tuple[str, ...], typer.Option(
+        metavar="'X,Y X,Y X,Y X,Y'", help="Corners of the chart where it is not found: of a "
+        "ColorChecker the outer corners of the patches at dark skin, bluish green, black and "
+        "white.")] = ()
+    leave_out: Annotated[str, typer.Option(
+        metavar="N,N...", show_default=False, help="Patches that no fit uses, by number from "
+        "1.")] = ""
+    prior_file: CameraPriorFile = None
+    keep: Annotated[str | None, typer.Option(
+        metavar="NAME", help="Keep the curves under this name, for --sensitivity NAME.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
