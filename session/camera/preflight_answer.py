@@ -41,9 +41,9 @@ def preflight_answer(asked: CameraPreflightRequest) -> tuple[dict[str, Any], str
     facts, lines = _of_curves(asked, chart, light, cameras, reflectances)
     if asked.surfaces:
         shoot = Shoot(light, cameras, reflectances, chart.centres_uv, asked.noise)
-        found = expected_spectra(shoot, hand, surfaces=asked.surfaces)
-        facts["spectra"] = _facts(found)
-        lines += _lines(found, light, asked)
+        expectation = expected_spectra(shoot, hand, surfaces=asked.surfaces)
+        facts["spectra"] = _facts(expectation)
+        lines += _lines(expectation, light, asked)
     return facts, "\n".join(lines)
 
 
@@ -81,26 +81,27 @@ def _of_curves(asked: CameraPreflightRequest, chart: Chart, light: Spectrum | Un
         f"a second photo under {best} would bring the mean to {error:.1%}"]
 
 
-def _facts(found: Expectation) -> dict[str, Any]:
-    return {"families": [asdict(one) for one in found.families],
-            "mean": {name: value for name, value in asdict(found.mean).items()
+def _facts(expectation: Expectation) -> dict[str, Any]:
+    return {"families": [asdict(one) for one in expectation.families],
+            "mean": {name: value for name, value in asdict(expectation.mean).items()
                      if name != "family"},
-            "rmse_daylight": found.rmse_daylight, "will_do": not found.doubts,
-            "doubts": list(found.doubts),
-            "second_photos": [{"lamp": step.name, **step_facts(step)} for step in found.second]}
+            "rmse_daylight": expectation.rmse_daylight, "will_do": not expectation.doubts,
+            "doubts": list(expectation.doubts),
+            "second_photos": [{"lamp": step.name, **step_facts(step)}
+                              for step in expectation.second]}
 
 
-def _lines(found: Expectation, light: Spectrum | UnknownLight,
+def _lines(expectation: Expectation, light: Spectrum | UnknownLight,
            asked: CameraPreflightRequest) -> list[str]:
     lines = [f"spectra of surfaces beside the chart ({light_words(light)}, {asked.noise:.1%} a "
              "patch; in brackets: camera, lamp and white known exactly)"]
     lines += [f"  {one.family:<8} RMSE {one.rmse:.3f} ({one.rmse_known:.3f}), 95 % band "
-              f"{one.width:.3f} wide ({one.width_known:.3f})" for one in (*found.families,
-                                                                         found.mean)]
-    best = found.second[0]
+              f"{one.width:.3f} wide ({one.width_known:.3f})" for one in (*expectation.families,
+                                                                         expectation.mean)]
+    best = expectation.second[0]
     lines.append(f"a second photo with {best.name} would take the error to about "
                  f"{best.rmse_after / best.rmse_before:.0%} of this")
-    mean = found.mean
-    return [*lines, *(found.doubts or (
+    mean = expectation.mean
+    return [*lines, *(expectation.doubts or (
         f"this lamp and this chart will do: RMSE {mean.rmse:.3f}, of which camera, lamp and white, "
         f"known exactly, would leave {mean.rmse_known:.3f}",))]

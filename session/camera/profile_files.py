@@ -42,7 +42,7 @@ def write_vkdt(path: Path, nm: np.ndarray, curves: np.ndarray) -> None:
         for point, row in zip(NM, (_on_table(nm, curves) / curves.max()).T, strict=True)))
 
 
-def write_dcp(path: Path, camera: str, name: str, made: dict[str, IlluminantMatrices]) -> None:
+def write_dcp(path: Path, camera: str, name: str, matrices: dict[str, IlluminantMatrices]) -> None:
     """A DNG camera profile with the matrices of two illuminants (DNG specification 1.6).
 
     Parameters
@@ -51,10 +51,10 @@ def write_dcp(path: Path, camera: str, name: str, made: dict[str, IlluminantMatr
         UniqueCameraModel, as a DNG of the camera states it.
     name : str
         Of the profile, as a raw developer lists it.
-    made : dict of IlluminantMatrices
+    matrices : dict of IlluminantMatrices
         By the names of ``ILLUMINANTS``.
     """
-    first, second = (made[illuminant] for illuminant in ILLUMINANTS)
+    first, second = (matrices[illuminant] for illuminant in ILLUMINANTS)
     numbers = list(ILLUMINANTS.values())
     fields = {50708: _text(camera), 50721: _matrix(first.colour), 50722: _matrix(second.colour),
               50778: (SHORT, 1, struct.pack("<H", numbers[0])),

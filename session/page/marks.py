@@ -190,15 +190,15 @@ def photos_of(written: dict[str, Any]) -> dict[str, str]:
     for name, view in views.items() if isinstance(views, dict) else ():
         if isinstance(view, dict):
             named |= {name: view.get("photo"), f"{name} chart": view.get("chart")}
-    found = {}
+    first_files = {}
     for role, photo in named.items():
         try:
             files = [file for of_band in by_band(photo).values() for file in of_band]
         except (AttributeError, TypeError):     # no file names
             continue
         if files and isinstance(files[0], str):
-            found[role] = files[0]
-    return found
+            first_files[role] = files[0]
+    return first_files
 
 
 def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:

@@ -134,19 +134,19 @@ def encoded(rgb8: np.ndarray, write: Callable[[Path, np.ndarray], None], suffix:
 
 def _key(path: Path) -> FileKey:
     try:
-        found = path.stat()
+        stat = path.stat()
     except OSError as error:
         raise InputError(f"{path.name} cannot be read ({error.strerror})") from None
-    return path, found.st_mtime_ns, found.st_size
+    return path, stat.st_mtime_ns, stat.st_size
 
 
 def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) -> Kept:
     """What is known of a file, or made now; of others the latest few are kept."""
     if key not in known:
-        made = make()
+        value = make()
         for old in list(known)[:-(MAX_OPEN - 1)]:
             del known[old]
-        known[key] = made
+        known[key] = value
     return known[key]
 
 

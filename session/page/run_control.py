@@ -103,10 +103,10 @@ class RunControl:
     def _wait(self, process: subprocess.Popen[str]) -> None:
         assert process.stdout is not None
         with process.stdout:
-            said = process.stdout.read()
+            output = process.stdout.read()
         code = process.wait()
         try:
-            self._answer = json.loads(said)
+            self._answer = json.loads(output)
         except ValueError:          # a run that was killed says nothing
             self._answer = None
         self._ended = time.monotonic()

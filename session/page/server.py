@@ -176,15 +176,15 @@ def page_app(page: SessionPage, token: str) -> Starlette:
                 except ValueError:
                     return JSONResponse({"error": "JSON is needed"}, status_code=400)
             try:
-                made = await run_in_threadpool(work, asked)
+                result = await run_in_threadpool(work, asked)
             except SpectraboxError as error:
                 return JSONResponse({"error": str(error)}, status_code=409)
             except (KeyError, TypeError, ValueError) as error:
                 return JSONResponse({"error": f"not understood: {error}"}, status_code=400)
-            if isinstance(made, bytes):
-                return Response(made, media_type="image/png" if made.startswith(PNG)
+            if isinstance(result, bytes):
+                return Response(result, media_type="image/png" if result.startswith(PNG)
                                 else "image/jpeg")
-            return JSONResponse(made)
+            return JSONResponse(result)
         return answer
 
     def changed(work: Callable[[Any], None]) -> Callable[[Any], Any]:
@@ -270,14 +270,14 @@ def _at(written: Any, *keys: str) -> Any:
 
 def _regions(written: dict[str, Any]) -> dict[str, Any]:
     """Outlines by name, with the photo that they lie in where one is said."""
-    found = {}
+    regions_by_name = {}
     regions = written.get("regions")
     for name, region in regions.items() if isinstance(regions, dict) else ():
         outline = _at(region, "polygon")
         if outline is None and isinstance(rect := _at(region, "rect"), list) and len(rect) == 4:
             x0, y0, x1, y1 = rect
             outline = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
-        found[name] = {"outline": outline or [], "photo": _at(region, "photo")}
-    return found
+        regions_by_name[name] = {"outline": outline or [], "photo": _at(region, "photo")}
+    return regions_by_name
 
 

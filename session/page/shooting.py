@@ -152,16 +152,16 @@ class Shooting:
     def _look_at(self, name: str) -> None:
         """Judge a file once it has been still for a while."""
         try:
-            found = (self.folder / name).stat()
+            stat = (self.folder / name).stat()
         except OSError:
             self._changed.pop(name, None)
             return
-        state, now = (found.st_size, found.st_mtime_ns), time.monotonic()
+        state, now = (stat.st_size, stat.st_mtime_ns), time.monotonic()
         if name not in self._changed or self._changed[name][0] != state:
             self._changed[name] = (state, now)
             return
         since = self._changed[name][1]
-        if now - since < STILL_S or not found.st_size:
+        if now - since < STILL_S or not stat.st_size:
             return
         shot = self._judged(name, since, give_up=now - since > GIVE_UP_S)
         if shot is not None:

@@ -176,7 +176,7 @@ def _photo(table: PhotoTable, sensitivity: str, folder: Path) -> MoreMeasurement
     if table.sensitivity is not None:
         name += f" by {table.sensitivity}"
     relative_response = named_spectra.relative_response(
-        _beside(table.sensitivity or sensitivity, folder), _beside(table.light, folder),
+        _file_or_name(table.sensitivity or sensitivity, folder), _file_or_name(table.light, folder),
         SIGNAL_GRID)
     return MoreMeasurement(name, measurement=_measurement(table, relative_response, "photo"))
 
@@ -212,7 +212,7 @@ def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
     return MoreMeasurement(f"the spot of {table.file}", tuple(readings))
 
 
-def _beside(name: str, folder: Path) -> str:
-    beside = folder / name
-    return str(beside) if is_there(beside) and beside.is_file() else name
+def _file_or_name(name: str, folder: Path) -> str:
+    path = folder / name
+    return str(path) if is_there(path) and path.is_file() else name
 

@@ -71,9 +71,9 @@ def _rows(word: str, grid: WavelengthGrid, refused: list[str]) -> Iterator[Row]:
     if path.is_dir():
         for file in sorted(path.iterdir()):
             suffix = file.suffix.lower()
-            beside = suffix == ".hdr" and any(file.with_suffix(other).exists()
+            header = suffix == ".hdr" and any(file.with_suffix(other).exists()
                                               for other in (".sli", ".slb"))
-            if file.is_file() and not beside and suffix in (*SUFFIXES, *ARCHIVES, *TEXTS,
+            if file.is_file() and not header and suffix in (*SUFFIXES, *ARCHIVES, *TEXTS,
                                                             ".json"):
                 try:
                     yield from _of_file(file, grid, refused)

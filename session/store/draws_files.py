@@ -48,12 +48,12 @@ def stored_draws(stored: Mapping[str, StoredStage], step_nm: int,
     if not names:
         raise InputError("every spectrum of this session was given; there are no draws to write")
     records = {name: samples_of(stored, name)[0] for name in names}
-    made = {}
+    draws_of = {}
     for name, record in records.items():
         nm = record.grid.nm
         kept = np.abs(np.remainder(nm - nm[0] + step_nm / 2, step_nm) - step_nm / 2) < NM_ROUNDING
-        made[name] = nm[kept], record.spectra[:draws, kept]
-    return made
+        draws_of[name] = nm[kept], record.spectra[:draws, kept]
+    return draws_of
 
 
 def write_draws(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
