@@ -1,8 +1,8 @@
 """What 95 % bands hold when the light, the shutter, the lamp's position or the lens is not as
 stated, with the error budget and without it, by material.
 
-A demo session is rehearsed (spectrabox/session/rehearsal.py): photos of known truths through its
-own light transport, the truths drawn by the models behind the prior's families. Curves of the
+A demo session is rehearsed (spectrabox/measure/scene/rehearsal.py): photos of known truths through
+its own light transport, the truths drawn by the models behind the prior's families. Curves of the
 camera, the light's readings, the light scale's own error and the noise are drawn anew in each, as
 in any rehearsal; what [repeatability] and [stray_light] state is not: in its place comes one fault
 of the size given. The lamp is moved in the object photo's true scene alone, towards each axis in
@@ -25,6 +25,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.measure.scene.photo_errors import with_photo_errors
+from spectrabox.measure.scene.rehearsal import Replays
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import error_of_each_band
 from spectrabox.radiometry.records import JointReconstruction, LightScale
@@ -37,8 +39,7 @@ from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.spline_measurement import response_on
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.rehearsal import Rehearsed, prepared
-from spectrabox.session.stages.reconstruct_stage import with_errors
+from spectrabox.session.rehearsal import replays_of
 
 SIZE, PATHS, WIDTH = (208, 312), 16, 40
 MOVED_CM, LEVEL = 0.5, 0.95
@@ -68,7 +69,7 @@ def without_budget(joint: JointReconstruction) -> JointReconstruction:
 
 
 @dataclass(frozen=True, eq=False)
-class Faulty(Rehearsed):
+class Faulty(Replays):
     """A session whose replays have one fault in place of what is stated."""
 
     fault: Fault
@@ -86,7 +87,8 @@ class Faulty(Rehearsed):
         """The reconstruction of one replay, without the budget and with it."""
         rng = np.random.default_rng(seed)
         found = replay(self.stage, self.truth(number, rng), rng)
-        stated = with_errors(self.config, self.stored, self.drift, found)
+        stated = with_photo_errors(found, self.errors.drift, self.errors.glare,
+                                   self.errors.ambient)
         return without_budget(stated), stated
 
     def judged(self, joints: Sequence[JointReconstruction], name: str) -> np.ndarray:
@@ -103,7 +105,7 @@ class Faulty(Rehearsed):
         return np.stack([inside.mean(axis=1), (bands.upper - bands.lower).mean(axis=1)], axis=1)
 
 
-def moved_lamps(scene: Rehearsed) -> tuple[TracedTransport, ...]:
+def moved_lamps(scene: Replays) -> tuple[TracedTransport, ...]:
     """The transport of the object photo's regions with the lamp moved along each axis."""
     traced = scene.stage.views[0]
     view = traced.view
@@ -114,11 +116,11 @@ def moved_lamps(scene: Rehearsed) -> tuple[TracedTransport, ...]:
         for axis, offset in enumerate(MOVED_CM * np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]])))
 
 
-def held_under(scene: Rehearsed, moved: tuple[TracedTransport, ...], fault: Fault, times: int,
+def held_under(scene: Replays, moved: tuple[TracedTransport, ...], fault: Fault, times: int,
                seed: int) -> np.ndarray:
     """Shares held and widths (T, kinds, materials, 2)."""
     # what the session is sure of by itself: the truth's scale has no error that is stated
-    own = {field.name: getattr(scene, field.name) for field in fields(Rehearsed)}
+    own = {field.name: getattr(scene, field.name) for field in fields(Replays)}
     faulty = Faulty(**own | {"joint": without_budget(scene.joint)}, fault=fault, moved=moved)
     pairs = [faulty.both(number, one) for number, one
              in enumerate(np.random.SeedSequence(seed).spawn(times))]
@@ -159,7 +161,7 @@ def main() -> int:
         path.write_text(text, encoding="utf-8")
         config = read_session(session)
         run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
-        scene = prepared(config, arguments.times, arguments.seed, "cpu", lambda *_: None)
+        scene = replays_of(config, arguments.times, arguments.seed, "cpu", lambda *_: None)
         moved = moved_lamps(scene)
         stated = {error.cause: error.relative
                   for error in scene.joint.views[0].light_scale.common_errors}

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from spectrabox.measure.scene import rehearsal
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.agreement import within_to_block
 from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, set_stage
-from spectrabox.session import rehearsal
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
-from spectrabox.session.rehearsal import rehearse
+from spectrabox.session.rehearsal import facts, rehearse
 from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
 from spectrabox.session.stages.stored_records import joint_of
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
@@ -114,7 +114,7 @@ def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, ho
     held = [np.mean([each.coverage for each in some]) for some in (honest, mistaken)]
     # bands of about 0.15 in reflectance hold few bright truths that are off by a quarter
     assert held[1] < held[0] - 0.1
-    assert too_narrow(rehearsal.facts(mistaken, 0.95, 4))
+    assert too_narrow(facts(mistaken, 0.95, 4))
 
 
 def test_the_command_answers_and_the_report_hears_it(finished, monkeypatch):

@@ -9,10 +9,11 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from spectrabox.measure.scene.relight import colour_spread
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.relight import OBSERVER, _spread
+from spectrabox.session.relight import OBSERVER
 from spectrabox.session.stages.inputs import GRID, read_reflectance
 from spectrabox.session.store.locks import outputs_writer
 
@@ -56,15 +57,16 @@ def test_draws_that_stand_mode_after_mode_spread_as_shuffled_ones_do():
     modes = np.where(np.arange(2000) < 1000, 0.3, 0.6)[:, None] * np.ones((1, GRID.nm.size))
     spectra = modes * (1 + 0.05 * rng.standard_normal((2000, 1)))
     power, matching = light("A", GRID), sensitivities(OBSERVER, GRID)
-    found = [_spread("paint", spectra.mean(axis=0), SimpleNamespace(grid=GRID, spectra=order), GRID,
-                     power, matching) for order in (spectra, rng.permutation(spectra))]
+    found = [colour_spread("paint", spectra.mean(axis=0),
+                           SimpleNamespace(grid=GRID, spectra=order), GRID, power, matching)
+             for order in (spectra, rng.permutation(spectra))]
     # 400 draws tell a median to about 5 % of the spread.
     assert found[0].delta_e00_95 == pytest.approx(found[1].delta_e00_95, rel=0.1)
     assert found[0].delta_e00_median == pytest.approx(found[1].delta_e00_median, rel=0.15)
 
 
 def test_results_that_a_run_replaced_meanwhile_make_no_picture(finished, monkeypatch):
-    from spectrabox.session import relight
+    from spectrabox.measure.scene import relight
     render = relight.render
 
     def rendered(*arguments, **options):

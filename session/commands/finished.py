@@ -76,9 +76,9 @@ def relight(request: RelightRequest) -> Answer:
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
     digests = finished.result_digests()
-    relit = render_under(config, finished, light=request.light,
-                         observer=request.observer or OBSERVER, size=size, spp=request.spp,
-                         device=request.device)
+    relit, notes = render_under(config, finished, light=request.light,
+                                observer=request.observer or OBSERVER, size=size, spp=request.spp,
+                                device=request.device)
     label = re.sub(r"[^\w.-]", "-", Path(request.light or "session").stem)
     png = request.out or request.folder / f"relit {label}.png"
     with outputs_writer(config.folder):     # two pictures that belong together
@@ -94,8 +94,8 @@ def relight(request: RelightRequest) -> Answer:
     return Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
                    "light": request.light or "session",
                    "colours": [vars(colour) for colour in relit.colours],
-                   "notes": list(relit.notes), "stale": stale},
-                  "\n".join([*lines, *relit.notes, f"picture: {png}"]))
+                   "notes": list(notes), "stale": stale},
+                  "\n".join([*lines, *notes, f"picture: {png}"]))
 
 
 @dataclass(frozen=True, kw_only=True)

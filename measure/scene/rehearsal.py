@@ -1,0 +1,244 @@
+"""Simulation-based calibration of one scene: its own photos again, with known truths.
+
+Talts, Betancourt, Simpson, Vehtari and Gelman 2018: where truths are drawn from the prior and data
+from the truths, the rank of each truth among the draws is uniform if everything between is right.
+Here what lies between is this scene's geometry, light, camera, noise and errors. Truths are made
+by the models behind the prior's families, not drawn from the fitted mixture, so that bands can fail
+by the prior too. Reflectances, curves of the camera, the light's readings, scale and repeatability,
+glare and stray light, surfaces that are brighter than the scene says and uneven, and the noise of
+photo and tracing are drawn anew each time; the transport, traced once, carries them to a photo, and
+the code of `measure` takes it from there. What the scene takes as certain is certain here too:
+where the lamp stands, that surfaces are matt. It shows "calibrated here" as far as the stated
+errors are right.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
+from spectrabox.measure.scene.photo_errors import with_photo_errors
+from spectrabox.measure.surface_signals import measurement, scene_signals
+from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift, Progress
+from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
+from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import View
+from spectrabox.sampling.prior.families.truths import true_reflectances
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
+
+DRAWS = 399              # of each posterior: ranks 0 to 399 fall into ten bins of 40
+RANK_BINS = 10
+RANK_STEP = 6            # every 30 nm: closer wavelengths rank alike
+MIN_TIMES = 20
+
+Scores = tuple[float, float, float, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialRehearsal:
+    """How one material's bands held known truths, over T rehearsals."""
+
+    name: str
+    coverage: np.ndarray        # (T,) share of wavelengths inside the band
+    rmse: np.ndarray            # (T,) of the mean
+    width: np.ndarray           # (T,) mean over wavelengths
+    ranks: np.ndarray           # (bins,) truths by their rank among the draws, every 30 nm
+
+    @property
+    def coverage_error(self) -> float:
+        """Standard error of the mean coverage; wavelengths of one truth are no separate trials."""
+        return float(self.coverage.std(ddof=1) / np.sqrt(self.coverage.size))
+
+
+@dataclass(frozen=True, eq=False)
+class StatedErrors:
+    """What a scene states of its photos beyond noise, camera and light."""
+
+    drift: LightDrift | None    # of the light between the first chart and object photo
+    glare: np.ndarray           # (K,) standard error, of a photo's mean signal
+    ambient: float              # standard error, of the brightest irradiance
+
+
+def prepare_replays(views: Sequence[View], settings: InversionSettings,
+                    calibrations: Sequence[Calibration], joint: JointReconstruction,
+                    families: Mapping[str, Sequence[str]], errors: StatedErrors, *, times: int,
+                    seed: int, progress: Progress) -> Replays:
+    """Trace the light of a reconstructed scene, and draw truths and cameras of its replays.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Every photo with all that explains it, as it was reconstructed.
+    settings : InversionSettings
+    calibrations : sequence of Calibration
+        Of each view.
+    joint : JointReconstruction
+        Of the photos.
+    families : mapping
+        From the name of each material to the families of surfaces that it is stated to be of; none
+        for any.
+    errors : StatedErrors
+    times : int
+        T, from 20 up.
+    seed : int
+        Of truths and cameras.
+    progress : callable
+
+    Raises
+    ------
+    InputError
+        If the scene is to be rehearsed fewer than 20 times.
+    """
+    if times < MIN_TIMES:
+        raise InputError(f"{times} rehearsals tell nothing of coverage: {MIN_TIMES} or more are "
+                         "needed, and 200 know it to about one percent")
+    progress(0.0, "tracing light")
+    prior = load_prior()
+    priors = {name: of_families(prior, families[name])
+              for name, known in zip(joint.materials, joint.known, strict=True) if not known}
+    of_truths = np.random.SeedSequence(seed).spawn(2)[0]
+    truths = {name: true_reflectances(own, times, np.random.default_rng(one)) for (name, own), one
+              in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}
+    return Replays(set_stage(views, settings, progress), calibrations, joint, errors, priors,
+                   truths, _cameras(calibrations[0], times, seed))
+
+
+def rehearse(replays: Replays, level: float, seed: int, progress: Progress
+             ) -> list[MaterialRehearsal]:
+    """Replay a scene with known truths, and count what the bands hold of them.
+
+    Parameters
+    ----------
+    replays : Replays
+        From `prepare_replays`.
+    level : float
+        Of the bands.
+    seed : int
+        Of photos and draws.
+    progress : callable
+
+    Returns
+    -------
+    list of MaterialRehearsal
+        Of every unknown material.
+    """
+    times = len(replays.cameras)
+    rows = []
+    for number, one in enumerate(np.random.SeedSequence(seed).spawn(2)[1].spawn(times)):
+        progress(number / times, f"rehearsal {number + 1} of {times}")
+        rng = np.random.default_rng(one)
+        rows.append(replays.scores(replays.again(number, rng), number, rng, level))
+    return [MaterialRehearsal(name, coverage, rmse, width, ranks.sum(axis=0))
+            for index, name in enumerate(replays.priors)
+            for coverage, rmse, width, ranks in [map(np.array, zip(*(row[index] for row in rows),
+                                                                   strict=True))]]
+
+
+@dataclass(frozen=True, eq=False)
+class Replays:
+    """A scene as it is replayed, with truths and cameras of T replays."""
+
+    stage: Stage
+    calibrations: Sequence[Calibration]
+    joint: JointReconstruction
+    errors: StatedErrors
+    priors: Mapping[str, LogitMixture]      # of every unknown material, of its families if stated
+    truths: Mapping[str, np.ndarray]        # (T, 61) each
+    cameras: np.ndarray                     # (T, K, P)
+
+    def again(self, number: int, rng: np.random.Generator) -> JointReconstruction:
+        """The reconstruction from photos of one truth."""
+        return with_photo_errors(replay(self.stage, self.truth(number, rng), rng),
+                                 self.errors.drift, self.errors.glare, self.errors.ambient)
+
+    def truth(self, number: int, rng: np.random.Generator) -> Truth:
+        """What is photographed in one replay."""
+        joint = self.joint
+        spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
+        spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truths[number])
+                    for name, truths in self.truths.items()}
+        views = range(len(self.stage.views))
+        responses = tuple(self._response(index, self.cameras[number], rng) for index in views)
+        return Truth(spectra, responses, *self._stray_light(rng))
+
+    def scores(self, again: JointReconstruction, number: int, rng: np.random.Generator,
+               level: float) -> list[Scores]:
+        """Scores of every unknown material of one replay, drawn as a session draws."""
+        scores, signals = [], scene_signals(again, self.calibrations)
+        for name, prior in self.priors.items():
+            seen = measurement(signals, again.materials.index(name))
+            spectra = solve_posterior(prior, seen).draws(DRAWS, int(rng.integers(1 << 31)))
+            scores.append(_scores(spectra, self.truths[name][number], level))
+        return scores
+
+    def _stray_light(self, rng: np.random.Generator) -> tuple[tuple[np.ndarray, ...],
+                                                              tuple[float, ...]]:
+        """Glare (K,) and ambient light of each view: as large as stated, and never less than none.
+        """
+        views = len(self.stage.views)
+        glare = [self.errors.glare * part for part in np.abs(rng.standard_normal(views))]
+        ambient = self.errors.ambient * np.abs(rng.standard_normal(views))
+        return tuple(glare), tuple(ambient.tolist())
+
+    def _response(self, index: int, curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it.
+        """
+        factor = _response(self.stage.views[index], self.calibrations[index], self.joint, index,
+                           curves, rng)
+        if self.errors.drift is None or index:
+            return factor
+        colour = rng.multivariate_normal(np.zeros(factor.shape[1]),
+                                         drift_covariance(self.errors.drift))
+        return factor * (1 + colour)[:, None]
+
+
+def _cameras(calibration: Calibration, times: int, seed: int) -> np.ndarray:
+    """Curves (T, K, P) of as many cameras as there are rehearsals."""
+    fit = calibration.sensitivity
+    if fit.covariance is not None:
+        return sensitivity_draws(calibration, times, seed)
+    # measured curves: each admits a stated share of light from everywhere
+    rng = np.random.default_rng(seed)
+    bands = len(fit.curves)
+    shares = rng.multivariate_normal(np.zeros(bands), calibration.relative_covariance, times)
+    tails = fit.curves.mean(axis=1, keepdims=True) * np.ones_like(fit.curves)
+    return np.asarray(fit.curves + shares[..., None] * (tails - fit.curves))
+
+
+def _response(traced: TracedView, calibration: Calibration, joint: JointReconstruction, index: int,
+              curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it."""
+    view = traced.view
+    stated = calibration.light.standard_error
+    noise = np.zeros_like(view.light) if stated is None else np.interp(
+        view.grid.nm, calibration.light.grid.nm, stated * rng.standard_normal(stated.size))
+    light = np.maximum(spectrum_on_grid(calibration.light, view.grid) + noise, 0)
+    separate = traced.traced.passes.shape[2] > 1
+    lights = [view.own_lights.get(name, light) for name, in view.light_groups] if separate \
+        else [light]
+    # what a band reads of white is calibrated, and known to the error of the scale
+    covariance = sum(scale_covariances(calibration, joint.views[index].light_scale).values())
+    white = white_signal(view.response) * (1 + rng.multivariate_normal(
+        np.zeros(len(view.bands)), covariance))
+    factor = joint.views[index].light_scale.value * white / white_signal(
+        response_matrix(view.grid, curves, light))
+    return np.array([response_matrix(view.grid, curves, each) * factor[:, None]
+                     for each in lights])
+
+
+def _scores(draws: np.ndarray, truth: np.ndarray, level: float) -> Scores:
+    """Coverage, RMSE of the mean, mean width, and truths (bins,) by their rank."""
+    lower, upper = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    ranks = (draws[:, ::RANK_STEP] < truth[::RANK_STEP]).sum(axis=0)
+    bins = np.bincount(ranks * RANK_BINS // (DRAWS + 1), minlength=RANK_BINS)
+    inside = (truth >= lower) & (truth <= upper)
+    return (float(inside.mean()), float(np.sqrt(np.mean((draws.mean(axis=0) - truth) ** 2))),
+            float(np.mean(upper - lower)), bins)

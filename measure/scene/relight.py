@@ -1,0 +1,142 @@
+"""A reconstructed scene under another light, as an observer would see it.
+
+Spectra that one camera cannot tell apart under its light may look different under another: the
+spread of colours of the draws says by how much, before anybody measures.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
+from spectrabox.radiometry.colour_science import adapted_srgb
+from spectrabox.radiometry.records import Calibration, SpectrumSamples, WavelengthGrid
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.rendering.renderer import load_scene, render
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene.scene_xml import scene_xml
+
+WHITE_PERCENTILE = 99.5            # percentile of luminance that the picture shows as white
+DRAWS = 400                 # of each material whose colours are compared
+
+
+@dataclass(frozen=True)
+class ColourSpread:
+    """Colour of one material under the light: of the mean spectrum, and how far its draws lie from
+    it.
+    """
+
+    name: str
+    lab: tuple[float, float, float]  # of the mean, white being reflectance 1 under the same light
+    # CIEDE2000 of the draws against the mean; None where the spectrum was given
+    delta_e00_median: float | None
+    delta_e00_95: float | None
+
+
+@dataclass(frozen=True)
+class Relit:
+    """X, Y, Z (H, W, 3), Y being 1 for a perfect white as bright as ``WHITE_PERCENTILE``, and the
+    materials' colours.
+    """
+
+    xyz: np.ndarray
+    picture: np.ndarray  # (H, W, 3) uint8, sRGB, adapted from the light's white to D65
+    colours: tuple[ColourSpread, ...]
+
+
+def relight(scene: SceneFile, bsdfs: Mapping[str, str],
+            spectra: Mapping[str, np.ndarray | SpectrumSamples], grid: WavelengthGrid,
+            light: np.ndarray, observer: np.ndarray, *, size: tuple[int, int], spp: int,
+            seed: int) -> Relit:
+    """Render a scene under a light with the means of the draws. The renderer has been started.
+
+    Parameters
+    ----------
+    scene : SceneFile
+    bsdfs : mapping
+        From each material to its BSDF in the scene.
+    spectra : mapping
+        From each material to its reflectance (P,), or to its draws.
+    grid : WavelengthGrid
+    light : (P,) array
+        Relative power of the light.
+    observer : (3, P) array
+        Colour-matching functions.
+    size : (width, height)
+        In pixels.
+    spp : int
+        Paths per pixel.
+    seed : int
+        Of the paths.
+
+    Returns
+    -------
+    Relit
+    """
+    means = {name: np.interp(grid.nm, known.grid.nm, known.spectra.mean(axis=0))
+             if isinstance(known, SpectrumSamples) else known for name, known in spectra.items()}
+    xml = scene_xml(scene, reflectances={bsdfs[name]: np.clip(mean, 0, 1)
+                                         for name, mean in means.items()},
+                    light=light, bands=dict(zip("XYZ", observer, strict=True)),
+                    range_nm=(grid.nm[0], grid.nm[-1]), size=size)
+    xyz, _ = render(load_scene(xml), spp, seed)
+    xyz = xyz / np.percentile(xyz[..., 1], WHITE_PERCENTILE)
+    white = _tristimulus(np.ones_like(grid.nm), grid, light, observer)
+    colours = tuple(colour_spread(name, means[name],
+                                  known if isinstance(known, SpectrumSamples) else None,
+                                  grid, light, observer) for name, known in spectra.items())
+    return Relit(xyz, adapted_srgb(xyz, white), colours)
+
+
+def light_by_itself(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
+    """The light (P,) of a calibration; its most likely spectrum where only the chart tells it.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    grid : WavelengthGrid
+    """
+    known = calibration.light_posterior
+    return spectrum_on_grid(calibration.light, grid) if known is None else np.asarray(
+        np.interp(grid.nm, known.grid.nm, known.mean))
+
+
+def _tristimulus(reflectances: np.ndarray, grid: WavelengthGrid, power: np.ndarray,
+                 matching: np.ndarray) -> np.ndarray:
+    """X, Y, Z (..., 3), Y being 1 for a reflectance of 1."""
+    weights = matching * power * grid.weights_nm
+    xyz: np.ndarray = reflectances @ weights.T / weights[1].sum()
+    return xyz
+
+
+def colour_spread(name: str, mean: np.ndarray, draws: SpectrumSamples | None, grid: WavelengthGrid,
+                  power: np.ndarray, matching: np.ndarray) -> ColourSpread:
+    """Colour of a material under a light, and how far its draws lie from it.
+
+    Parameters
+    ----------
+    name : str
+        Of the material.
+    mean : (P,) array
+        Its reflectance.
+    draws : SpectrumSamples or None
+    grid : WavelengthGrid
+    power : (P,) array
+        Of the light.
+    matching : (3, P) array
+        Colour-matching functions.
+    """
+    white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
+    lab = lab_from_xyz(_tristimulus(mean, grid, power, matching), white)
+    median = upper = None
+    if draws is not None:
+        # From all over: samplers of several modes give their draws mode after mode.
+        some = np.linspace(0, len(draws.spectra) - 1, min(DRAWS, len(draws.spectra))).astype(int)
+        spectra = np.array([np.interp(grid.nm, draws.grid.nm, draws.spectra[index])
+                            for index in some])
+        others = lab_from_xyz(_tristimulus(spectra, grid, power, matching), white)
+        differences = ciede2000(others, lab)
+        median, upper = float(np.median(differences)), float(np.quantile(differences, 0.95))
+    return ColourSpread(name, (float(lab[0]), float(lab[1]), float(lab[2])), median, upper)
