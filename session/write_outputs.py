@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.facts import flat_facts, flat_text, scene_facts, scene_text
 from spectrabox.session.flat.assemble import assemble_flat
-from spectrabox.session.flat.facts import flat_facts, flat_text
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.store.program import provenance
 from spectrabox.session.store.surface_files import write_surface_files
-from spectrabox.session.summary_text import run_facts, run_text
 
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
@@ -48,7 +47,7 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
         from spectrabox.session.box.scene_files import write_scene_files
         scene = assemble(config, finished, origin)
         report = write_report(scene)
-        facts, text = run_facts(scene, report), run_text(scene)
+        facts, text = scene_facts(scene, report), scene_text(scene)
         files = [*write_surface_files(scene, scene.reconstruction.grid.nm),
                  *write_scene_files(config)]
     return facts, text, [report, report.with_name(NUMBERS_NAME), *files]

@@ -19,13 +19,13 @@ from spectrabox.sampling.prior.family_coverage import (
     FamilyCertificate,
     FamilyCoverage,
 )
+from spectrabox.session.facts import scene_facts, scene_text
 from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import plain_line
 from spectrabox.session.report.verdict import DOUBTS, Status, judge
 from spectrabox.session.report.words import exposure, number, percent, signed_percent
-from spectrabox.session.summary_text import run_facts, run_text
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 HOSTILE = "<script>alert(1)</script>"
@@ -213,8 +213,8 @@ def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path
     said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"
     section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
     assert said in section and page.count("Tested on unseen surfaces") == 1
-    assert said in run_text(results)
-    facts = run_facts(results, tmp_path / "report.html")["materials"]
+    assert said in scene_text(results)
+    facts = scene_facts(results, tmp_path / "report.html")["materials"]
     assert facts[0]["families"] == [{"name": "textile", "share": 0.7, "stated": False,
                                      "measured": False, "coverage": 0.891, "width": 0.164}]
     assert facts[1]["families"] == []

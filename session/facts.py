@@ -1,0 +1,196 @@
+"""What a finished run answers, to a script as JSON and to a person as a table."""
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.radiometry.appearance import lab_from_xyz, tristimulus
+from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
+from spectrabox.session.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.flat.flat_results import FlatResults
+from spectrabox.session.pictures.picture_results import picture_facts
+from spectrabox.session.report.numbers import family_facts
+from spectrabox.session.report.verdict import judge, median_surface_error
+from spectrabox.session.report.words import percent
+from spectrabox.session.store.results import CommonResults, MaterialResult, SessionResults
+
+STEP_NM = 5     # of regions' spectra in the facts; spectra.csv holds every nanometre
+
+
+def scene_facts(results: SessionResults, report: Path) -> dict[str, Any]:
+    """The ``--json`` object of ``run`` and ``demo``.
+
+    Parameters
+    ----------
+    results : SessionResults
+    report : Path
+        Of report.html.
+    """
+    agreement, scale = results.reconstruction.agreement, results.light_scale
+    return _common_facts(results, report) | {
+        "materials": [_material_facts(material) for material in results.materials],
+        "surfaces": [{"name": name, "ratio": ratio.tolist()}
+                     for name, ratio in zip(agreement.names, agreement.ratio, strict=True)],
+        "median_surface_error": median_surface_error(agreement),
+        "light_scale": {"value": scale.value, "standard_error": scale.standard_error,
+                        "common_errors": {error.cause: error.relative
+                                          for error in scale.common_errors}}}
+
+
+def flat_facts(results: FlatResults, report: Path) -> dict[str, Any]:
+    """The ``--json`` object of ``flat``, and of ``run`` on a session of flat samples.
+
+    Parameters
+    ----------
+    results : FlatResults
+    report : Path
+        Of report.html.
+    """
+    return _common_facts(results, report) | {
+        "regions": [_region_facts(region, results) for region in results.materials],
+        "seconds": float(sum(stage["seconds"] for stage in results.stages
+                             if stage["state"] == "run"))}
+
+
+def _common_facts(results: SessionResults | FlatResults, report: Path) -> dict[str, Any]:
+    verdict, chart = judge(results), results.chart
+    return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
+            "verdict": verdict.status.name.lower(), "says": verdict.sentence,
+            "stages": results.stages,
+            "left_out": None if chart is None or chart.left_out is None
+            else left_out_facts(chart.left_out, chart.layout.names),
+            "light": light_facts(results.calibration),
+            **({} if results.picture is None else {"picture": picture_facts(results.picture)}),
+            "warnings": results.warnings}
+
+
+def _material_facts(material: MaterialResult) -> dict[str, Any]:
+    facts = _surface_facts(material)
+    if material.summary is not None:
+        facts["band_width"] = float(np.mean(material.summary.upper - material.summary.lower))
+    if material.scores is not None:
+        facts["rmse_inverse_rendering"] = material.scores.rmse_inverse_rendering
+    return facts
+
+
+def _region_facts(region: MaterialResult, results: FlatResults) -> dict[str, Any]:
+    seen = np.isfinite(region.signal)
+    facts = _surface_facts(region) | {
+        "signal": region.signal[seen].tolist(),
+        "bands": [band for band, shown in zip(results.signal_bands, seen, strict=True) if shown]}
+    if (summary := region.summary) is not None:
+        every = slice(None, None, STEP_NM)
+        facts |= {"wavelengths_nm": summary.grid.nm[every].tolist(),
+                  "lab_d65": _lab(summary.grid.nm, summary.mean)}
+        facts |= {name: getattr(summary, name)[every].tolist()
+                  for name in ("mean", "standard_deviation", "lower", "upper", "bound_lower",
+                               "bound_upper")}
+    light = [photo.light[region.name] for photo in results.photos if region.name in photo.light]
+    if light:
+        facts |= {"light": light[0][0], "light_error": light[0][1]}
+    return facts
+
+
+def _surface_facts(surface: MaterialResult) -> dict[str, Any]:
+    """What is answered of a material and of a region alike."""
+    facts: dict[str, Any] = {"name": surface.name, "known": surface.summary is None}
+    if surface.summary is not None:
+        facts |= {"level": surface.summary.level,
+                  "outcome": None if surface.samples is None else surface.samples.outcome.name,
+                  "next_measurement_nm": surface.summary.next_measurement_nm,
+                  "error_budget": {cause: errors.tolist()
+                                   for cause, errors in surface.error_budget.items()},
+                  "variance_shares": surface.variance_shares, "families": family_facts(surface)}
+    if (scores := surface.scores) is not None:
+        facts |= {"rmse_mean": scores.rmse_mean, "coverage_95": scores.coverage_95,
+                  "coverage_bounds": scores.coverage_bounds,
+                  "delta_e00_mean": scores.delta_e00_mean}
+    return facts
+
+
+def scene_text(results: SessionResults) -> str:
+    """A table of materials and the few numbers that matter first.
+
+    Parameters
+    ----------
+    results : SessionResults
+    """
+    rows = []
+    for material in results.materials:
+        cells = ["given"] + [""] * 5
+        if (summary := material.summary) is not None:
+            width, following = _width(material), f"{summary.next_measurement_nm:.0f} nm"
+            cells = ["", "", "", width, "", following] if (scores := material.scores) is None else [
+                f"{scores.rmse_mean:.4f}", f"{scores.rmse_inverse_rendering:.4f}",
+                f"{scores.coverage_95:.0%}", width, f"{scores.delta_e00_mean:.2f}", following]
+        rows.append([material.name, *cells])
+    lines = [_table(results, ("material", "RMSE mean", "RMSE inverse rendering", "95 % band holds",
+                              "band width", "dE00", "measure next"), rows),
+             "rendered signal within "
+             f"{percent(median_surface_error(results.reconstruction.agreement))} of the photo "
+             "(worst band, median over surfaces)",
+             f"verdict: {judge(results).status.name}"]
+    lines += [f"{material.name}: {certified_sentence(material.families)}"
+              for material in results.materials if mostly_in_doubt(material.families)]
+    if results.picture is not None:
+        lines += [results.picture.sentence, *results.picture.notes]
+    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in results.warnings)])
+
+
+def flat_text(results: FlatResults) -> str:
+    """A table of regions and the verdict.
+
+    Parameters
+    ----------
+    results : FlatResults
+    """
+    light = {name: error for photo in results.photos for name, (_, error) in photo.light.items()}
+    rows = []
+    for region in results.materials:
+        cells = ["given"] + [""] * 5
+        if (summary := region.summary) is not None:
+            error, scores = light.get(region.name), region.scores
+            cells = [" ".join(f"{value:.1f}" for value in _lab(summary.grid.nm, summary.mean)),
+                     _width(region), "" if error is None else percent(error),
+                     *(["", "", ""] if scores is None else
+                       [f"{scores.rmse_mean:.4f}", f"{scores.coverage_95:.0%}",
+                        f"{scores.delta_e00_mean:.2f}"])]
+        rows.append([region.name, *cells])
+    verdict = judge(results)
+    lines = [_table(results, ("region", "L*a*b* under D65", "band width", "light known to", "RMSE",
+                              "95 % band holds", "dE00"), rows),
+             f"verdict: {verdict.status.name}. {verdict.sentence}"]
+    if results.picture is not None:
+        lines.append(results.picture.sentence)
+    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in results.warnings)])
+
+
+def _table(results: CommonResults, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table for the terminal: names on the left, numbers on the right."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=results.name, title_justify="left", title_style="bold")
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if number else "left")
+    for row in rows:
+        table.add_row(*row)
+    stream = io.StringIO()
+    # names are the operator's: brackets in them are no markup
+    Console(file=stream, width=110, markup=False, emoji=False, highlight=False).print(table)
+    return stream.getvalue().rstrip()
+
+
+def _width(surface: MaterialResult) -> str:
+    assert surface.summary is not None
+    return f"{np.mean(surface.summary.upper - surface.summary.lower):.3f}"
+
+
+def _lab(nm: np.ndarray, reflectance: np.ndarray) -> list[float]:
+    """L*, a*, b* of a reflectance under D65, 2 degree observer."""
+    white = tristimulus(nm, np.ones(nm.size))
+    return [float(value) for value in lab_from_xyz(tristimulus(nm, reflectance), white)]
