@@ -11,7 +11,9 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.api.inputs import GRID, relative_response
+from spectrabox.fixtures.flat_demo import write_flat_demo
 from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.fixtures.paints import NM, PIGMENTS
 from spectrabox.session.cli import app
 
 mpl.use("Agg")
@@ -151,7 +153,6 @@ def test_what_is_trained_is_certified_and_used():
 
 @pytest.fixture(scope="module")
 def painting(tmp_path_factory):
-    from spectrabox.fixtures.flat_demo import write_flat_demo
     folder = tmp_path_factory.mktemp("painting") / "painting"
     write_flat_demo(folder, size=(416, 624))
     return folder
@@ -201,6 +202,7 @@ def test_without_any_scale_the_strength_of_the_light_is_estimated_with_its_error
     camera = sb.fit_camera(photos / "chart.dng", light=light)
     found = sb.reconstruct_scene(photos / "box.dng", scene=scenes / "box.xml", camera=camera,
                                  light=light, materials=materials, width=40, draws=1000)
+    assert list(found) == materials and found.plot_agreement().images and found.outcome
     session = sb.Session(finished)
     scale = found.reconstruction.views[0].light_scale
     assert 0.1 < scale.standard_error / scale.value < 0.6
@@ -208,3 +210,73 @@ def test_without_any_scale_the_strength_of_the_light_is_estimated_with_its_error
         assert found[name].band_width > session[name].band_width
         lower, upper = found[name].bounds()
         assert np.mean((session[name].mean >= lower) & (session[name].mean <= upper)) > 0.9
+
+
+@pytest.fixture(scope="module")
+def demos(tmp_path_factory):
+    """A folder with ``painting``, as the demo command writes it."""
+    folder = tmp_path_factory.mktemp("demos")
+    write_flat_demo(folder / "painting")
+    return folder
+
+
+def test_a_photo_goes_to_spectra_and_colours_in_a_few_lines(demos, monkeypatch):
+    monkeypatch.chdir(demos)
+    photo = sb.open_photo("painting/photos/painting.dng")
+    assert repr(photo) == ("<Photo painting.dng: Spectrabox Synthetic 5100 FLAT-1, 1248 x 832 "
+                           "pixels, 3 bands, 0.03333 s>")
+    chart = sb.find_chart(photo)
+    assert (chart.verdict, chart.reasons) == ("good", ()) and chart.corners.shape == (24, 4, 2)
+    chart.plot()
+    result = sb.flat(photo, {"wall": (986, 462, 1073, 537), "sun": (1038, 158, 1096, 216)},
+                     light="unknown", families={"wall": "paint"})
+    wall, other = result["wall"], result["sun"]
+    truth = np.interp(wall.nm, NM, PIGMENTS["vermilion"])
+    (lower, upper), (lowest, highest) = wall.band(0.95), wall.bounds()
+    # one spectrum: errors at its wavelengths are not independent, so not 95 % of them
+    assert np.mean((lower <= truth) & (truth <= upper)) > 0.8
+    assert np.all((lowest <= lower + 1e-6) & (upper <= highest + 1e-6))
+    draws = wall.draws(4000, seed=1)
+    # of 4000 draws the mean has a 63rd of their spread as its error: four of these
+    np.testing.assert_array_less(np.abs(draws.mean(axis=0) - wall.mean),
+                                 4 / 63 * wall.standard_deviation + 1e-3)
+    assert draws.shape == (4000, wall.nm.size)
+    assert wall.lab("D65").value.shape == (3,) and wall.delta_e("A", other).value > 20
+    assert set(wall.causes) >= {"metamerism", "light over the picture", "photo noise"}
+    assert "paint, as stated" in wall.outcome and 400 <= wall.next_reading_nm <= 700
+    assert wall.plot().get_title() == "wall" and result.plot().lines
+    assert result.verdict == "warn" and "put the chart or a white card" in result.reasons[0]
+    assert result.calibration.sensitivity.curves.shape == (3, 301)
+    lines = result.to_csv("spectra.csv").read_text(encoding="utf-8").splitlines()
+    table = [line for line in lines if not line.startswith("#")]
+    assert table[0].startswith("wavelength_nm,wall mean,wall standard_deviation,wall lower")
+    # six digits are written
+    np.testing.assert_allclose([float(line.split(",")[1]) for line in table[1:]], wall.mean,
+                               atol=1e-5)
+    assert dict(result.to_xarray().sizes) == {"surface": 2, "wavelength": wall.nm.size}
+
+
+def test_a_session_is_checked_run_and_read(finished):
+    session = sb.Session(finished)
+    session.check()
+    session.run()
+    assert session.verdict in ("pass", "warn", "fail") and session["cube"].plot().lines
+    assert session.report.stat().st_size > 10_000
+
+
+def test_a_prior_is_trained_and_another_method_judged():
+    nm, rng = np.arange(400, 701, 5.0), np.random.default_rng(8)
+    centre, width = rng.uniform(430, 670, (60, 1)), rng.uniform(40, 120, (60, 1))
+    reflectances = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centre) / width) ** 2)
+    prior = sb.train_prior({"paint": [reflectances[:20], reflectances[20:40]]}, nm=nm)
+    assert sb.certify(prior, reflectances[40:], nm=nm, noise=0.01).coverage[0.95] > 0.8
+    cube = np.tile(reflectances[0] + 0.02, (8, 8, 1))
+    judged = sb.judge(cube, {"patch": (1, 1, 7, 7)}, {"patch": reflectances[0]}, nm=nm,
+                      truth_nm=nm)
+    imported = next(row for row in judged.rows if row["method"] == "imported picture")
+    assert imported["rmse"] == pytest.approx(0.02)
+
+
+def test_an_image_without_pixels_is_refused():
+    with pytest.raises(sb.InputError, match=r"shape \(0, 5, 3\)"):
+        sb.uplift(np.zeros((0, 5, 3)), camera="Nikon 5100 (NPL)", light="D65")

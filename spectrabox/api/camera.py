@@ -45,6 +45,17 @@ class CameraEstimate:
     bands : tuple of K str
     photo : LinearImage
         The first photo of a chart: its exposure tells the light's strength in other photos.
+
+    References
+    ----------
+    Equations 17 to 20 of Xia et al. 2025 give the published fit; docs/explanation/calibration.md
+    says what is estimated here instead.
+
+    Examples
+    --------
+    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
+    >>> lower, upper = camera.band()
+    >>> camera.plot()
     """
 
     fit: CameraFit
@@ -69,6 +80,10 @@ class CameraEstimate:
     def band(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper sensitivities (K, P) of the 90 % band.
 
+        Returns
+        -------
+        lower, upper : (K, P) arrays
+
         Raises
         ------
         InputError
@@ -89,7 +104,17 @@ class CameraEstimate:
         return float(self.fit.chart.held_out_delta_e.mean())
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """The curves, shaded to two standard errors either side, as in the report."""
+        """The curves, shaded to two standard errors either side, as in the report.
+
+        Parameters
+        ----------
+        axes : matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
         axes = plt.subplots(figsize=(5.6, 3.4), layout="constrained")[1] if axes is None else axes
         plot_sensitivities(axes, self.nm, self.curves, self.calibration.sensitivity.standard_error,
                            self.bands)
@@ -97,7 +122,23 @@ class CameraEstimate:
         return axes
 
     def to_csv(self, path: str | Path) -> Path:
-        """Write the curves and their standard errors, a column each, as ``camera fit --out``."""
+        """Write the curves and their standard errors, a column each, as ``camera fit --out``.
+
+        Parameters
+        ----------
+        path : path
+            A text file, wavelengths in nm; ``camera=`` of the other functions takes it.
+
+        Returns
+        -------
+        Path
+            Of the file.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the file cannot be written; an older one is left as it was.
+        """
         fit = self.calibration.sensitivity
         columns = dict(zip(self.bands, fit.curves, strict=True))
         if fit.standard_error is not None:
@@ -140,7 +181,7 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     leave_out : sequence of int
         Numbers of patches, from 1, that no fit uses.
     method : {"prior", "smooth", "nonnegative", "paper"}
-        Learnt from measured cameras, or splines; "paper" is that of Xia et al. 2025, Eq. 4.
+        Learnt from measured cameras, or splines; "paper" is the published least squares.
     prior : path, optional
         A prior made by ``spectrabox camera prior``.
     seed : int
@@ -156,10 +197,19 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
         If a file cannot be read, or photos and lights do not match in number.
     ChartNotFoundError, ClippedPhotoError, CheckError
         If a photo does not show the chart, or is saturated.
+    CalibrationError
+        If chart and light do not determine the curves.
+
+    References
+    ----------
+    Xia et al. 2025, Eqs. 17 to 20 (``method="paper"``). The default fits curves, exposure, fall-off
+    and glare together under a prior of 39 measured cameras: docs/explanation/calibration.md.
 
     Examples
     --------
     >>> camera = sb.fit_camera(["mybox/photos/chart.dng"], light="mybox/spectra/light.csv")
+    >>> camera.nm, camera.curves
+    >>> camera.checks
     """
     photos = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
     lights = [as_light(one) for one in (light if isinstance(light, list) else [light])]

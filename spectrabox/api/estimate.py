@@ -58,6 +58,19 @@ class SpectrumEstimate:
         The one spectrum of the fit to the photo of a scene.
     given : (nm, reflectance) or None
         Of a surface whose spectrum is known.
+
+    References
+    ----------
+    Mean and standard deviation are Eq. 7 of Xia et al. 2025, and the bounds come from the spectra
+    of Eqs. 2 to 5. The posterior under the learnt prior: docs/explanation/sampling.md.
+
+    Examples
+    --------
+    >>> orange = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.003)
+    >>> orange.nm, orange.mean, orange.standard_deviation
+    >>> lower, upper = orange.band(0.95)
+    >>> lightness = orange.lab("D65").value[0]
+    >>> orange.plot()
     """
 
     name: str
@@ -93,6 +106,10 @@ class SpectrumEstimate:
         level : float
             Probability, 0 to 1, that it holds the reflectance at a wavelength.
 
+        Returns
+        -------
+        lower, upper : (P,) arrays
+
         Raises
         ------
         InputError
@@ -116,13 +133,30 @@ class SpectrumEstimate:
         return np.interp(self.nm, grid_nm, lower), np.interp(self.nm, grid_nm, upper)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Exact lowest and highest reflectance (P,) of any smooth spectrum behind the signal."""
+        """Exact lowest and highest reflectance (P,) of any smooth spectrum behind the signal.
+
+        Returns
+        -------
+        lowest, highest : (P,) arrays
+            They hold for the spline class of the estimate, under any prior.
+        """
         if self.given is not None:
             return self.mean, self.mean
         return self._summary.bound_lower, self._summary.bound_upper
 
     def draws(self, count: int = 4000, seed: int = 1) -> np.ndarray:
         """Independent draws (count, P) from all reflectances that explain the signal.
+
+        Parameters
+        ----------
+        count : int
+            T draws; equal seeds and counts give equal draws.
+        seed : int
+
+        Returns
+        -------
+        (T, P) array
+            Reflectances, 0 to 1.
 
         Raises
         ------
@@ -152,6 +186,11 @@ class SpectrumEstimate:
         light : str
             CIE name: D65, A, FL11, LED-B3.
 
+        Returns
+        -------
+        Colour
+            ``value`` (3,) and ``standard_error`` (3,).
+
         Raises
         ------
         InputError
@@ -170,6 +209,16 @@ class SpectrumEstimate:
         other : SpectrumEstimate or (P,) array
             Another estimate, whose errors are taken to be independent, or a reflectance on the
             wavelengths of this one.
+
+        Returns
+        -------
+        Colour
+            ``value`` and ``standard_error``, numbers.
+
+        Raises
+        ------
+        InputError
+            If no light of that name is published.
         """
         if isinstance(other, SpectrumEstimate):
             theirs, drawn = other._lab_of(light, other.mean), other._lab_of(light,
@@ -269,6 +318,13 @@ class SpectrumEstimate:
         draws : int
             How many to include; none by default.
         seed : int
+            Of these draws.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``mean``, ``standard_deviation``, ``lower``, ``upper``, ``bound_lower``,
+            ``bound_upper`` and ``draws``: reflectances, 0 to 1.
 
         Raises
         ------
@@ -278,7 +334,13 @@ class SpectrumEstimate:
         return estimates_to_xarray({self.name: self}, draws, seed).isel(surface=0)
 
     def to_colour(self) -> SpectralDistribution:
-        """The mean as a colour-science SpectralDistribution."""
+        """The mean as a colour-science SpectralDistribution.
+
+        Returns
+        -------
+        colour.SpectralDistribution
+            Reflectance, 0 to 1, by wavelength in nm.
+        """
         from colour import SpectralDistribution  # takes a second to import
         return SpectralDistribution(dict(zip(self.nm.tolist(), self.mean.tolist(), strict=True)),
                                     name=self.name)
@@ -287,7 +349,16 @@ class SpectrumEstimate:
         return spectrum_html([self])
 
     def renamed(self, name: str) -> SpectrumEstimate:
-        """The same estimate under another name."""
+        """The same estimate under another name.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        SpectrumEstimate
+        """
         return dataclasses.replace(self, name=name)
 
     @property

@@ -28,6 +28,18 @@ class SpectrumEstimates(Mapping[str, SpectrumEstimate]):
     ----------
     estimates : sequence of SpectrumEstimate
         Of different names.
+
+    References
+    ----------
+    Those of `SpectrumEstimate`.
+
+    Examples
+    --------
+    >>> many = sb.sample([[0.5, 0.4, 0.3], [0.2, 0.3, 0.4]], camera="Nikon 5100 (NPL)", light="D65",
+    ...                  noise=0.01, names=["warm", "cool"])
+    >>> many["warm"].mean
+    >>> widths = {name: one.band_width for name, one in many.items()}
+    >>> many.to_xarray(draws=100)
     """
 
     def __init__(self, estimates: Sequence[SpectrumEstimate]) -> None:
@@ -60,6 +72,13 @@ class SpectrumEstimates(Mapping[str, SpectrumEstimate]):
         draws : int
             How many of each surface to include; none by default.
         seed : int
+            Of these draws.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``mean``, ``standard_deviation``, ``lower``, ``upper``, ``bound_lower``,
+            ``bound_upper`` and ``draws``: reflectances, 0 to 1.
 
         Raises
         ------
@@ -70,6 +89,15 @@ class SpectrumEstimates(Mapping[str, SpectrumEstimate]):
 
     def to_csv(self, path: str | Path) -> Path:
         """Write mean, standard deviation, band and bounds of every surface, a row a wavelength.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Path
+            Of the file.
 
         Raises
         ------
@@ -93,7 +121,17 @@ class SpectrumEstimates(Mapping[str, SpectrumEstimate]):
         return target
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Means and bands of all surfaces."""
+        """Means and bands of all surfaces.
+
+        Parameters
+        ----------
+        axes : matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
         axes = plt.subplots(figsize=(6.6, 3.7), layout="constrained")[1] if axes is None else axes
         for name, one in self._estimates.items():
             line, = axes.plot(one.nm, one.mean, label=name)

@@ -91,6 +91,16 @@ class FlatSpectra(SpectrumEstimates):
         Of each region: the light on it relative to the chart's mean, and its relative error.
     notes : tuple of str
         What to beware of, in sentences.
+
+    References
+    ----------
+    How camera, light and fall-off are estimated: docs/explanation/calibration.md.
+
+    Examples
+    --------
+    >>> result = sb.flat("painting/photos/painting.dng", {"wall": (986, 462, 1073, 537)})
+    >>> result.verdict, result.reasons, result.light["wall"]
+    >>> result.to_csv("spectra.csv")
     """
 
     def __init__(self, estimates: Sequence[SpectrumEstimate], signals: SurfaceSignals,
@@ -151,8 +161,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
          seed: int = 1, progress: ProgressLike = None) -> FlatSpectra:
     """Spectra of regions of a flat sample: a painting, a print, a leaf.
 
-    Camera, light and its fall-off are found on the colour chart; no scene, no renderer and no
-    measured lamp are needed.
+    Camera, light and its fall-off are estimated from the colour chart; no scene, no renderer and
+    no measured lamp are needed.
 
     Parameters
     ----------
@@ -174,7 +184,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     camera_prior : path, optional
         A prior made by ``spectrabox camera prior``.
     draws, level, seed
-        Of the spectra behind each region.
+        T spectra behind each region, the probability of their band, 0 to 1, and their seed.
     progress : bool or function, optional
         True shows a bar; a function is called with the share that is done, and what is being
         done. By default a bar is shown in notebooks.
@@ -191,10 +201,18 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         chart's light.
     InputError
         If a region leaves the photo, or the photos do not state how their exposures compare.
+    CalibrationError
+        If chart and light do not determine the camera.
+
+    References
+    ----------
+    Not in Xia et al. 2025. Camera and light as products: docs/explanation/calibration.md; the
+    spectra behind a signal: docs/explanation/sampling.md.
 
     Examples
     --------
-    >>> result = sb.flat(photo, {"wall": (986, 462, 1073, 537)}, families={"wall": "paint"})
+    >>> result = sb.flat("painting/photos/painting.dng", {"wall": (986, 462, 1073, 537)},
+    ...                  families={"wall": "paint"})
     >>> result["wall"].plot()
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)

@@ -35,6 +35,16 @@ class Photo:
         Signal (H, W, K) as a fraction of (white - black), with its variance.
     notes : tuple of str
         What happened while it was developed.
+
+    References
+    ----------
+    The variance of the signal is the photon-transfer line [Janesick 2007, ch. 5].
+
+    Examples
+    --------
+    >>> photo = sb.open_photo("painting/photos/painting.dng")
+    >>> photo.signal.shape, photo.bands, photo.size_px
+    >>> photo.plot()
     """
 
     image: LinearImage
@@ -42,7 +52,10 @@ class Photo:
 
     @property
     def signal(self) -> np.ndarray:
-        """Signal (H, W, K), black-subtracted, without white balance, as a fraction of white."""
+        """Signal (H, W, K), black-subtracted, without white balance, as a fraction of white.
+
+        Of a mosaic, one entry for each 2 x 2 cell: half the height and width of ``size_px``.
+        """
         return self.image.signal
 
     @property
@@ -57,7 +70,17 @@ class Photo:
         return round(width * self.image.sensor_step), round(height * self.image.sensor_step)
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """The photo, stretched for the screen; the axes count pixels of the sensor."""
+        """The photo, stretched for the screen; the axes count pixels of the sensor.
+
+        Parameters
+        ----------
+        axes : matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
         axes = plt.subplots(layout="constrained")[1] if axes is None else axes
         width, height = self.size_px
         step = -(-max(self.image.signal.shape[:2]) // PREVIEW_PX)
@@ -99,6 +122,10 @@ def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] |
     CheckError
         If exposures of a bracket, dark frames or flat field do not fit the photo.
 
+    References
+    ----------
+    What decoding does, step by step: docs/explanation/decoding.md.
+
     Examples
     --------
     >>> photo = sb.open_photo("painting/photos/painting.dng")
@@ -119,6 +146,17 @@ class ChartInPhoto:
     layout : Chart
     detection : ChartDetection
     quality : ChartVerdict
+
+    References
+    ----------
+    How a chart is recognised and judged: docs/explanation/decoding.md.
+
+    Examples
+    --------
+    >>> chart = sb.find_chart("painting/photos/painting.dng")
+    >>> chart.verdict, chart.reasons, chart.corners
+    >>> chart.samples.mean
+    >>> chart.plot()
     """
 
     photo: Photo
@@ -147,7 +185,17 @@ class ChartInPhoto:
         return self.quality.samples
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """The photo with the sampled quadrilaterals of the patches."""
+        """The photo with the sampled quadrilaterals of the patches.
+
+        Parameters
+        ----------
+        axes : matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
         axes = self.photo.plot(axes)
         for quad in self.corners:
             axes.plot(*np.vstack([quad, quad[:1]]).T, color="white", lw=1.8)
@@ -172,8 +220,12 @@ def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None =
     reference : str, optional
         Chart reflectances: a published average by name, or a file of measured ones.
     corners : (4, 2) array, optional
-        Where the chart lies, in pixels: of a ColorChecker the outer corners of the patches at dark
+        Of the chart, in pixels: of a ColorChecker the outer corners of the patches at dark
         skin, bluish green, black and white.
+
+    Returns
+    -------
+    ChartInPhoto
 
     Raises
     ------
@@ -181,12 +233,17 @@ def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None =
         If there is no chart, or none at the corners.
     CheckError
         If the photo shows the chart mirrored, or is not linear in the light.
+    InputError
+        If a file cannot be read, or the chart's layout is not known.
+
+    References
+    ----------
+    docs/explanation/decoding.md, "How a chart is recognised".
 
     Examples
     --------
-    >>> chart = sb.find_chart(photo)
-    >>> chart.verdict
-    'good'
+    >>> chart = sb.find_chart("painting/photos/painting.dng")
+    >>> chart.verdict, chart.reasons
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     chart = as_chart(layout)

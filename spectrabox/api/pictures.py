@@ -18,6 +18,7 @@ from spectrabox.api.inputs import (
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.measure.pictures.uplift import uplift_image
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
@@ -55,13 +56,23 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     Raises
     ------
     InputError
-        If image and camera have other bands.
+        If image and camera have other bands, or the image has no pixel.
+
+    References
+    ----------
+    The posterior of one signal, for each pixel: docs/explanation/sampling.md. Not in Xia et al.
+    2025.
 
     Examples
     --------
+    >>> import numpy as np
+    >>> image = np.full((4, 6, 3), 0.3)
     >>> mean, deviation = sb.uplift(image, camera="Nikon 5100 (NPL)", light="D65")
     """
     pixels = image.signal if isinstance(image, Photo) else np.asarray(image, dtype=float)
+    if pixels.ndim != 3 or not pixels.size:
+        raise InputError(f"an image of shape {pixels.shape} was given; give (height, width, bands) "
+                         "with one pixel or more")
     response = relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,

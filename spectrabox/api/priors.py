@@ -51,6 +51,7 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     camera, light
         With which the bands are calibrated.
     seed : int
+        Of the reflectances that models make, and of the fit.
 
     Returns
     -------
@@ -61,6 +62,21 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     ------
     InputError
         For a family that there is not, a library that cannot be left out, or too few curves.
+
+    References
+    ----------
+    A Gaussian mixture in the logit of the reflectance, its bands calibrated on libraries left out
+    in turn: docs/explanation/sampling.md. Not in Xia et al. 2025.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> nm = np.arange(400, 701, 5)
+    >>> centres = np.linspace(430, 670, 60)[:, None]
+    >>> reflectances = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centres) / 60) ** 2)
+    >>> prior = sb.train_prior({"paint": [reflectances[::2], reflectances[1::2]]}, nm=nm)
+    >>> orange = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.003,
+    ...                    prior=prior)
     """
     read = {family: [_library(one, nm, f"{family} {number}") for number, one in
                      enumerate(value if isinstance(value, list | tuple) else [value], start=1)]
@@ -79,8 +95,10 @@ def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
     ----------
     prior : path, LogitMixture or None
         None for the shipped one.
-    library : folder, or (n, P) array at wavelengths ``nm``
+    library : folder, or (n, P) array
         Ten reflectances or more.
+    nm : (P,) array, optional
+        Wavelengths of a library that is given as an array.
     camera, light
         That see them.
     noise : float
@@ -88,6 +106,7 @@ def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
     families : str or sequence of str, optional
         What the surfaces are.
     seed : int
+        Of the noise and the draws.
 
     Returns
     -------
@@ -98,6 +117,20 @@ def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
     ------
     InputError
         For fewer than ten usable curves.
+
+    References
+    ----------
+    Interval score: Gneiting and Raftery 2007, Eq. 43. Measures and limits:
+    docs/results/certificate.md.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> nm = np.arange(400, 701, 5)
+    >>> centres = np.linspace(430, 670, 60)[:, None]
+    >>> reflectances = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centres) / 60) ** 2)
+    >>> certificate = sb.certify(None, reflectances, nm=nm, noise=0.01)
+    >>> certificate.verdict, certificate.coverage[0.95]
     """
     return certify_library(as_prior(prior, families_of(families)), _library(library, nm, "library"),
                            _coarse(camera, light), noise, seed, DELTA_LIGHTS)
@@ -113,12 +146,15 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
     Parameters
     ----------
     cube : path or (H, W, C) array
-        Reflectances, of an ENVI, MATLAB, Zarr or spectral EXR file, or at wavelengths ``nm``.
+        Reflectances, of an ENVI, MATLAB, Zarr or spectral EXR file, or as an array.
     regions : mapping
         From names to (x0, y0, x1, y1) in pixels, the ends not counted.
     truth : path or mapping
-        Measured reflectances: a table with a column for each region, or arrays (Q,) by region at
-        wavelengths ``truth_nm``.
+        Measured reflectances: a table with a column for each region, or arrays (Q,) by region.
+    nm : (C,) array, optional
+        Wavelengths of the cube, where it is an array or its file does not state them.
+    truth_nm : (Q,) array, optional
+        Wavelengths of truths that are given as arrays.
     camera, light
         That our methods see the truth with.
     white_region : str, optional
@@ -135,6 +171,20 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
     ------
     InputError
         If cube and truth do not both cover 420 to 680 nm, or a region leaves the cube.
+
+    References
+    ----------
+    Interval score: Gneiting and Raftery 2007, Eq. 43; CIEDE2000: Sharma, Wu and Dalal 2005. The
+    other methods are named in docs/how-to/judge.md.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> nm = np.arange(400, 701, 10)
+    >>> truth = 0.2 + 0.5 * (nm > 580)
+    >>> cube = np.tile(truth + 0.01, (8, 8, 1))
+    >>> judgement = sb.judge(cube, {"patch": (1, 1, 7, 7)}, {"patch": truth}, nm=nm, truth_nm=nm)
+    >>> {row["method"]: row["rmse"] for row in judgement.rows}
     """
     if isinstance(cube, str | Path):
         opened = open_picture(Path(cube), None if nm is None else np.asarray(nm, float), None)

@@ -60,7 +60,23 @@ class SceneSpectra(SpectrumEstimates):
     Attributes
     ----------
     estimate : SceneEstimate
+        The fit and the spectra as records.
     calibration : Calibration
+        Sensitivities and light.
+
+    References
+    ----------
+    Xia et al. 2025, Secs. 3.2 and 4.2; docs/explanation/reconstruction.md says how the fit differs.
+
+    Examples
+    --------
+    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv",
+    ...                        chart_scene="mybox/scene/chart.xml")
+    >>> scene = sb.reconstruct_scene("mybox/photos/box.dng", scene="mybox/scene/box.xml", width=48,
+    ...     camera=camera, light="mybox/spectra/light.csv",
+    ...     materials=["white", "green", "red", "cube"])
+    >>> scene.outcome
+    >>> scene.plot_agreement()
     """
 
     def __init__(self, estimates: Sequence[SpectrumEstimate], estimate: SceneEstimate,
@@ -80,7 +96,17 @@ class SceneSpectra(SpectrumEstimates):
         return self.reconstruction.views[0].outcome.value
 
     def plot_agreement(self, axes: Axes | None = None) -> Axes:
-        """The relative residual (photo - rendering) / photo, mean over the bands."""
+        """The relative residual (photo - rendering) / photo, mean over the bands.
+
+        Parameters
+        ----------
+        axes : matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
         axes = plt.subplots(layout="constrained")[1] if axes is None else axes
         view = self.reconstruction.views[0]
         usable = view.used[..., None] & (view.measured > 0)
@@ -100,7 +126,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
                       progress: ProgressLike = None) -> SceneSpectra:
     """Spectra of the materials of a scene from one photo, by inverse rendering in Mitsuba 3.
 
-    Xia et al. 2025, section 4; the light transport is traced once, then fitted by algebra.
+    The light transport is traced once, then the spectra are fitted to it by algebra.
 
     Parameters
     ----------
@@ -113,13 +139,15 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     light : path, name, (nm, values) or Spectrum
     materials : sequence of str, or mapping
         Ids of the BSDFs; a mapping gives the reflectance of those that are known: a file, or
-        (nm, values), None where it is to be found. A known one tells the strength of the light.
+        (nm, values), None where it is to be estimated. A known one tells the strength of the light.
     families : mapping, optional
         What a surface is, by material: paint, textile, leaves, skin, white, earth or animal.
     width : int
         Of the rendered view that is compared with the photo, in pixels.
     draws, seed : int
+        T spectra behind each band, and the seed of paths and draws.
     device : {"auto", "cpu", "cuda"}
+        That traces the light.
     progress : bool or function, optional
         True shows a bar; a function is called with the share that is done, and what is being
         done. By default a bar is shown in notebooks.
@@ -136,12 +164,20 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
         If scene and photo do not show the same view, or the materials are not those of the scene.
     EnvironmentProblem
         If there is no LLVM, or no GPU that was asked for.
+    ConvergenceError
+        If fit or draws do not reach their criterion.
+
+    References
+    ----------
+    Xia et al. 2025, Secs. 3.2 and 4.2, which descend through the renderer:
+    docs/explanation/reconstruction.md.
 
     Examples
     --------
+    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
     >>> scene = sb.reconstruct_scene("mybox/photos/box.dng", scene="mybox/scene/box.xml",
     ...     camera=camera, light="mybox/spectra/light.csv",
-    ...     materials=["white", "green", "red", "cube"])
+    ...     materials=["white", "green", "red", "cube"], width=48)
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     spectrum, scale, glare = as_spectrum(light), None, np.zeros(1)

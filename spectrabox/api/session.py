@@ -37,6 +37,10 @@ class Session(Mapping[str, SpectrumEstimate]):
     InputError
         If there is no session, or its file is not right; every fault is named.
 
+    References
+    ----------
+    The folder: docs/reference/session.md. How to read its report: docs/how-to/report.md.
+
     Examples
     --------
     >>> session = sb.Session("mybox")
@@ -69,6 +73,7 @@ class Session(Mapping[str, SpectrumEstimate]):
         Parameters
         ----------
         device : {"auto", "cpu", "cuda"}
+            That traces the light.
         force : bool
             Run also what is up to date.
         progress : bool or function, optional

@@ -57,7 +57,7 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
     families : str or sequence of str, optional
         Kind of surface, if you know it: paint, textile, leaves, skin, white, earth or animal.
     method : {"prior", "uniform", "paper"}
-        The learnt prior; all splines alike; or the sampler of Xia et al. 2025, section 5.
+        The learnt prior; all splines alike; or the sampler of Xia et al. 2025, Sec. 3.2.
     draws, seed, coefficients : int
         T draws of a single signal, their seed, and N of the spline class of the exact bounds.
     level : float
@@ -81,6 +81,11 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
         If two bands respond alike.
     ConvergenceError
         If there are too few draws for the band.
+
+    References
+    ----------
+    Xia et al. 2025: signal and splines Eqs. 2 to 5, mean and deviation Eq. 7, their sampler
+    Sec. 3.2. The learnt prior and exact draws: docs/explanation/sampling.md.
 
     Examples
     --------
@@ -124,10 +129,12 @@ def match(signal: SpectrumEstimate | ArrayLike,
     Parameters
     ----------
     signal : SpectrumEstimate or (K,) array
-        An estimate brings its camera, light and errors; an array needs ``camera`` and ``light``.
+        An estimate holds its camera, light and errors; an array needs ``camera`` and ``light``.
     library : path, several, or mapping of names to reflectances
         Spectral files, folders and archives as of ``spectrabox match --library``; or reflectances
         (P,) at wavelengths ``nm``.
+    camera, light
+        As of `sample`, of a signal that is given as an array.
     noise : float or (K,) array
         Of a signal that is given as an array.
     nm : (P,) array, optional
@@ -135,7 +142,10 @@ def match(signal: SpectrumEstimate | ArrayLike,
     variation : float
         Standard deviation of surfaces of one material, in reflectance.
     evidence_ratio : float, optional
-        Below which a spectrum may still be it; 100 by default.
+        How much less evident than the best a spectrum may be and still not be told apart from it,
+        above 1; by default what a true spectrum exceeds with a probability of 5 %.
+    prior : path or LogitMixture, optional
+        On reflectances that are in no library; the shipped one by default.
 
     Returns
     -------
@@ -146,6 +156,20 @@ def match(signal: SpectrumEstimate | ArrayLike,
     ------
     InputError
         If no spectrum of the library can be used.
+
+    References
+    ----------
+    Bayes factors between spectra, and of all of them against the prior: docs/how-to/match.md.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> nm = np.arange(400, 701, 5)
+    >>> library = {"orange": 0.1 + 0.6 / (1 + np.exp((580 - nm) / 15)),
+    ...            "grey": np.full(nm.size, 0.3)}
+    >>> answer = sb.match([0.53, 0.24, 0.08], library, nm=nm, camera="Nikon 5100 (NPL)",
+    ...                   light="D65", noise=0.003)
+    >>> answer.says
     """
     if not isinstance(signal, SpectrumEstimate):
         if camera is None or light is None:
