@@ -5,13 +5,13 @@
 
 Each mistake is one text of one file replaced by another (``benchmarks/planted/*.toml``), or drawn
 by rule from the sources (``--drawn``: a seed that was never used is a set that nobody knows). It is
-planted in a copy of the working tree, and the test files nearest to the module run until one fails:
-those that import it, then those that import what imports it, as many as the budget of processor
-time holds, cheap ones before dear ones. What the tests of a budget do not notice may be noticed by
-the rest of the suite: the share printed is a lower bound. Mistakes come in an order drawn once, so
-that a part of them is a fair sample. A later call goes on where the last one ended, and tries those
-that survived again if the budget is larger now, or ``--again`` is given. ``--suite 20`` puts what
-survives to the whole suite, twenty at once.
+planted in a copy of the working tree, and the test files nearest to the module run until one fails
+or the budget of processor time is spent: those that import it, then those that import what imports
+it, first those that name a function that runs the line, cheap ones before dear ones. What the tests
+of a budget do not notice may be noticed by the rest of the suite: the share printed is a lower
+bound. Mistakes come in an order drawn once, so that a part of them is a fair sample. A later call
+goes on where the last one ended, and tries those that survived again if the budget is larger now,
+or ``--again`` is given. ``--suite 20`` puts what survives to the whole suite, twenty at once.
 """
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ import argparse
 import json
 import random
 import tempfile
-from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.planted.chosen_tests import ROOMS, ROOT, nearest_tests
+from benchmarks.planted.chosen_tests import ROOMS, ROOT, nearest_tests, running_functions
 from benchmarks.planted.drawn_mistakes import drawn_mistakes
 from benchmarks.planted.mistake import Mistake, listed_mistakes
 from benchmarks.planted.reached_tests import TestMap, map_tests
@@ -33,12 +32,13 @@ from benchmarks.planted.scratch_tree import (
     planted,
     run_tests,
 )
-from benchmarks.planted.whole_suite import apart, noticed_by_suite
+from benchmarks.planted.whole_suite import apart, failed_tests, noticed_by_suite
 
-MAX_S = 400.0       # of processor time, of one test file
-SECONDS_A_LINE = 0.04   # of a test file, before its time is known
+SECONDS_A_LINE = 0.04   # of a test file, a guess
 SECONDS_A_SESSION = 4.0  # of each use of a session's results
 STARTS_S = 10.0     # of processor time that tests take beside what they are said to
+CLEAN_S = 400.0     # the same, for tests that failed, without the mistake
+NEAREST = 3         # test files that run before the others
 ORDER = 20260122    # seed of the order
 
 
@@ -48,82 +48,65 @@ def all_mistakes(lists: str = "*") -> list[Mistake]:
                   key=lambda each: random.Random(f"{ORDER} {each.name}").random())
 
 
-class Costs:
-    """Processor time of each test file where nothing is wrong, measured when it is first asked for;
-    a file whose tests fail then notices nothing.
+def chosen(mistake: Mistake, budget_s: float) -> list[str]:
+    """Test files for a mistake: the nearest first, of these those that name a function that runs
+    its line, cheap ones before dear ones; about twice as many as the budget holds.
     """
-
-    def __init__(self, tree: Path, folder: Path) -> None:
-        self.tree, self.folder, self.path = tree, folder, folder / "costs.json"
-        self.known: dict[str, float | None] = (
-            json.loads(self.path.read_text(encoding="utf-8")) if self.path.exists() else {})
-
-    def expected(self, test: str) -> float:
-        """Seconds, guessed from the length of a file that was not run yet."""
-        known = self.known.get(test)
-        if known is not None:
-            return known
-        text = (self.tree / test).read_text(encoding="utf-8")
-        return SECONDS_A_LINE * text.count("\n") + SECONDS_A_SESSION * text.count("finished")
-
-    def of(self, test: str) -> float | None:
-        """Seconds, or None for a file that fails by itself."""
-        if test not in self.known:
-            run = run_tests(self.tree, [test], MAX_S,
-                            self.folder / f"clean-{Path(test).stem}.log")
-            if run.status:
-                print(f"{test} fails with no mistake planted: {run.said}", flush=True)
-            self.known[test] = None if run.status else run.processor_s
-            self.path.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
-        return self.known[test]
-
-
-def chosen(file: str, costs: Costs, budget_s: float) -> tuple[list[str], float]:
-    """Test files for a mistake in a source file, and the processor time that they take."""
+    names = running_functions(mistake)
+    ranks = []
+    for distance, test in nearest_tests(mistake.file):
+        text = (ROOT / test).read_text(encoding="utf-8")
+        expected = SECONDS_A_LINE * text.count("\n") + SECONDS_A_SESSION * text.count("finished")
+        ranks.append((distance, not any(name in text for name in names), expected, test))
     tests, total = [], 0.0
-    levels = defaultdict(list)
-    for distance, test in nearest_tests(file):
-        levels[distance].append(test)
-    for _, level in sorted(levels.items()):
-        for test in sorted(level, key=costs.expected):
-            if total + costs.expected(test) > budget_s and tests:
-                return tests, total
-            if (cost := costs.of(test)) is None:
-                continue
-            if tests and total + cost > budget_s:
-                return tests, total
-            tests.append(test)
-            total += cost
-        if total > budget_s / 2:
+    for *_, expected, test in sorted(ranks):
+        tests.append(test)
+        total += expected
+        if total > 2 * budget_s:
             break
-    return tests, total
+    return tests
 
 
-def tried(mistake: Mistake, tree: Path, costs: Costs, budget_s: float, log: Path,
+def tried(mistake: Mistake, tree: Path, budget_s: float, log: Path,
           tests: list[str] | None = None, reached: TestMap | None = None) -> dict[str, Any]:
     """What came of one mistake; ``tests``, or those that run its lines, take the place of the
     nearest.
     """
-    every = False
+    every, limit_s = False, budget_s
     if tests is not None:
-        cost = sum(costs.of(test) or 0.0 for test in tests)
+        parts = [tests]
     elif reached is not None:
         tests, cost, every = reached.within(mistake, budget_s)
-        cost += STARTS_S
-    else:
-        tests, cost = chosen(mistake.file, costs, budget_s)
+        limit_s, parts = 3 * (cost + STARTS_S) + 30, [tests]
+    else:       # to collect tests takes time too: most mistakes are noticed by the nearest
+        tests = chosen(mistake, budget_s)
+        parts = [tests[:NEAREST], tests[NEAREST:]]
+    facts = {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,
+             "blind": mistake.blind, "every": every, "budget_s": budget_s}
     if not tests:
-        if reached is not None:
-            return {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,
-                    "blind": mistake.blind, "noticed": False, "by": "no test runs it",
-                    "every": True, "budget_s": budget_s, "processor_s": 0.0}
-        raise ValueError(f"no test that passes reaches {mistake.file}")
-    with planted(tree, mistake):
-        run = run_tests(tree, tests, 3 * cost + 30, log)
-    return {"mistake": mistake.name, "file": mistake.file, "what": mistake.what,
-            "blind": mistake.blind, "noticed": run.status != 0, "by": run.said if run.status
-            else ", ".join(tests[:50]), "every": every, "budget_s": budget_s,
-            "processor_s": run.processor_s}
+        return facts | {"noticed": False, "by": "no test runs it", "every": True,
+                        "processor_s": 0.0}
+    spent = 0.0
+    for part in parts:
+        if part and spent < limit_s:
+            with planted(tree, mistake):
+                run = run_tests(tree, part, limit_s - spent, log)
+            spent += run.processor_s
+            if run.status > 0:      # else it was ended, perhaps with a test in other processes
+                return facts | {"noticed": True, "by": run.said, "failed": failed_tests(log),
+                                "processor_s": spent}
+    return facts | {"noticed": False, "by": ", ".join(tests[:50]), "processor_s": spent}
+
+
+def take_back(results: list[dict[str, Any]], tree: Path, log: Path) -> None:
+    """Count as not noticed what only a test noticed that fails without any mistake."""
+    tests = sorted({test for each in results for test in each.get("failed", ())})
+    if tests and run_tests(tree, tests, CLEAN_S, log, first_only=False).status:
+        wrong = set(failed_tests(log))
+        for each in results:
+            if wrong.intersection(each.get("failed", ())):
+                each["noticed"] = False
+                print(f"{each['by']}: fails without {each['what']!r}, too", flush=True)
 
 
 def print_shares(results: list[dict[str, Any]]) -> None:
@@ -173,12 +156,11 @@ def main() -> None:
         import_libraries()
         with tempfile.TemporaryDirectory() as folder:
             tree = copied_tree(Path(folder) / "tree")
-            costs = Costs(tree, given.out)
             reached = _test_map(given.out, mistakes) if given.reached else None
             for number, mistake in enumerate(waiting, 1):
                 try:
-                    found = tried(mistake, tree, costs, given.budget, given.out / "tests.log",
-                                  given.tests, reached)
+                    found = tried(mistake, tree, given.budget, given.out / "tests.log", given.tests,
+                                  reached)
                 except (ValueError, RuntimeError) as error:
                     print(f"{number}/{len(waiting)} refused: {error}", flush=True)
                     continue
@@ -187,6 +169,9 @@ def main() -> None:
                 print(f"{number}/{len(waiting)} {'noticed' if found['noticed'] else 'SURVIVES'} "
                       f"{mistake.file}: {mistake.what} [{found['processor_s']:.0f} s] "
                       f"{found['by'] if found['noticed'] else ''}", flush=True)
+            take_back([results[each.name] for each in waiting if each.name in results], tree,
+                      given.out / "clean.log")
+            path.write_text(json.dumps(results, indent=1), encoding="utf-8")
             if given.suite:
                 _try_suite(tree, [each for each in mistakes if each.name in results], results,
                            given.suite, given.out, reached)

@@ -13,9 +13,11 @@ import pytest
 from batch_sessions import begun, copies, order_of, results_of, write_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.session.batch import overview
 from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
 from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
 from spectrabox.session.batch.overview import (
+    BatchProgress,
     batch_facts,
     batch_text,
     duration_text,
@@ -419,6 +421,15 @@ def test_outcomes_come_back_as_they_were_stored(tmp_path):
     back = stored_outcome(tmp_path, tmp_path / "a", "m")
     assert dataclasses.asdict(back) == json.loads(json.dumps(dataclasses.asdict(outcome)))
     assert stored_outcome(tmp_path, tmp_path / "a", "n") is None
+
+
+def test_the_time_left_is_at_the_pace_of_what_ran_now(tmp_path, monkeypatch):
+    now, shown = [0.0], []
+    monkeypatch.setattr(overview.time, "monotonic", lambda: now[0])
+    progress = BatchProgress(lambda *one: shown.append(one), 10, 6, False)
+    now[0] = 20.0
+    progress.add(outcomes_in(tmp_path)[0])
+    assert shown[-1][1] == 0.7 and shown[-1][2].endswith("60 s left")    # three more
 
 
 @pytest.mark.parametrize("seconds, said", [(7.4, "7 s"), (200, "3 min"), (9000, "2.5 h")])

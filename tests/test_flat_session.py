@@ -3,6 +3,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -286,8 +287,12 @@ def test_a_card_stated_off_its_level_is_doubted(flat_session):
     finished = run(flat_session)
     notes = finished.stored["signals"].record(tuple[str, ...], "notes")
     assert any("standard errors darker than the chart's light" in note for note in notes)
-    verdict = judge(assemble_flat(read_session(flat_session), finished, {}))
+    results = assemble_flat(read_session(flat_session), finished, {})
+    verdict = judge(results)
     assert verdict.status is Status.WARN and "The level of “white_wall”" in verdict.sentence
+    photo = replace(results.photos[0], level_misfits={"bright": 3.5, "dark": -4.5})
+    verdict = judge(replace(results, photos=[photo]))
+    assert "The level of “dark”, of known spectrum, is 4.5 standard errors" in verdict.sentence
 
 
 def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session):

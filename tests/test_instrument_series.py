@@ -104,6 +104,9 @@ def test_a_warming_lamp_is_flagged_and_a_steady_one_rarely():
     # 0.002: five of them.
     assert warm.relative_drift == pytest.approx(0.05 / 1.025, abs=0.01)
     assert any(f"drifts by {warm.relative_drift:+.1%}" in flag for flag in warm.flags)
+    # from the first of few readings to the last of them, without noise
+    straight = series_of([reading(np.full(NM.size, level)) for level in (0.95, 1.0, 1.05)], "light")
+    assert straight.relative_drift == pytest.approx(0.10, rel=1e-9)
     false_alarms = sum(bool(series(0.0).flags) for _ in range(200))
     # Student t with 8 degrees of freedom beyond 3: 1.7 %, of which the 0.5 % floor keeps most; 12
     # of 200 is p < 1e-3.

@@ -1,12 +1,16 @@
 """Transcripts come back as they were written, and bad ones get one sentence."""
 import dataclasses
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from spectrabox.capture.meter.instruments.instrument_errors import NoReplyError
-from spectrabox.capture.meter.instruments.interface import MeterSettings
+from spectrabox.capture.meter.instruments.instrument_errors import (
+    NoReplyError,
+    UntrustedReadingError,
+)
+from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
 from spectrabox.capture.meter.measurement import (
     measure_once,
     open_instrument,
@@ -28,6 +32,13 @@ from spectrabox.fixtures.meter_transcripts import FOLDER
 from spectrabox.radiometry.errors import InputError
 
 START = "# spectrabox transcript: 1\n# instrument: pr655\n# line: 9600\n"
+
+
+def test_a_serial_number_that_changes_between_two_answers_is_refused():
+    answers = iter([Identity("PR-655", "65123456", "1.19"), Identity("PR-655", "65123457", "1.19")])
+    meter = SimpleNamespace(identify=lambda: next(answers), line=SimpleNamespace(name="COM3"))
+    with pytest.raises(UntrustedReadingError, match="asked twice"):
+        trusted_identity(meter)
 
 
 def test_every_byte_survives_the_text_form():

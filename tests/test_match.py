@@ -115,6 +115,14 @@ def test_none_fits_where_the_true_spectrum_is_missing_and_far():
     assert with_it.probability_of_none < 0.5
 
 
+def test_a_library_given_twice_is_no_likelier():
+    spectra, prior = library(20), load_prior()
+    signal = measured(RESPONSE @ spectra[3] + np.array([0.0125, -0.0125, 0.0125]))
+    once, twice = (identify(signal, given, prior).probability_of_none
+                   for given in (spectra, np.tile(spectra, (2, 1))))
+    assert 0.01 < once < 0.99 and twice == pytest.approx(once, rel=1e-9)
+
+
 def call(*words):
     return CliRunner().invoke(app, ["match", *map(str, words)])
 

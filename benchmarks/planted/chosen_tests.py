@@ -6,6 +6,8 @@ import re
 from functools import cache
 from pathlib import Path
 
+from benchmarks.planted.mistake import Mistake
+
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "measure", "session",
          "fixtures")
@@ -57,3 +59,19 @@ def nearest_tests(file: str) -> list[tuple[int, str]]:
     tests = [name for name in sources() if name.startswith("test_")]
     return sorted((distances(test)[module], str(sources()[test].relative_to(ROOT)))
                   for test in tests if module in distances(test))
+
+
+def running_functions(mistake: Mistake) -> set[str]:
+    """Names of the functions of a file that run the line of a mistake: the one that holds it, and
+    those that name such a one.
+    """
+    text = (ROOT / mistake.file).read_text(encoding="utf-8")
+    line = text.count("\n", 0, text.index(mistake.old) + len(mistake.old) // 2) + 1
+    bodies = [node for node in ast.parse(text).body
+              if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    named = {body.name: {node.id for node in ast.walk(body) if isinstance(node, ast.Name)}
+             for body in bodies}
+    found = {body.name for body in bodies if body.lineno <= line <= (body.end_lineno or 0)}
+    while more := {name for name, uses in named.items() if uses & found} - found:
+        found |= more
+    return {name for name in found if not name.startswith("_")}
