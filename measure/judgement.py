@@ -65,7 +65,7 @@ class JudgeOptions:
     white_region: str | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PictureJudgement:
     """Spectra of R regions, and measures by region and method.
 
@@ -83,6 +83,10 @@ class PictureJudgement:
     regions: list[RegionSpectra]
     rows: list[dict[str, Any]]
     means: list[dict[str, Any]]
+
+    def __repr__(self) -> str:
+        lines = [f"  {row['method']}: RMSE {row['rmse']:.4f}" for row in self.means]
+        return "\n".join([f"<PictureJudgement of {len(self.regions)} regions>", *lines])
 
 
 def compare_methods(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray | None,

@@ -47,7 +47,7 @@ class SpectrumMatch:
     indistinguishable: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SurfaceMatch:
     """Matches of a surface's signal, the best first; fields are named as in ``--json``."""
 
@@ -59,6 +59,9 @@ class SurfaceMatch:
     probability_of_none: float
     none_fits: bool
     says: str
+
+    def __repr__(self) -> str:
+        return f"<SurfaceMatch {self.surface!r}: {self.says}>"
 
 
 def match_signal(surface: str, measurement: SpectralMeasurement, library: SpectralLibrary,

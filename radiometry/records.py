@@ -416,7 +416,7 @@ class StrayLight(Record):
     relative: Annotated[np.ndarray, "M J"]          # of each material's signal, bands correlated
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointReconstruction(Record):
     """Spectra that explain V photos, and the signals of J bands: every independent response.
 
@@ -438,6 +438,10 @@ class JointReconstruction(Record):
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
     stray_light: tuple[StrayLight, ...] = ()        # independent of each other
+
+    def __repr__(self) -> str:
+        return (f"<JointReconstruction of {', '.join(self.materials)} from "
+                f"{len(self.views)} photos: {self.views[0].outcome.name}>")
 
 
 # ---- what all kinds of sessions end in -----------------------------------------------------------

@@ -268,7 +268,7 @@ def test_a_prior_is_trained_and_another_method_judged():
     nm, rng = np.arange(400, 701, 5.0), np.random.default_rng(8)
     centre, width = rng.uniform(430, 670, (60, 1)), rng.uniform(40, 120, (60, 1))
     reflectances = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centre) / width) ** 2)
-    prior = sb.train_prior({"paint": [reflectances[:20], reflectances[20:40]]}, nm=nm)
+    prior = sb.train_prior({"paint": reflectances[:40]}, nm=nm)
     assert sb.certify(prior, reflectances[40:], nm=nm, noise=0.01).coverage[0.95] > 0.8
     cube = np.tile(reflectances[0] + 0.02, (8, 8, 1))
     judged = sb.judge(cube, {"patch": (1, 1, 7, 7)}, {"patch": reflectances[0]}, nm=nm,

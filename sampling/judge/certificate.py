@@ -33,7 +33,7 @@ TENTHS = 10                 # of wavelengths
 BRIGHT = 0.6                # reflectances above it are reported apart
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Certificate:
     """What the bands did on one library; coverages at LEVELS, everything else at 95 %."""
 
@@ -59,6 +59,9 @@ class Certificate:
     stated: tuple[str, ...]     # families that were stated
     unfamiliar: float           # share of signals that the prior would refuse
     trained_on: bool            # the prior was learnt on a library of this name
+
+    def __repr__(self) -> str:
+        return f"<Certificate {self.name}: {self.curves} curves. {self.verdict}>"
 
     @property
     def verdict(self) -> str:

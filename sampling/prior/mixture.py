@@ -51,7 +51,7 @@ class Components(Record):
     family: Annotated[np.ndarray, "D"]          # index of each one's
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LogitMixture(Record):
     """A prior of logit reflectances, C components on P wavelengths, and its calibration."""
 
@@ -75,6 +75,9 @@ class LogitMixture(Record):
     certificates: Mapping[str, FamilyCertificate] = field(default_factory=dict)     # by family
     # of the families that have other ones where they are stated
     where_stated: Components | None = None
+
+    def __repr__(self) -> str:
+        return f"<LogitMixture of {', '.join(self.families)}>"
 
     def band_factor(self, level: float, weights: np.ndarray) -> np.ndarray:
         """Factors (T, P) by which central bands of ``level`` are widened, for weights (T, C)."""

@@ -44,8 +44,9 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     ----------
     libraries : mapping
         From the name of a family (paint, textile, leaves, skin, white, earth, animal, or "mixed")
-        to reflectances (n, P), a folder of them, or a list of these. A family without models
-        needs two, so that each can be left out in turn.
+        to reflectances (n, P), a folder of them, or a list of these. Libraries are left out in
+        turn to calibrate the bands; an array alone is parted into two at random, and its bands
+        are then those of surfaces like its own.
     nm : (P,) array, optional
         Wavelengths of reflectances that are given as arrays.
     camera, light
@@ -74,12 +75,12 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     >>> nm = np.arange(400, 701, 5)
     >>> centres = np.linspace(430, 670, 60)[:, None]
     >>> reflectances = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centres) / 60) ** 2)
-    >>> prior = sb.train_prior({"paint": [reflectances[::2], reflectances[1::2]]}, nm=nm)
+    >>> prior = sb.train_prior({"paint": reflectances}, nm=nm)
     >>> orange = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.003,
     ...                    prior=prior)
     """
-    read = {family: [_library(one, nm, f"{family} {number}") for number, one in
-                     enumerate(value if isinstance(value, list | tuple) else [value], start=1)]
+    read = {family: [_library(one, nm, f"{family} {number}")
+                     for number, one in enumerate(_parts(value, seed), start=1)]
             for family, value in libraries.items()}
     prior, _ = train(read, _coarse(camera, light), seed)
     return prior
@@ -214,6 +215,16 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
     return judge_picture(opened, boxes, table, relative_response(camera, light), as_prior(None),
                          JudgeOptions(DELTA_LIGHTS, full_scale=full_scale,
                                       white_region=white_region))
+
+
+def _parts(value: LibraryLike | Sequence[LibraryLike], seed: int) -> Sequence[LibraryLike]:
+    """The libraries of a family; an array alone in two halves, chosen at random."""
+    if isinstance(value, str | Path):
+        return [value]
+    if isinstance(value, list | tuple):
+        return value
+    curves = np.random.default_rng(seed).permutation(np.asarray(value, dtype=float))
+    return [curves[::2], curves[1::2]]
 
 
 def _library(library: LibraryLike, nm: ArrayLike | None, name: str) -> ReflectanceLibrary:
