@@ -3,7 +3,6 @@
 Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
 """
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +21,6 @@ from calibrate_cameras import (
 from scipy import optimize
 
 from spectrabox.calibrate import chart_calibration, doubts
-from spectrabox.calibrate.beam.beam_fit import _jackknife
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartPhoto,
@@ -540,13 +538,3 @@ def test_a_lens_darkens_the_corners_by_no_more_than_is_held_possible():
     assert left.min() >= 0.4 - 1e-4 and left.max() <= 1
     # 1 - 0.6 u^2 with u uniform: mean 0.8, deviation 0.18, of 400
     assert left.mean() == pytest.approx(0.8, abs=SIGMAS * 0.18 / 20)
-
-
-def test_a_jackknife_of_a_mean_is_its_standard_error_squared():
-    rng = np.random.default_rng(79)
-    values, group = rng.standard_normal((12, 4)), np.arange(12)
-
-    def without(some):
-        return SimpleNamespace(profile=lambda _: values[~some].mean(axis=0))
-    found = _jackknife(SimpleNamespace(without=without), group, np.arange(4.0))
-    np.testing.assert_allclose(found, values.var(axis=0, ddof=1) / 12, rtol=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.capture.develop.bands import stack_bands, strongest_channel
-from spectrabox.capture.develop.bracket import merge_exposures, near_saturated, variance_line
+from spectrabox.capture.develop.bracket import merge_exposures, variance_line
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.linear import linear_image, tile_step
@@ -305,14 +305,6 @@ def test_saturated_pixels_do_not_bend_the_line_of_the_variance():
     # Single precision of the variance.
     np.testing.assert_allclose(gain, 5e-5, rtol=1e-4)
     np.testing.assert_allclose(read, 1e-7, rtol=1e-2)
-
-
-def test_neighbours_of_saturated_pixels_are_left_out():
-    saturated = np.zeros((5, 6, 2), bool)
-    saturated[2, 3, 0] = True
-    assert near_saturated(saturated)[..., 0].sum() == 9 and not near_saturated(
-        saturated)[..., 1].any()
-    assert near_saturated(saturated, spills=True)[..., 1].sum() == 9
 
 
 # ---- bands ---------------------------------------------------------------------------------------

@@ -11,8 +11,6 @@ from spectrabox.capture.chart.reference import typical_signals
 from spectrabox.capture.photo.image_files import read_encoded_file
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError
 
-from benchmarks.bench_capture import seven_bands
-
 CLASSICS = ("ColorChecker_Noise_Est_ISO_100.jpg", "IMG_20140613_203438.jpg",
             "IMG_20140613_203451.jpg", "IMG_20140613_203507.jpg", "Lab_ISO_100.jpg", "classic.png",
             "colorchecker-classic-mini.jpg", "passport.jpg", "source1_img.png")
@@ -40,11 +38,3 @@ def test_every_other_card_is_refused(measured, name):
     error, message = OTHERS[name]
     with pytest.raises(error, match=message):
         locate_chart(read_encoded_file(measured / "charts" / name), typical_signals(3))
-
-
-def test_a_seven_band_capture_matches_its_measured_spectra(measured):
-    bands = seven_bands(measured / "flea3_chart")
-    # 3 % of the maximum (6 % at 400 nm): what 8-bit frames and the spectra of chart and filters
-    # allow.
-    assert bands["rms_of_maximum"][0] < 0.06 and max(bands["rms_of_maximum"][1:]) < 0.03
-    assert min(bands["rms_without_field"]) > 0.04

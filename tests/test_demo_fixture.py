@@ -9,7 +9,7 @@ import rawpy
 from scipy.interpolate import BSpline
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.box_render import box_light, smooth_within_faces
+from spectrabox.fixtures.box_render import box_light
 from spectrabox.fixtures.chart_scene import homography
 from spectrabox.fixtures.demo_photos import (
     BLACK,
@@ -77,17 +77,6 @@ def test_paints_are_reflectances_that_no_spline_of_the_inversion_is(name):
     fit = basis @ np.linalg.lstsq(basis, reflectance[inside], rcond=None)[0]
     # One-sided: a spectrum made in the basis would leave round-off, about 1e-15.
     assert np.max(np.abs(fit - reflectance[inside])) > 1e-4
-
-
-def test_the_lamp_shines_everywhere_in_the_visible():
-    visible = lamp.radiance(np.arange(400.0, 701.0))
-    assert visible.min() >= 0.004 * visible.max()
-    assert abs(400 + np.argmax(visible) - 450) < 5
-
-
-def test_the_session_is_complete(session):
-    found = [file.relative_to(session).as_posix() for file in session.rglob("*") if file.is_file()]
-    assert sorted(found) == sorted(FILES)
 
 
 def test_the_same_seed_gives_the_same_bytes(session, tmp_path):
@@ -175,13 +164,6 @@ def test_the_floor_gets_direct_light_and_some_from_the_wall_beside_it(session, x
     assert np.all(measured > direct)
     assert np.all(measured < 1.5 * direct)
     assert np.argmax(measured / direct) == tinted_band
-
-
-def test_smoothing_keeps_an_even_face_and_never_mixes_two():
-    faces = np.repeat([[0] * 20 + [1] * 20], 30, axis=0)
-    signal = np.where(faces == 0, 0.2, 0.7)[..., None]
-    # Sums of at most 49 numbers: a few eps.
-    np.testing.assert_allclose(smooth_within_faces(signal, faces), signal, rtol=1e-13)
 
 
 def test_a_number_of_paths_that_cannot_be_repeated_is_refused():

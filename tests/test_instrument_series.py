@@ -11,7 +11,6 @@ from spectrabox.capture.meter.measurement_files import (
     store_reading,
     stored_readings,
 )
-from spectrabox.capture.meter.measurement_plot import png_plot, text_plot
 from spectrabox.capture.meter.measurement_series import reflectance_from, series_of, series_spectrum
 from spectrabox.capture.meter.measurement_targets import claim, note_role, result_file
 from spectrabox.capture.meter.meter_calibration import (
@@ -165,14 +164,6 @@ def test_a_light_without_blue_cannot_give_a_reflectance_there():
         reflectance_from(spectrum(light), spectrum(light), 1.0, "x")
     beyond = np.where(NM > 720, 1e-4, 1.0)
     assert reflectance_from(spectrum(beyond), spectrum(beyond), 1.0, "x").grid.nm[-1] == 720
-
-
-def test_plots_show_range_and_quantity(tmp_path):
-    drawn = text_plot(spectrum(np.linspace(0, 1, NM.size)))
-    assert "380" in drawn and "780 nm" in drawn and "radiance" in drawn and "█" in drawn
-    assert "█" not in text_plot(spectrum(-np.ones(NM.size)))
-    png_plot(spectrum(np.ones(NM.size), np.full(NM.size, 0.1)), tmp_path / "a.png")
-    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
 def by(serial_number, values, model="PR-655"):

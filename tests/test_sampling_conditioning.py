@@ -33,7 +33,6 @@ from spectrabox.sampling.polytope.refinement import (
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
 from spectrabox.sampling.uniform import into_reach
 
 TRUTH = surface(PRIOR_GRID.nm, 7)
@@ -152,13 +151,6 @@ def test_scores_of_known_cases():
 
 
 # ---- ranking, refinement, N ----------------------------------------------------------------------
-
-def test_ranking_keeps_the_nearest(draws):
-    kept = best_by_signals(draws[:, [0, 60]], TRUTH[[0, 60]], 10)
-    loss = np.sum((draws[:, [0, 60]] - TRUTH[[0, 60]])**2, axis=1)
-    assert loss[kept].max() <= np.sort(loss)[9]
-    with pytest.raises(InputError, match="the best 0 of"):
-        best_by_signals(draws[:, :1], np.array([0.1]), 0)
 
 
 @pytest.mark.parametrize("coarse, fine", [(5, 9), (7, 11), (7, 15)])

@@ -13,8 +13,6 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.conditioning import Reading, condition
-from spectrabox.sampling.polytope.bounds import reflectance_bounds
-from spectrabox.sampling.spline_measurement import spline_operator
 from spectrabox.sampling.summary import next_measurement_nm, summarise
 from spectrabox.sampling.uniform import sample_uniform
 
@@ -40,13 +38,6 @@ def test_the_band_leaves_equal_tails(samples, level):
     np.testing.assert_allclose((spectra < summary.lower).mean(axis=0), (1 - level) / 2, atol=1e-3)
     np.testing.assert_allclose((spectra > summary.upper).mean(axis=0), (1 - level) / 2, atol=1e-3)
     assert summary.level == level
-
-
-def test_bounds_are_those_of_the_spline_class(samples):
-    summary = summarise(samples, paint(), level=0.9)
-    lower, upper = reflectance_bounds(spline_operator(paint(), COEFFICIENTS), BASIS, 0.9)
-    np.testing.assert_array_equal(summary.bound_lower, lower)
-    np.testing.assert_array_equal(summary.bound_upper, upper)
 
 
 def test_the_next_reading_goes_where_conditioning_on_it_helps_most(samples):
