@@ -105,6 +105,13 @@ def test_a_colour_carries_the_scatter_of_the_draws():
     assert same.value == 0 and same.standard_error > 0
 
 
+def test_two_surfaces_err_independently_in_their_colour_difference():
+    pair = sb.sample([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5]], camera="Nikon 5100 (NPL)", light="D65",
+                     noise=0.02)
+    # draws of equal seeds would differ by nothing, and the difference would seem certain
+    assert pair[0].delta_e("D65", pair[1]).standard_error > 0.4 * pair[0].lab().standard_error[0]
+
+
 def test_estimates_become_labelled_arrays_and_spectral_distributions():
     many = sb.sample([[0.5, 0.4, 0.3], [0.2, 0.3, 0.4]], camera="Nikon 5100 (NPL)", light="D65",
                      noise=0.01, names=["warm", "cool"])
@@ -126,6 +133,10 @@ def test_names_in_a_notebook_are_escaped():
 
 def test_a_session_gives_the_spectra_of_its_report(finished):
     session = sb.Session(finished)
+    before = {path: path.stat().st_mtime_ns for path in finished.rglob("*") if path.is_file()}
+    assert session.verdict in ("pass", "warn", "fail") and isinstance(session.warnings, list)
+    assert {path: path.stat().st_mtime_ns for path in finished.rglob("*") if path.is_file()} \
+        == before       # who reads a verdict has not asked for files
     said = json.loads((CliRunner().invoke(app, ["run", str(finished), "--json"])).stdout)
     assert session.verdict == said["verdict"]
     table = np.genfromtxt(finished / "spectra.csv", delimiter=",", names=True, comments="#",

@@ -226,8 +226,12 @@ class SpectrumEstimate:
         else:
             theirs = drawn = self._lab_of(light, np.asarray(other, dtype=float))
         mine = self._lab_of(light, self._colour_draws)
-        count = min(len(mine), len(drawn)) if drawn.ndim == 2 else len(mine)
-        spread = ciede2000(mine[:count], drawn[:count] if drawn.ndim == 2 else drawn)
+        if drawn.ndim == 2:
+            # in another order: draws of equal seeds would err alike
+            count = min(len(mine), len(drawn))
+            mine = mine[:count]
+            drawn = np.random.default_rng(COLOUR_SEED).permutation(drawn)[:count]
+        spread = ciede2000(mine, drawn)
         return Colour(np.asarray(ciede2000(self._lab_of(light, self.mean), theirs)),
                       np.asarray(spread.std()))
 

@@ -14,10 +14,12 @@ from spectrabox.api.estimate import SpectrumEstimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
     GRID,
+    KnownSpectrum,
     LightLike,
     as_chart,
     as_light,
     as_prior,
+    as_reflectance,
     families_of,
     one_blas_thread,
 )
@@ -55,15 +57,12 @@ from spectrabox.radiometry.records import (
     ChartDetection,
     LinearImage,
     PatchSamples,
-    Quantity,
     Spectrum,
     SurfaceSignals,
     SurfaceSpectrum,
     UnknownLight,
 )
 from spectrabox.radiometry.spectra.spectrum_files import (
-    on_grid,
-    read_spectrum,
     spectrum_on_grid,
 )
 from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
@@ -75,7 +74,6 @@ GLARE = 0.005                       # veiling glare, of the picture's mean signa
 THUMBNAIL_PX, CHART_THUMBNAIL_PX = 96, 48   # wide: of photos that tell exposure and mean signal
 
 Outline = Sequence[float] | Sequence[Sequence[float]]
-KnownSpectrum = str | Path | float | tuple[ArrayLike, ArrayLike]
 
 
 class FlatSpectra(SpectrumEstimates):
@@ -243,7 +241,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                           detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
                           calibration)
         errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, seed=seed)
-        spectra_known = {name: _reflectance(one) for name, one in (known or {}).items()}
+        spectra_known = {name: as_reflectance(one) for name, one in (known or {}).items()}
         step(0.5, "light over the photo")
         white = white_at_regions(shown, spectra_known, errors)
         assert white is not None
@@ -298,13 +296,3 @@ def _outline(region: Outline) -> list[tuple[float, float]]:
 def _thumbnail(photo: LinearImage, width_px: int) -> LinearImage:
     height, width = photo.signal.shape[:2]
     return bin_image(photo, width_px, max(round(width_px * height / width), 1))
-
-
-def _reflectance(known: KnownSpectrum) -> np.ndarray:
-    """A known reflectance (P,) on the working grid."""
-    if isinstance(known, int | float):
-        return np.full(GRID.nm.size, float(known))
-    if isinstance(known, str | Path):
-        return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), GRID)
-    nm, values = (np.asarray(part, dtype=float) for part in known)
-    return on_grid(nm, values, GRID, "reflectance")

@@ -17,7 +17,11 @@ from spectrabox.radiometry.grid import WavelengthGrid, visible_grid
 from spectrabox.radiometry.records import Calibration, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
-from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
+from spectrabox.radiometry.spectra.spectrum_files import (
+    on_grid,
+    read_spectrum,
+    spectrum_on_grid,
+)
 from spectrabox.radiometry.spectra.stated_light import stated_light
 from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
 
@@ -30,6 +34,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 Curves = tuple[ArrayLike, ArrayLike]        # wavelengths (Q,) in nm, values
 LightLike = str | Path | Spectrum | UnknownLight | Curves
+KnownSpectrum = str | Path | float | Curves
 CameraLike = Union[str, Path, "CameraEstimate", Calibration, Curves]
 
 
@@ -81,8 +86,7 @@ def as_spectrum(light: LightLike) -> Spectrum:
     return known
 
 
-def as_curves(camera: CameraLike,
-              grid: WavelengthGrid = GRID) -> np.ndarray:
+def as_curves(camera: CameraLike, grid: WavelengthGrid = GRID) -> np.ndarray:
     """Sensitivities (K, P) on a grid.
 
     Parameters
@@ -106,8 +110,23 @@ def as_curves(camera: CameraLike,
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
 
 
-def relative_response(camera: CameraLike,
-                      light: LightLike) -> np.ndarray:
+def as_reflectance(known: KnownSpectrum) -> np.ndarray:
+    """A known reflectance (P,) on the working grid: a number, a file, or (nm, values).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or the values do not cover the grid.
+    """
+    if isinstance(known, int | float):
+        return np.full(GRID.nm.size, float(known))
+    if isinstance(known, str | Path):
+        return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), GRID)
+    nm, values = (np.asarray(part, dtype=float) for part in known)
+    return on_grid(nm, values, GRID, "reflectance")
+
+
+def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:
     """Response (K, 301) of a camera's bands to reflectances under a light; rows sum to 1."""
     matrix = response_matrix(GRID, as_curves(camera), spectrum_on_grid(as_spectrum(light), GRID))
     return matrix / white_signal(matrix)[:, None]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import ArrayLike
 
 from spectrabox.api.camera import CameraEstimate
 from spectrabox.api.estimate import SpectrumEstimate
@@ -17,9 +16,11 @@ from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
     GRID,
     CameraLike,
+    KnownSpectrum,
     LightLike,
     as_curves,
     as_prior,
+    as_reflectance,
     as_spectrum,
     families_of,
     one_blas_thread,
@@ -35,12 +36,7 @@ from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import scale_for_photo
-from spectrabox.radiometry.records import Calibration, JointReconstruction, Quantity
-from spectrabox.radiometry.spectra.spectrum_files import (
-    on_grid,
-    read_spectrum,
-    spectrum_on_grid,
-)
+from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
@@ -50,8 +46,6 @@ if TYPE_CHECKING:
 
 REPEATS = hypot(0.012, 0.009)       # light and shutter, from the chart photo to the photo
 CURVES_ERROR = 0.02                 # of signals predicted from measured curves
-
-KnownSpectrum = str | Path | tuple[ArrayLike, ArrayLike] | None
 
 
 class SceneSpectra(SpectrumEstimates):
@@ -120,7 +114,8 @@ class SceneSpectra(SpectrumEstimates):
 
 @one_blas_thread
 def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: CameraLike,
-                      light: LightLike, materials: Sequence[str] | Mapping[str, KnownSpectrum],
+                      light: LightLike,
+                      materials: Sequence[str] | Mapping[str, KnownSpectrum | None],
                       families: Mapping[str, str | Sequence[str]] | None = None,
                       width: int = 96, draws: int = 4000, seed: int = 1, device: str = "auto",
                       progress: ProgressLike = None) -> SceneSpectra:
@@ -192,7 +187,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     else:
         calibration = calibration_from_curves(GRID, as_curves(camera), spectrum, CURVES_ERROR)
     known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
-        name: None if given is None else _reflectance(given) for name, given in materials.items()}
+        name: None if given is None else as_reflectance(given) for name, given in materials.items()}
     stated = {name: families_of(one) for name, one in (families or {}).items()}
     for name in stated:
         if name not in known:
@@ -215,11 +210,3 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
             name, spectra.summary, measurement(signals, index), errors_by_cause(signals, index),
             as_prior(None, stated.get(name, ())), spectra.samples, fitted))
     return SceneSpectra(estimates, result, calibration)
-
-
-def _reflectance(given: str | Path | tuple[ArrayLike, ArrayLike]) -> np.ndarray:
-    """A known reflectance (P,) on the working grid."""
-    if isinstance(given, str | Path):
-        return spectrum_on_grid(read_spectrum(Path(given), role=Quantity.REFLECTANCE), GRID)
-    nm, values = (np.asarray(part, dtype=float) for part in given)
-    return on_grid(nm, values, GRID, "reflectance")

@@ -3,7 +3,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,11 +14,16 @@ from spectrabox.radiometry.errors import CheckError
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.flat.assemble import assemble_flat
+from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.pipeline import FinishedRun, load_finished, run_stages
+from spectrabox.session.report.verdict import judge
 from spectrabox.session.run_outputs import outputs_of_run
+from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.stages.order import all_stages
 from spectrabox.session.stages.stored_records import joint_of, signals_of, spectrum_of
 from spectrabox.session.store.locks import only_writer
+from spectrabox.session.store.results import SessionResults
 
 
 class Session(Mapping[str, SpectrumEstimate]):
@@ -115,18 +119,18 @@ class Session(Mapping[str, SpectrumEstimate]):
         InputError
             If the session has not been run.
         """
-        return str(self._facts["verdict"])
+        return judge(self._results).status.name.lower()
 
     @property
     def warnings(self) -> list[str]:
         """What the report warns of, in sentences."""
-        return list(self._facts["warnings"])
+        return list(self._results.warnings)
 
     @property
-    def _facts(self) -> dict[str, Any]:
-        finished = self._finished
-        return outputs_of_run(self.config, finished, ["spectrabox", "report", self.folder.name],
-                              "stored results", lambda *_: None).facts
+    def _results(self) -> SessionResults | FlatResults:
+        """What the report shows, from the stored results; nothing is written."""
+        assembled = assemble_flat if self.config.flat else assemble
+        return assembled(self.config, self._finished, {})
 
     @property
     def _finished(self) -> FinishedRun:
