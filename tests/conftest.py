@@ -2,6 +2,7 @@
 import os
 import shutil
 import signal
+import sys
 
 import pytest
 
@@ -29,6 +30,14 @@ def pytest_xdist_auto_num_workers(config):
 def pytest_addoption(parser):
     parser.addoption("--record", action="store_true",
                      help="write the tables in tests/whole_sessions/ again")
+
+
+@pytest.fixture(autouse=True)
+def _figures_closed():
+    """Figures that a test leaves open are closed: Matplotlib warns of the 21st in a process."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture(scope="session")
