@@ -11,18 +11,23 @@ import numpy as np
 from spectrabox.radiometry.appearance import lab_from_xyz, tristimulus
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
-from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.verdict import judge, median_surface_error
 from spectrabox.session.report.words import percent
-from spectrabox.session.store.results import CommonResults, MaterialResult, SessionResults
+from spectrabox.session.results import (
+    CommonResults,
+    FlatResults,
+    MaterialResult,
+    SceneResults,
+    SessionResults,
+)
 
 STEP_NM = 5     # of regions' spectra in the facts; spectra.csv holds every nanometre
 
 
-def scene_facts(results: SessionResults, report: Path) -> dict[str, Any]:
-    """The ``--json`` object of ``run`` and ``demo``.
+def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
+    """The ``--json`` object of ``run``, ``demo`` and ``flat``.
 
     Parameters
     ----------
@@ -30,8 +35,22 @@ def scene_facts(results: SessionResults, report: Path) -> dict[str, Any]:
     report : Path
         Of report.html.
     """
+    verdict, chart = judge(results), results.chart
+    facts = {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
+             "verdict": verdict.status.name.lower(), "says": verdict.sentence,
+             "stages": results.stages,
+             "left_out": None if chart is None or chart.left_out is None
+             else left_out_facts(chart.left_out, chart.layout.names),
+             "light": light_facts(results.calibration),
+             **({} if results.picture is None else {"picture": picture_facts(results.picture)}),
+             "warnings": results.warnings}
+    if isinstance(results, FlatResults):
+        return facts | {
+            "regions": [_region_facts(region, results) for region in results.materials],
+            "seconds": float(sum(stage["seconds"] for stage in results.stages
+                                 if stage["state"] == "run"))}
     agreement, scale = results.reconstruction.agreement, results.light_scale
-    return _common_facts(results, report) | {
+    return facts | {
         "materials": [_material_facts(material) for material in results.materials],
         "surfaces": [{"name": name, "ratio": ratio.tolist()}
                      for name, ratio in zip(agreement.names, agreement.ratio, strict=True)],
@@ -39,33 +58,6 @@ def scene_facts(results: SessionResults, report: Path) -> dict[str, Any]:
         "light_scale": {"value": scale.value, "standard_error": scale.standard_error,
                         "common_errors": {error.cause: error.relative
                                           for error in scale.common_errors}}}
-
-
-def flat_facts(results: FlatResults, report: Path) -> dict[str, Any]:
-    """The ``--json`` object of ``flat``, and of ``run`` on a session of flat samples.
-
-    Parameters
-    ----------
-    results : FlatResults
-    report : Path
-        Of report.html.
-    """
-    return _common_facts(results, report) | {
-        "regions": [_region_facts(region, results) for region in results.materials],
-        "seconds": float(sum(stage["seconds"] for stage in results.stages
-                             if stage["state"] == "run"))}
-
-
-def _common_facts(results: SessionResults | FlatResults, report: Path) -> dict[str, Any]:
-    verdict, chart = judge(results), results.chart
-    return {"report": str(report), "spectra": str(report.with_name("spectra.csv")),
-            "verdict": verdict.status.name.lower(), "says": verdict.sentence,
-            "stages": results.stages,
-            "left_out": None if chart is None or chart.left_out is None
-            else left_out_facts(chart.left_out, chart.layout.names),
-            "light": light_facts(results.calibration),
-            **({} if results.picture is None else {"picture": picture_facts(results.picture)}),
-            "warnings": results.warnings}
 
 
 def _material_facts(material: MaterialResult) -> dict[str, Any]:
@@ -112,13 +104,21 @@ def _surface_facts(surface: MaterialResult) -> dict[str, Any]:
     return facts
 
 
-def scene_text(results: SessionResults) -> str:
-    """A table of materials and the few numbers that matter first.
+def run_text(results: SessionResults) -> str:
+    """A table of surfaces and the few numbers that matter first, for a person.
 
     Parameters
     ----------
     results : SessionResults
     """
+    lines = _flat_lines(results) if isinstance(results, FlatResults) else _scene_lines(results)
+    if results.picture is not None:
+        lines.append(results.picture.sentence)
+        lines += results.picture.notes if isinstance(results, SceneResults) else ()
+    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in results.warnings)])
+
+
+def _scene_lines(results: SceneResults) -> list[str]:
     rows = []
     for material in results.materials:
         cells = ["given"] + [""] * 5
@@ -128,26 +128,17 @@ def scene_text(results: SessionResults) -> str:
                 f"{scores.rmse_mean:.4f}", f"{scores.rmse_inverse_rendering:.4f}",
                 f"{scores.coverage_95:.0%}", width, f"{scores.delta_e00_mean:.2f}", following]
         rows.append([material.name, *cells])
-    lines = [_table(results, ("material", "RMSE mean", "RMSE inverse rendering", "95 % band holds",
-                              "band width", "dE00", "measure next"), rows),
-             "rendered signal within "
-             f"{percent(median_surface_error(results.reconstruction.agreement))} of the photo "
-             "(worst band, median over surfaces)",
-             f"verdict: {judge(results).status.name}"]
-    lines += [f"{material.name}: {certified_sentence(material.families)}"
-              for material in results.materials if mostly_in_doubt(material.families)]
-    if results.picture is not None:
-        lines += [results.picture.sentence, *results.picture.notes]
-    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in results.warnings)])
+    return [_table(results, ("material", "RMSE mean", "RMSE inverse rendering", "95 % band holds",
+                             "band width", "dE00", "measure next"), rows),
+            "rendered signal within "
+            f"{percent(median_surface_error(results.reconstruction.agreement))} of the photo "
+            "(worst band, median over surfaces)",
+            f"verdict: {judge(results).status.name}",
+            *(f"{material.name}: {certified_sentence(material.families)}"
+              for material in results.materials if mostly_in_doubt(material.families))]
 
 
-def flat_text(results: FlatResults) -> str:
-    """A table of regions and the verdict.
-
-    Parameters
-    ----------
-    results : FlatResults
-    """
+def _flat_lines(results: FlatResults) -> list[str]:
     light = {name: error for photo in results.photos for name, (_, error) in photo.light.items()}
     rows = []
     for region in results.materials:
@@ -161,12 +152,9 @@ def flat_text(results: FlatResults) -> str:
                         f"{scores.delta_e00_mean:.2f}"])]
         rows.append([region.name, *cells])
     verdict = judge(results)
-    lines = [_table(results, ("region", "L*a*b* under D65", "band width", "light known to", "RMSE",
-                              "95 % band holds", "dE00"), rows),
-             f"verdict: {verdict.status.name}. {verdict.sentence}"]
-    if results.picture is not None:
-        lines.append(results.picture.sentence)
-    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in results.warnings)])
+    return [_table(results, ("region", "L*a*b* under D65", "band width", "light known to", "RMSE",
+                             "95 % band holds", "dE00"), rows),
+            f"verdict: {verdict.status.name}. {verdict.sentence}"]
 
 
 def _table(results: CommonResults, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.facts import flat_facts, flat_text, scene_facts, scene_text
-from spectrabox.session.flat.assemble import assemble_flat
+from spectrabox.session.facts import run_facts, run_text
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
-from spectrabox.session.stages.assemble import assemble
+from spectrabox.session.results import SceneResults
 from spectrabox.session.store.program import provenance
 from spectrabox.session.store.surface_files import write_surface_files
 
@@ -36,18 +36,12 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     files : list of Path
         All that were written.
     """
-    origin = provenance(command_line, config.session.seed, device)
-    if config.flat:
-        flat = assemble_flat(config, finished, origin)
-        report = write_report(flat)
-        facts, text = flat_facts(flat, report), flat_text(flat)
-        files = write_surface_files(flat, flat.signals.grid.nm)
-    else:
+    results = assemble(config, finished, provenance(command_line, config.session.seed, device))
+    report = write_report(results)
+    facts, text = run_facts(results, report), run_text(results)
+    files = write_surface_files(results)
+    if isinstance(results, SceneResults):
         # here: flat samples do not load what reads and writes scenes
         from spectrabox.session.box.scene_files import write_scene_files
-        scene = assemble(config, finished, origin)
-        report = write_report(scene)
-        facts, text = scene_facts(scene, report), scene_text(scene)
-        files = [*write_surface_files(scene, scene.reconstruction.grid.nm),
-                 *write_scene_files(config)]
+        files += write_scene_files(config)
     return facts, text, [report, report.with_name(NUMBERS_NAME), *files]

@@ -27,7 +27,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     SurfaceAgreement,
 )
-from spectrabox.session.store.results import ChartResult, MaterialResult, SessionResults
+from spectrabox.session.results import ChartResult, MaterialResult, SceneResults
 
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12
@@ -42,7 +42,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
                     truth: bool = True, materials: tuple[str, ...] = ("white", "red paint",
                                                                       "green paint"),
                     name: str = "Yellow box",
-                    notes: str = "Second session of the day.") -> SessionResults:
+                    notes: str = "Second session of the day.") -> SceneResults:
     """A session of a box with a back wall, two side walls, a floor and a box; the last material is
     a given one.
     """
@@ -54,20 +54,20 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
     raster.imsave(folder / "overlay.png", rng.uniform(size=(40, 60, 3)))
     preview = np.clip(made.measured[..., :3] * 1.6, 0, 1)
     raster.imsave(folder / "preview.png", preview.repeat(4, 0).repeat(4, 1))
-    return SessionResults(
+    return SceneResults(
         folder=folder, name=name, operator="A. Operator", notes=notes, bands=bands,
         inputs=[{"role": "object photo", "file": "photos/scene.dng", "sha256": "9f" * 32,
                  "bytes": 25_000_123, "exposure_s": 1 / 60, "iso": 100.0,
                  "camera": "Maker Model 1234", "clipped": 0.004},
                 {"role": "light", "file": "spectra/lamp.csv", "sha256": "0a" * 32, "bytes": 4321}],
-        chart=_chart(rng, len(bands), folder) if chart else None,
+        chart=_chart(rng, len(bands)) if chart else None,
         calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, ("light "
                                                                                           "covers "
                                                                                           "400-700 "
                                                                                           "nm",)),
         sensitivity_truth=(GRID.nm, fit.curves * 0.98) if truth else None,
-        light_scale=made.light_scale, photo=_photo(made), photo_preview=folder / "preview.png",
-        reconstruction=made,
+        photo=_photo(made), previews={"": folder / "preview.png"},
+        chart_overlay=folder / "overlay.png", grid=GRID, reconstruction=made,
         materials=[_material(rng, made, m, truth) for m in range(len(materials))],
         signal_bands=bands,
         stages=[{"name": "chart", "seconds": 2.31, "state": "run"},
@@ -134,7 +134,7 @@ def _photo(made: Reconstruction) -> LinearImage:
                        "Maker Model 1234", "photos/scene.dng", "9f" * 32)
 
 
-def _chart(rng: np.random.Generator, bands: int, folder: Path) -> ChartResult:
+def _chart(rng: np.random.Generator, bands: int) -> ChartResult:
     measured = rng.uniform(0.03, 0.6, (24, bands))
     measured[18:] = np.array([0.62, 0.41, 0.25, 0.14, 0.06, 0.022])[:, None]
     corners = np.zeros((24, 4, 2)) + np.array([[0, 0], [9, 0], [9, 9], [0, 9]])
@@ -142,8 +142,7 @@ def _chart(rng: np.random.Generator, bands: int, folder: Path) -> ChartResult:
                            np.zeros((24, bands)), np.full((24, bands), 0.01))
     fall_off = np.linspace(1, 0.88, 6) * np.linspace(1, 0.96, 4)[:, None]
     return ChartResult(ChartDetection(corners, 0.97, False, "neural detector"), samples,
-                       measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel(),
-                       folder / "overlay.png")
+                       measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
 
 
 def _material(rng: np.random.Generator, made: Reconstruction, m: int,

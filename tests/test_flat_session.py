@@ -26,8 +26,8 @@ from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.report.verdict import Status, judge
 from spectrabox.session.stages.stored_records import signals_of
 
@@ -287,7 +287,7 @@ def test_a_card_stated_off_its_level_is_doubted(flat_session):
     finished = run(flat_session)
     notes = finished.stored["signals"].record(tuple[str, ...], "notes")
     assert any("standard errors darker than the chart's light" in note for note in notes)
-    results = assemble_flat(read_session(flat_session), finished, {})
+    results = assemble(read_session(flat_session), finished, {})
     verdict = judge(results)
     assert verdict.status is Status.WARN and "The level of “white_wall”" in verdict.sentence
     photo = replace(results.photos[0], level_misfits={"bright": 3.5, "dark": -4.5})

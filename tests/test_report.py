@@ -19,7 +19,7 @@ from spectrabox.sampling.prior.family_coverage import (
     FamilyCertificate,
     FamilyCoverage,
 )
-from spectrabox.session.facts import scene_facts, scene_text
+from spectrabox.session.facts import run_facts, run_text
 from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
@@ -213,8 +213,8 @@ def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path
     said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"
     section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
     assert said in section and page.count("Tested on unseen surfaces") == 1
-    assert said in scene_text(results)
-    facts = scene_facts(results, tmp_path / "report.html")["materials"]
+    assert said in run_text(results)
+    facts = run_facts(results, tmp_path / "report.html")["materials"]
     assert facts[0]["families"] == [{"name": "textile", "share": 0.7, "stated": False,
                                      "measured": False, "coverage": 0.891, "width": 0.164}]
     assert facts[1]["families"] == []
@@ -227,8 +227,9 @@ def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
     scale = with_common_error(results.light_scale, REPEATABILITY, 0.015)
     materials = [dataclasses.replace(material, variance_shares={REPEATABILITY: share})
                  for material, share in zip(results.materials, (0.1, 0.3), strict=False)]
-    said, = (criterion.sentence for criterion
-             in judge(dataclasses.replace(results, light_scale=scale, materials=materials)).criteria
+    fit = dataclasses.replace(results.reconstruction, light_scale=scale)
+    cost = judge(dataclasses.replace(results, reconstruction=fit, materials=materials))
+    said, = (criterion.sentence for criterion in cost.criteria
              if criterion.name.startswith("Light and shutter"))
     assert "repeat to 1.5 %" in said and "20 % of the variance" in said and "[drift]" in said
     assert not any(criterion.name.startswith("Light and shutter")
@@ -255,7 +256,7 @@ def test_a_session_without_any_compared_surface_is_no_pass(tmp_path):
 def test_a_failing_render_leaves_the_old_report(tmp_path):
     results = example_session(tmp_path)
     (tmp_path / "report.html").write_text("old")
-    results.chart.overlay.unlink()
+    results.chart_overlay.unlink()
     with pytest.raises(InputError, match=r"picture overlay\.png cannot be read .* run the stage "
                                          r"that makes it again"):
         write_report(results)

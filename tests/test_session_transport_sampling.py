@@ -10,9 +10,9 @@ from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
-from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
 from spectrabox.session.stages.stored_records import calibrations_of
 

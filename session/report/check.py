@@ -15,11 +15,10 @@ from typing import Any
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.flat.assemble import assemble_flat
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.report.page import NUMBERS_NAME, PAGE_NAME, RenderedReport, render_report
-from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.store.program import PACKAGES, versions
 
 EMBEDDED = re.compile(r'<script type="application/json" id="spectrabox-results">(.*?)</script>',
@@ -105,7 +104,7 @@ def _changed_lines(page: str, again: str) -> Iterator[str]:
 def _rendered_again(config: SessionConfig, numbers: dict[str, Any]) -> RenderedReport:
     """The report from the stored results, with the provenance of the one that was written."""
     finished = load_finished(config)
-    results = (assemble_flat if config.flat else assemble)(config, finished, numbers["provenance"])
+    results = assemble(config, finished, numbers["provenance"])
     return render_report(dataclasses.replace(results, stages=numbers["stages"]))
 
 

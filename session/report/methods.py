@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from spectrabox.radiometry.records import LightScale, Spectrum
-from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.verdict import (
     chart_residuals,
     median_surface_error,
@@ -10,10 +9,10 @@ from spectrabox.session.report.verdict import (
     worst_entry,
 )
 from spectrabox.session.report.words import deviation_words, exposure, listed, number, percent
-from spectrabox.session.store.results import CommonResults, SessionResults
+from spectrabox.session.results import CommonResults, FlatResults, SceneResults, SessionResults
 
 
-def methods_text(results: SessionResults | FlatResults) -> list[str]:
+def methods_text(results: SessionResults) -> list[str]:
     """Paragraphs that can be pasted into a paper."""
     if isinstance(results, FlatResults):
         return [_capture(results, "Flat samples were"), _camera(results), _flat_light(results),
@@ -63,7 +62,7 @@ def scale_words(scale: LightScale) -> str:
             f"{percent(scale.standard_error / abs(scale.value))})")
 
 
-def _reconstruction(results: SessionResults) -> str:
+def _reconstruction(results: SceneResults) -> str:
     made = results.reconstruction
     unknown = [material.name for material in results.materials if material.summary is not None]
     given = [material.name for material in results.materials if material.summary is None]
@@ -94,7 +93,7 @@ def _sampling(results: CommonResults) -> str:
             "class and on the stated errors of each signal.")
 
 
-def _agreement(results: SessionResults) -> str:
+def _agreement(results: SceneResults) -> str:
     agreement = results.reconstruction.agreement
     worst = worst_entry(agreement)
     if worst is None:

@@ -8,8 +8,7 @@ import numpy as np
 from spectrabox.measure.scene.placements import SceneGeometry
 from spectrabox.radiometry.records import PatchSamples, SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
-from spectrabox.session.calibration_facts import left_out_facts
-from spectrabox.session.flat.flat_results import FlatResults
+from spectrabox.session.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.report.metamers import metamer_facts, metamer_pair
 from spectrabox.session.report.spectra import every_10_nm, material_curves
 from spectrabox.session.report.swatches import swatch_facts
@@ -18,17 +17,19 @@ from spectrabox.session.report.verdict import (
     chart_residuals,
     root_mean_square,
 )
-from spectrabox.session.store.results import (
+from spectrabox.session.results import (
     ChartResult,
     CommonResults,
+    FlatResults,
     MaterialResult,
+    SceneResults,
     SessionResults,
 )
 
 SCHEMA = "spectrabox-results/1"
 
 
-def report_numbers(results: SessionResults | FlatResults, verdict: Verdict) -> dict[str, Any]:
+def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
     """Everything the report shows, images left out; wavelengths in nm, shares as fractions."""
     common = {
         "schema": SCHEMA, "name": results.name, "operator": results.operator,
@@ -47,10 +48,10 @@ def report_numbers(results: SessionResults | FlatResults, verdict: Verdict) -> d
                      else _scene_numbers(results, common["calibration"]))
 
 
-def _scene_numbers(results: SessionResults, calibration: dict[str, Any]) -> dict[str, Any]:
+def _scene_numbers(results: SceneResults, calibration: dict[str, Any]) -> dict[str, Any]:
     fit = results.reconstruction
     return {
-        "materials": [_material(m, fit.grid.nm) for m in results.materials],
+        "materials": [_material(m, results.grid.nm) for m in results.materials],
         "agreement": _agreement(fit.agreement),
         "views": [{"name": view.name, "bands": view.bands,
                    "agreement": _agreement(view.reconstruction.agreement),
@@ -71,12 +72,12 @@ def _scene_numbers(results: SessionResults, calibration: dict[str, Any]) -> dict
 
 def _flat_numbers(results: FlatResults) -> dict[str, Any]:
     return {
-        "regions": [_material(region, results.signals.grid.nm) for region in results.materials],
+        "regions": [_material(region, results.grid.nm) for region in results.materials],
         "photos": [{"name": photo.name, "size_px": photo.size_px, "outlines_px": photo.outlines,
                     "light": {name: {"level": level, "standard_error": error}
                               for name, (level, error) in photo.light.items()}}
                    for photo in results.photos],
-        "light": results.light,
+        "light": light_facts(results.calibration),
         }
 
 

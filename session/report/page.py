@@ -13,7 +13,6 @@ from markupsafe import Markup
 from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
-from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report import flat_figures, words
 from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
 from spectrabox.session.report.geometry import geometry_section
@@ -38,7 +37,7 @@ from spectrabox.session.report.tables import (
     surface_rows,
 )
 from spectrabox.session.report.verdict import Verdict, judge
-from spectrabox.session.store.results import SessionResults
+from spectrabox.session.results import FlatResults, SceneResults, SessionResults
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -54,7 +53,7 @@ class RenderedReport:
     numbers: str
 
 
-def write_report(results: SessionResults | FlatResults) -> Path:
+def write_report(results: SessionResults) -> Path:
     """Write ``report.html`` and ``report.json`` into the session folder, each whole or not at all.
 
     Returns
@@ -76,7 +75,7 @@ def write_report(results: SessionResults | FlatResults) -> Path:
     return folder / PAGE_NAME
 
 
-def render_report(results: SessionResults | FlatResults) -> RenderedReport:
+def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
     with report_style():
         verdict = judge(results)
@@ -107,16 +106,15 @@ def style_sheet() -> Markup:
     return Markup((TEMPLATES / "report.css").read_text(encoding="utf-8"))
 
 
-def _common_content(results: SessionResults | FlatResults, verdict: Verdict) -> dict[str, Any]:
+def _common_content(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
     """What the page of any session shows."""
     flat = isinstance(results, FlatResults)
-    nm = (results.signals if isinstance(results, FlatResults) else results.reconstruction).grid.nm
     fit, light = results.calibration.sensitivity, results.calibration.light
-    pictures = {"photo": picture_data_uri(results.photo_preview)}
+    pictures = {"photo": picture_data_uri(results.previews[""])}
     if results.chart is not None:
-        pictures["chart"] = picture_data_uri(results.chart.overlay)
-    if isinstance(results, SessionResults):
-        pictures |= {f"photo {view.name}": picture_data_uri(view.photo_preview)
+        pictures["chart"] = picture_data_uri(results.chart_overlay)
+    if isinstance(results, SceneResults):
+        pictures |= {f"photo {view.name}": picture_data_uri(results.previews[view.name])
                      for view in results.views}
     if results.picture is not None:
         pictures |= {title: picture_data_uri(path) for title, path in results.picture.maps}
@@ -126,7 +124,7 @@ def _common_content(results: SessionResults | FlatResults, verdict: Verdict) -> 
         "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
         "surfaces": {"title": "Regions" if flat else "Materials",
                      "one": "Region" if flat else "Material", "fitted": not flat},
-        "materials": [material_section(number, material, nm, results.signal_bands)
+        "materials": [material_section(number, material, results.grid.nm, results.signal_bands)
                       for number, material in enumerate(results.materials, start=1)],
         "calibration": {
             "chart": chart_section(results), "held_out_rms": held_out_rms(results),
@@ -150,11 +148,10 @@ def _flat_content(results: FlatResults) -> dict[str, Any]:
                    for number, photo in enumerate(results.photos, start=1)]}
 
 
-def _scene_content(results: SessionResults) -> dict[str, Any]:
+def _scene_content(results: SceneResults) -> dict[str, Any]:
     """What only the page of a scene shows: photo against rendering, geometry, convergence."""
     fit = results.reconstruction
-    geometry = geometry_section(results.geometry, {"": results.photo_preview} | {
-        view.name: view.photo_preview for view in results.views})
+    geometry = geometry_section(results.geometry, results.previews)
     moved = [("geometry", "What moved")] if geometry else []
     return {
         "contents": _contents(results, ("materials", "Materials"),
@@ -172,7 +169,7 @@ def _scene_content(results: SessionResults) -> dict[str, Any]:
         "geometry": geometry, "loss": loss_figure("loss", fit.loss_history)}
 
 
-def _contents(results: SessionResults | FlatResults, *first: tuple[str, str],
+def _contents(results: SessionResults, *first: tuple[str, str],
               after: list[tuple[str, str]] | None = None) -> list[tuple[str, str]]:
     """Anchors and titles of the page's sections, in their order."""
     picture = [("picture", "Picture")] if results.picture else []

@@ -15,7 +15,7 @@ from spectrabox.radiometry.appearance import (
 from spectrabox.radiometry.records import HeldOutPatches
 from spectrabox.session.report.maps import display_bands
 from spectrabox.session.report.verdict import chart_residuals
-from spectrabox.session.store.results import CommonResults
+from spectrabox.session.results import CommonResults
 
 MAX_LARGE = 24      # pairs shown large; those of a larger chart are folded away
 WHITE = 0.9         # reflectance of a white patch, about

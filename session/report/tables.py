@@ -27,7 +27,7 @@ from spectrabox.session.report.spectra import (
 from spectrabox.session.report.swatches import css_colour, swatch_section
 from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.session.report.words import OFF
-from spectrabox.session.store.results import CommonResults, MaterialResult
+from spectrabox.session.results import CommonResults, MaterialResult
 
 
 def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,

@@ -15,10 +15,14 @@ from spectrabox.radiometry.records import (
     SurfaceAgreement,
 )
 from spectrabox.session.calibration_facts import left_out_sentence
-from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.report.words import deviation_words, percent
+from spectrabox.session.results import (
+    VALID_OUTCOMES,
+    CommonEvidence,
+    FlatEvidence,
+    SceneEvidence,
+)
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
-from spectrabox.session.store.results import VALID_OUTCOMES, CommonResults, SessionResults
 
 # |photo / rendering - 1|: pass up to the first, fail beyond the second
 MEDIAN_LIMITS = (0.02, 0.05)
@@ -76,18 +80,18 @@ class Verdict:
     criteria: tuple[Criterion, ...]
 
 
-def judge(results: SessionResults | FlatResults) -> Verdict:
+def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
     """Verdict on a session: PASS, WARN or FAIL, the worst of its criteria."""
-    if isinstance(results, FlatResults):
-        own = [*_light(results), *_known_levels(results)]
+    if isinstance(evidence, FlatEvidence):
+        own = [*_light(evidence), *_known_levels(evidence)]
         good = "The chart fits, and the light on every region is known within the limits."
     else:
-        own, good = _scene_criteria(results), \
+        own, good = _scene_criteria(evidence), \
             "Photo, rendering and calibration agree within the limits."
-    fit = results.calibration.sensitivity.outcome
-    criteria = (*own, *calibration_doubts(results), _chart_agreement(results),
-                *held_out_patches(results), _clipped(results),
-                _outcome("Sensitivity fit", fit), *_samplers(results), _coverage(results))
+    fit = evidence.calibration.sensitivity.outcome
+    criteria = (*own, *calibration_doubts(evidence), _chart_agreement(evidence),
+                *held_out_patches(evidence), _clipped(evidence),
+                _outcome("Sensitivity fit", fit), *_samplers(evidence), _coverage(evidence))
     status = max((criterion.status for criterion in criteria), key=lambda one: one.value)
     if status in (Status.WARN, Status.FAIL):
         reasons = dict.fromkeys(c.sentence for c in criteria if c.status is status)
@@ -95,25 +99,25 @@ def judge(results: SessionResults | FlatResults) -> Verdict:
     return Verdict(status, good, criteria)
 
 
-def _scene_criteria(results: SessionResults) -> list[Criterion]:
+def _scene_criteria(evidence: SceneEvidence) -> list[Criterion]:
     """Photo against rendering, misfits, the fit, changes between the photos, rehearsal."""
-    photos = [("", results.reconstruction, results.bands)]
+    photos = [("", evidence.reconstruction, evidence.bands)]
     photos += [(f" in the photo “{view.name}”", view.reconstruction, view.bands)
-               for view in results.views]
+               for view in evidence.views]
     agreement = [*(_median_surface(photo.agreement, where) for where, photo, _ in photos),
                  *(_worst_surface(photo.agreement, bands, where) for where, photo, bands in photos)]
     misfits = [_misfits(photo, where) for where, photo, _ in photos]
-    if results.picture is not None:
+    if evidence.picture is not None:
         agreement = [replace(each, status=Status.INFO) for each in agreement]
         misfits = [each if each.status is Status.PASS else
                    replace(each, status=Status.WARN, sentence=PATTERNS) for each in misfits]
-    return [*agreement, *misfits, _outcome("Inverse rendering", results.reconstruction.outcome),
-            *_between_photos(results), *_rehearsal(results)]
+    return [*agreement, *misfits, _outcome("Inverse rendering", evidence.reconstruction.outcome),
+            *_between_photos(evidence), *_rehearsal(evidence)]
 
 
-def _light(results: FlatResults) -> list[Criterion]:
+def _light(evidence: FlatEvidence) -> list[Criterion]:
     """How well the light on the worst region is known, and how much it changes."""
-    light = {(photo.name, name): level_and_error for photo in results.photos
+    light = {(photo.name, name): level_and_error for photo in evidence.photos
              for name, level_and_error in photo.light.items()}
     (_, worst), (_, error) = max(light.items(), key=lambda item: item[1][1])
     levels = np.array([level for level, _ in light.values()] + [1.0])
@@ -129,9 +133,9 @@ def _light(results: FlatResults) -> list[Criterion]:
                              "which is corrected within its error.")]
 
 
-def _known_levels(results: FlatResults) -> list[Criterion]:
+def _known_levels(evidence: FlatEvidence) -> list[Criterion]:
     """How far the stated levels of known regions are from what the chart's light gives."""
-    misfits = {name: misfit for photo in results.photos
+    misfits = {name: misfit for photo in evidence.photos
                for name, misfit in photo.level_misfits.items()}
     if not misfits:
         return []
@@ -145,12 +149,12 @@ def _known_levels(results: FlatResults) -> list[Criterion]:
                       ": check its stated reflectance, and for a shadow on it or on the chart."))]
 
 
-def chart_residuals(results: CommonResults) -> np.ndarray | None:
+def chart_residuals(evidence: CommonEvidence) -> np.ndarray | None:
     """(photo - predicted) / photo of the patches (I, K), or None where no chart was used."""
-    residuals = results.calibration.sensitivity.residuals
-    if residuals is None and results.chart is not None:
-        measured = results.chart.samples.mean
-        return (measured - results.chart.predicted) / measured
+    residuals = evidence.calibration.sensitivity.residuals
+    if residuals is None and evidence.chart is not None:
+        measured = evidence.chart.samples.mean
+        return (measured - evidence.chart.predicted) / measured
     return residuals
 
 
@@ -224,15 +228,15 @@ def _misfits(made: Reconstruction, where: str) -> Criterion:
                      status, f"{said}{f'. {more} more do not fit' if more > 0 else ''}.")
 
 
-def calibration_doubts(results: CommonResults) -> list[Criterion]:
+def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
     """Whether the calibration was made with doubts, each a criterion of its own; none under an
     unknown light, whose products with a camera nothing is known to contradict.
     """
-    if results.calibration.light_posterior is not None:
+    if evidence.calibration.light_posterior is not None:
         return []
     rows = []
     for doubt, name in DOUBTS.items():
-        doubtful = doubt in results.calibration.doubts
+        doubtful = doubt in evidence.calibration.doubts
         rows.append(Criterion(
             name, None, "doubtful" if doubtful else "no doubt", "no doubt",
             Status.WARN if doubtful else Status.PASS, f"Calibration: {doubt.value}." if doubtful
@@ -240,14 +244,14 @@ def calibration_doubts(results: CommonResults) -> list[Criterion]:
     return rows
 
 
-def held_out_patches(results: CommonResults) -> list[Criterion]:
+def held_out_patches(evidence: CommonEvidence) -> list[Criterion]:
     """How well each chart patch is predicted by a calibration without it; nothing without a chart.
 
     Parameters
     ----------
-    results : CommonResults
+    evidence : CommonEvidence
     """
-    patches = None if results.chart is None else results.chart.left_out
+    patches = None if evidence.chart is None else evidence.chart.left_out
     if patches is None:
         return []
     held, expected = float(patches.inside.mean()), float(patches.expected.mean())
@@ -262,9 +266,9 @@ def held_out_patches(results: CommonResults) -> list[Criterion]:
                       sentence)]
 
 
-def _chart_agreement(results: CommonResults) -> Criterion:
+def _chart_agreement(evidence: CommonEvidence) -> Criterion:
     name = "Chart residual, rms over patches and bands"
-    value = root_mean_square(chart_residuals(results))
+    value = root_mean_square(chart_residuals(evidence))
     if value is None:
         return Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
                          "Sensitivities were read from a file; no chart photo tests them.")
@@ -272,9 +276,9 @@ def _chart_agreement(results: CommonResults) -> Criterion:
                    f"{percent(value)} rms.")
 
 
-def _clipped(results: CommonResults) -> Criterion:
-    share = float(results.photo.saturated.any(axis=2).mean())
-    if isinstance(results, FlatResults):
+def _clipped(evidence: CommonEvidence) -> Criterion:
+    share = float(evidence.photo.saturated.any(axis=2).mean())
+    if isinstance(evidence, FlatEvidence):
         return _graded("Clipped parts of the photo", share, CLIPPED_LIMITS,
                        f"{percent(share)} of the photo is clipped, none of it in a region.")
     return _graded("Clipped pixels, left out of the fit", share, CLIPPED_LIMITS,
@@ -286,12 +290,12 @@ def _outcome(name: str, outcome: Outcome) -> Criterion:
                      GRADES.get(outcome, Status.WARN), f"{name}: {outcome.value}")
 
 
-def _samplers(results: CommonResults) -> list[Criterion]:
+def _samplers(evidence: CommonEvidence) -> list[Criterion]:
     """Whether the draws of every estimated surface are as intended."""
-    drawn = [(m.name, m.samples) for m in results.materials if m.samples is not None]
+    drawn = [(m.name, m.samples) for m in evidence.materials if m.samples is not None]
     if not drawn:
         return []
-    doubtful = [(m.name, m.samples.sentence) for m in results.materials
+    doubtful = [(m.name, m.samples.sentence) for m in evidence.materials
                 if m.doubtful and m.samples is not None]
     if not doubtful:
         return [Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
@@ -302,13 +306,13 @@ def _samplers(results: CommonResults) -> list[Criterion]:
                       f"Sampler of {reservations}")]
 
 
-def _between_photos(results: SessionResults) -> list[Criterion]:
+def _between_photos(evidence: SceneEvidence) -> list[Criterion]:
     """What it costs that nobody measured the light and the shutter between the photos."""
-    stated = [error.relative for error in results.light_scale.common_errors
+    stated = [error.relative for error in evidence.light_scale.common_errors
               if error.cause == REPEATABILITY]
     if not stated:
         return []
-    shares = [material.variance_shares[REPEATABILITY] for material in results.materials
+    shares = [material.variance_shares[REPEATABILITY] for material in evidence.materials
               if REPEATABILITY in material.variance_shares]
     cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra (up "
             f"to {percent(max(shares))} of a material's)" if shares else "")
@@ -319,9 +323,9 @@ def _between_photos(results: SessionResults) -> list[Criterion]:
                       "narrows every band.")]
 
 
-def _coverage(results: CommonResults) -> Criterion:
+def _coverage(evidence: CommonEvidence) -> Criterion:
     name = "Measured truth inside the band"
-    tested = [(m.scores.coverage, m.summary.level) for m in results.materials
+    tested = [(m.scores.coverage, m.summary.level) for m in evidence.materials
               if m.scores is not None and m.summary is not None]
     if not tested:
         return Criterion(name, None, "no truth given", "its level", Status.INFO,
@@ -333,8 +337,8 @@ def _coverage(results: CommonResults) -> Criterion:
                      f"{percent(share)} of wavelengths; {percent(level)} is intended.")
 
 
-def _rehearsal(results: SessionResults) -> list[Criterion]:
-    facts = results.rehearsal
+def _rehearsal(evidence: SceneEvidence) -> list[Criterion]:
+    facts = evidence.rehearsal
     if facts is None:
         return []
     worst = min(float(each["coverage"]) for each in facts["materials"])

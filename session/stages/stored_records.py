@@ -51,8 +51,9 @@ def reference_signals(stage: StoredStage) -> np.ndarray:
 
 
 def notes_of(stored: Mapping[str, StoredStage]) -> list[str]:
-    """What the decoding of the photos had worth saying, each once."""
-    return [*dict.fromkeys(note for name in ("chart", "photo", "calibrate") if name in stored
+    """What the stages noted, each note once."""
+    return [*dict.fromkeys(note for name in ("chart", "photo", "calibrate", "signals")
+                           if name in stored
                            for note in stored[name].record(tuple[str, ...], "notes"))]
 
 

@@ -17,7 +17,7 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.radiometry.system.words import cell
 from spectrabox.session.report.maps import comparison_rgb8
-from spectrabox.session.store.results import CommonResults, MaterialResult, SessionResults
+from spectrabox.session.results import CommonResults, MaterialResult, SceneResults
 
 MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
 DAYLIGHT = "D65"
@@ -29,32 +29,30 @@ ACES_WHITE = np.array([0.32168 / 0.33767, 1.0, (1 - 0.32168 - 0.33767) / 0.33767
 COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")
 
 
-def write_surface_files(results: CommonResults, grid_nm: np.ndarray) -> list[Path]:
+def write_surface_files(results: CommonResults) -> list[Path]:
     """Write spectra.csv, materials.csv and spdx/ into the session folder, each file whole or not
     at all; of a scene also materials.xml and pictures that compare photo and rendering.
 
     Parameters
     ----------
     results : CommonResults
-    grid_nm : (P,) array
-        Of the spectra.
 
     Returns
     -------
     list of Path
         Every file.
     """
-    texts = _texts(results, grid_nm)
-    if isinstance(results, SessionResults):
+    texts = _texts(results)
+    if isinstance(results, SceneResults):
         texts[results.folder / "materials.xml"] = materials_text(results)
     with writable(results.folder):
         (results.folder / "spdx").mkdir(exist_ok=True)
     for path, text in texts.items():
         write_text_whole(path, text)
-    return [*texts, *(_comparisons(results) if isinstance(results, SessionResults) else ())]
+    return [*texts, *(_comparisons(results) if isinstance(results, SceneResults) else ())]
 
 
-def _comparisons(results: SessionResults) -> list[Path]:
+def _comparisons(results: SceneResults) -> list[Path]:
     """Photo, rendering and residual of every view as EXR, and a PNG to look at."""
     views = [("comparison", results.reconstruction, results.calibration, results.bands)]
     views += [(f"comparison {file_stem(view.name)}", view.reconstruction, view.calibration,
@@ -74,24 +72,19 @@ def _write_comparison(path: Path, of: Reconstruction, bands: tuple[str, ...]) ->
     write_exr(path, np.concatenate(list(pictures.values()), axis=2), names)
 
 
-def materials_text(results: SessionResults) -> str:
+def materials_text(results: SceneResults) -> str:
     """Mitsuba BSDFs of all materials: the mean of the draws, or the given spectrum."""
     # here: spectra of flat samples are written without what reads and writes scenes
     from spectrabox.reconstruct.scene.scene_xml import materials_xml
-    nm = results.reconstruction.grid.nm
+    nm = results.grid.nm
     return materials_xml({material.name: np.clip(best_spectrum(material), 0, 1)
                           for material in results.materials}, (float(nm[0]), float(nm[-1])))
 
 
-def _texts(results: CommonResults, grid_nm: np.ndarray) -> dict[Path, str]:
+def _texts(results: CommonResults) -> dict[Path, str]:
     """Texts of spectra.csv, its metadata, materials.csv and each surface's spdx/NAME.spdx, by path.
-
-    Parameters
-    ----------
-    grid_nm : (P,) array
-        Of the spectra.
     """
-    columns = spectra_columns(results)
+    grid_nm, columns = results.grid.nm, spectra_columns(results)
     table = results.folder / "spectra.csv"
     stated = metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
                            source=f"spectrabox, {results.name}")

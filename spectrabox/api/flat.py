@@ -39,7 +39,7 @@ from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.measure.flat import flat_signals
-from spectrabox.measure.surface_signals import errors_by_cause, measurement, relative_errors
+from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.measure.white import (
     FlatErrors,
@@ -62,12 +62,10 @@ from spectrabox.radiometry.records import (
     SurfaceSpectrum,
     UnknownLight,
 )
-from spectrabox.radiometry.spectra.spectrum_files import (
-    spectrum_on_grid,
-)
-from spectrabox.session.flat.flat_results import FlatResults, PhotoOfRegions
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.session.assemble import surface_result
 from spectrabox.session.report.verdict import Verdict, judge
-from spectrabox.session.store.results import ChartResult, MaterialResult
+from spectrabox.session.results import ChartResult, FlatEvidence, LitRegions
 
 REPEATS = hypot(0.012, 0.009)       # light and shutter, where chart and samples are two photos
 GLARE = 0.005                       # veiling glare, of the picture's mean signal
@@ -126,27 +124,13 @@ class FlatSpectra(SpectrumEstimates):
 
     @cached_property
     def _judged(self) -> Verdict:
-        """The verdict of the report on the same records; none of their files is read."""
-        nowhere, size = Path(), self._photo.signal.shape
-        regions = [self._region(index) for index in range(len(self.signals.names))]
-        shown = PhotoOfRegions("photo", nowhere, (size[1], size[0]), {}, None, self.light, None,
-                               dict(self._white.level_misfits))
-        return judge(FlatResults(
-            folder=nowhere, name="", operator="", notes="", bands=self.signals.bands, inputs=[],
-            chart=self._chart, calibration=self.calibration, sensitivity_truth=None,
-            photo=self._photo, photo_preview=nowhere, materials=regions,
-            signal_bands=self.signals.bands, stages=[], provenance={}, photos=[shown],
-            signals=self.signals, light={}, picture=None))
-
-    def _region(self, index: int) -> MaterialResult:
-        name, known = self.signals.names[index], self.signals.known[index]
-        spectrum = None if known else self._spectra[name]
-        none = np.zeros((len(self.signals.bands),) * 2)
-        return MaterialResult(
-            name, None, self.signals.signal[index], none, none,
-            None if spectrum is None else spectrum.summary,
-            None if spectrum is None else spectrum.samples,
-            relative_errors(self.signals, index), None, None)
+        """The verdict of the report on the same records."""
+        surfaces = [surface_result(self.signals, index, self._spectra.get(name))
+                    for index, name in enumerate(self.signals.names)]
+        lit = LitRegions("photo", self.light, dict(self._white.level_misfits))
+        return judge(FlatEvidence(
+            bands=self.signals.bands, chart=self._chart, calibration=self.calibration,
+            photo=self._photo, materials=surfaces, photos=[lit]))
 
 
 @one_blas_thread
@@ -253,7 +237,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                                   lambda share, name: step(0.6 + 0.4 * share, name))
     lit = np.full(len(calibrated.predicted), np.nan)
     lit[~calibrated.excluded] = calibrated.prior_fit.photos[0].field
-    result = ChartResult(detection, patches, calibrated.predicted, lit / np.nanmax(lit), Path(),
+    result = ChartResult(detection, patches, calibrated.predicted, lit / np.nanmax(lit),
                          chart, held_out_patches(calibrated, reflectances),
                          calibrated.prior_influence)
     return FlatSpectra([_estimate(signals, index, spectra, named) for index in range(len(regions))],

@@ -12,18 +12,16 @@ from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.session.assemble import assemble
 from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat.assemble import assemble_flat
-from spectrabox.session.flat.flat_results import FlatResults
 from spectrabox.session.pipeline import FinishedRun, load_finished, run_stages
 from spectrabox.session.report.verdict import judge
+from spectrabox.session.results import SessionResults
 from spectrabox.session.run_outputs import outputs_of_run
-from spectrabox.session.stages.assemble import assemble
 from spectrabox.session.stages.order import all_stages
 from spectrabox.session.stages.stored_records import joint_of, signals_of, spectrum_of
 from spectrabox.session.store.locks import only_writer
-from spectrabox.session.store.results import SessionResults
 
 
 class Session(Mapping[str, SpectrumEstimate]):
@@ -127,10 +125,9 @@ class Session(Mapping[str, SpectrumEstimate]):
         return list(self._results.warnings)
 
     @property
-    def _results(self) -> SessionResults | FlatResults:
+    def _results(self) -> SessionResults:
         """What the report shows, from the stored results; nothing is written."""
-        assembled = assemble_flat if self.config.flat else assemble
-        return assembled(self.config, self._finished, {})
+        return assemble(self.config, self._finished, {})
 
     @property
     def _finished(self) -> FinishedRun:

@@ -1,6 +1,11 @@
-"""Everything a finished session knows, as the report and the command line read it."""
+"""Everything a finished session knows, as the report and the command line read it.
+
+What a verdict rests on (``SceneEvidence``, ``FlatEvidence``) is kept apart from what only a report
+shows: it has no folder and no files, so that one can judge what was never stored.
+"""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +28,7 @@ from spectrabox.radiometry.records import (
     Spectrum,
     SpectrumSamples,
     SpectrumSummary,
+    WavelengthGrid,
 )
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage
 from spectrabox.session.pictures.picture_results import PictureOfSpectra
@@ -66,7 +72,6 @@ class ChartResult:
     samples: PatchSamples
     predicted: np.ndarray             # (I, K) signal that the calibration predicts
     irradiance: np.ndarray            # (I,) relative irradiance of each patch, brightest 1
-    overlay: Path                     # PNG
     layout: Chart = CLASSIC
     left_out: HeldOutPatches | None = None      # each patch by a calibration without it
     prior: PriorInfluence | None = None          # None of curves that no prior was used for
@@ -79,27 +84,79 @@ class ViewResult:
     name: str
     bands: tuple[str, ...]
     calibration: Calibration          # with the light of this view
-    photo_preview: Path               # PNG
     reconstruction: Reconstruction
 
 
+@dataclass(frozen=True)
+class LitRegions:
+    """The light on the regions that one photo of flat samples shows."""
+
+    name: str                           # of the photo
+    # of each region: light relative to the chart's mean, and its relative standard error
+    light: dict[str, tuple[float, float]]
+    # of each known region: its level against the light's, in standard errors of both
+    level_misfits: dict[str, float]
+
+
+@dataclass(frozen=True)
+class PhotoOfRegions(LitRegions):
+    """One photo of flat samples with what it shows."""
+
+    preview: Path                       # PNG of the whole photo
+    size_px: tuple[int, int]            # width and height of the photo itself
+    outlines: dict[str, np.ndarray]     # (C, 2) corners of each region in its pixels
+    chart_px: np.ndarray | None         # (I, 4, 2) patches, where the chart lies in this photo
+    # over the photo: light and its relative error, (2, h, w); None where it shows no region
+    light_map: np.ndarray | None
+
+
 @dataclass(frozen=True, kw_only=True)
-class CommonResults:
+class CommonEvidence:
+    """What the verdict on any session rests on."""
+
+    bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
+    chart: ChartResult | None         # None where sensitivities came from a file
+    calibration: Calibration
+    photo: LinearImage                # at the render's size, or a thumbnail
+    materials: list[MaterialResult]
+    picture: PictureOfSpectra | None = None     # where the session asks for one
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneEvidence(CommonEvidence):
+    """What the verdict on a session of a scene rests on."""
+
+    reconstruction: Reconstruction
+    views: list[ViewResult] = field(default_factory=list)  # photos beyond the first
+    rehearsal: dict[str, Any] | None = None     # facts of the last one of these results
+
+    @property
+    def light_scale(self) -> LightScale:
+        """Of the first photo."""
+        return self.reconstruction.light_scale
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatEvidence(CommonEvidence):
+    """What the verdict on a session of flat samples rests on."""
+
+    photos: Sequence[LitRegions]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonResults(CommonEvidence):
     """What the report of any session shows; ``folder`` is the session folder."""
 
     folder: Path
     name: str
     operator: str
     notes: str
-    bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
+    grid: WavelengthGrid              # of the spectra
     # role, file (relative), sha256, bytes; of photos also exposure_s, iso, camera ...
     inputs: list[dict[str, Any]]
-    chart: ChartResult | None         # None where sensitivities came from a file
-    calibration: Calibration
     sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)
-    photo: LinearImage                # at the render's size, or a thumbnail
-    photo_preview: Path               # PNG of the whole object photo
-    materials: list[MaterialResult]
+    previews: dict[str, Path]         # PNG of each whole object photo by view, "" the first
+    chart_overlay: Path               # PNG of the chart, where it was detected
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
     stages: list[dict[str, Any]]      # name, seconds, state ("run", "kept")
     # versions, command, seed, started, finished, machine facts without paths
@@ -110,12 +167,17 @@ class CommonResults:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SessionResults(CommonResults):
+class SceneResults(CommonResults, SceneEvidence):
     """What the report of a session of a scene shows."""
 
-    light_scale: LightScale
-    reconstruction: Reconstruction
-    views: list[ViewResult] = field(default_factory=list)  # photos beyond the first
     geometry: SceneGeometry | None = None       # None where camera and lamp stand as stated
-    rehearsal: dict[str, Any] | None = None     # facts of the last one of these results
-    picture: PictureOfSpectra | None = None     # where the session asks for one
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatResults(CommonResults, FlatEvidence):
+    """What the report of a session of flat samples shows."""
+
+    photos: Sequence[PhotoOfRegions]
+
+
+SessionResults = SceneResults | FlatResults

@@ -1,6 +1,7 @@
 """Stored results of a finished run to what the report shows."""
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -8,14 +9,32 @@ import numpy as np
 from spectrabox.measure.surface_signals import relative_errors
 from spectrabox.measure.surface_spectra import score
 from spectrabox.radiometry.error_model import DISAGREEMENT, PHOTO_NOISE, RENDERING_NOISE
-from spectrabox.radiometry.records import Calibration, JointReconstruction, SurfaceSignals
+from spectrabox.radiometry.records import (
+    Calibration,
+    JointReconstruction,
+    Spectrum,
+    SurfaceSignals,
+    SurfaceSpectrum,
+)
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, spectrum_on_grid
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
+from spectrabox.session.flat.region_stage import regions_of
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.results import (
+    VALID_OUTCOMES,
+    ChartResult,
+    CommonResults,
+    FlatResults,
+    MaterialResult,
+    PhotoOfRegions,
+    SceneResults,
+    SessionResults,
+    ViewResult,
+)
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
 from spectrabox.session.stages.stored_records import (
     calibrations_of,
@@ -31,49 +50,59 @@ from spectrabox.session.stages.stored_records import (
     spectrum_of,
 )
 from spectrabox.session.store.rehearsals import stored_rehearsal
-from spectrabox.session.store.results import (
-    VALID_OUTCOMES,
-    ChartResult,
-    MaterialResult,
-    SessionResults,
-    ViewResult,
-)
+from spectrabox.session.store.store import StoredStage
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
 
 
-def assemble(config: SessionConfig, run: FinishedRun, provenance: dict[str, Any]) -> SessionResults:
-    """Everything the report shows."""
-    stored = run.stored
-    calibrations, joint = calibrations_of(config, stored), joint_of(stored)
-    calibration, reconstruction = calibrations[0], joint.views[0]
-    photo, signals = photo_of(stored), signals_of(stored)
+def assemble(config: SessionConfig, run: FinishedRun,
+             provenance: dict[str, Any]) -> SessionResults:
+    """Everything the report shows.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    run : FinishedRun
+    provenance : dict
+        As of ``store.program.provenance``.
+    """
+    stored, signals = run.stored, signals_of(run.stored)
+    calibrations, photo = calibrations_of(config, stored), photo_of(stored)
+    joint = None if config.flat else joint_of(stored)
     bands = band_names(config, photo.signal.shape[2])
-    indices = [joint.materials.index(name) for name in config.materials if name in joint.materials]
-    materials = [surface_result(config, signals, run, index, joint.spectra[index])
+    indices = [signals.names.index(name) for name in config.surfaces if name in signals.names]
+    materials = [_surface_result(config, signals, stored, index,
+                                 None if joint is None else joint.spectra[index])
                  for index in indices]
-    previews = config.results_folder / "photo"
-    views = [ViewResult(view.name, bands, calibrations[number],
-                        previews / f"{view.record('preview')}.png", joint.views[number])
-             for number, view in enumerate(config.all_views) if view.name]
-    return SessionResults(
+    folder = config.results_folder
+    warnings = notes_of(stored) + _warnings(config, calibrations[0], joint) + [
+        f"{material.name}: {material.samples.sentence}" for material in materials
+        if material.doubtful and material.samples is not None]
+    common = CommonResults(
         folder=config.folder, name=config.session.name, operator=config.session.operator,
-        notes=config.session.notes, bands=bands, inputs=input_files(config, run),
-        chart=chart_result(config, run),
-        calibration=calibration, sensitivity_truth=sensitivity_truth(config),
-        light_scale=reconstruction.light_scale, photo=photo, photo_preview=previews / "preview.png",
-        reconstruction=reconstruction,
-        materials=materials, views=views, signal_bands=joint.bands if views else bands,
-        provenance=provenance, input_digests=run.input_digests(config),
-        warnings=notes_of(stored) + _warnings(config, calibration, joint)
-        + doubtful_materials(materials),
-        stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]} for name,
-                stage in stored.items()], rehearsal=stored_rehearsal(config),
-        geometry=geometry_of(stored), picture=picture_of(config, stored))
+        notes=config.session.notes, bands=bands, grid=signals.grid,
+        inputs=_input_files(config, run), chart=_chart_result(config, stored),
+        calibration=calibrations[0], sensitivity_truth=_sensitivity_truth(config), photo=photo,
+        previews={view.name: folder / "photo" / f"{view.record('preview')}.png"
+                  for view in config.all_views},
+        chart_overlay=folder / "chart" / "overlay.png",
+        materials=materials, signal_bands=signals.bands if config.flat or config.views else bands,
+        provenance=provenance, input_digests=run.input_digests(config), warnings=warnings,
+        stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]}
+                for name, stage in stored.items()], picture=picture_of(config, stored))
+    if joint is None:
+        return FlatResults(**vars(common), photos=[_photo_of_regions(config, stored, view)
+                                                   for view in config.all_views])
+    views = [ViewResult(view.name, bands, calibration, reconstruction)
+             for view, calibration, reconstruction
+             in zip(config.all_views, calibrations, joint.views, strict=True) if view.name]
+    return SceneResults(**vars(common), reconstruction=joint.views[0], views=views,
+                        rehearsal=stored_rehearsal(config), geometry=geometry_of(stored))
 
 
-def surface_result(config: SessionConfig, signals: SurfaceSignals, run: FinishedRun, index: int,
-                   inverse_rendering: np.ndarray | None) -> MaterialResult:
+def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectrum | None,
+                   truth: Spectrum | None = None, inverse_rendering: np.ndarray | None = None,
+                   families: tuple[FamilyCoverage, ...] = ()) -> MaterialResult:
     """What the report shows of one surface.
 
     Parameters
@@ -81,43 +110,76 @@ def surface_result(config: SessionConfig, signals: SurfaceSignals, run: Finished
     signals : SurfaceSignals
     index : int
         Of the surface.
-    inverse_rendering : (P,) array or None
-        The one spectrum of inverse rendering, where there is one.
+    spectrum : SurfaceSpectrum or None
+        None where the spectrum was given.
+    truth : Spectrum, optional
+        Measured, to compare with.
+    inverse_rendering : (P,) array, optional
+        The one spectrum of inverse rendering.
+    families : tuple of FamilyCoverage
+        That the surface may be of.
     """
     name, signal = signals.names[index], signals.signal[index]
-    section = config.surfaces[name]
-    truth = None if section.truth is None else read_reflectance(config, section.truth)
     by_cause = {error.cause: error.covariance[index] for error in signals.errors}
     noise = by_cause[PHOTO_NOISE if PHOTO_NOISE in by_cause else RENDERING_NOISE]
     with np.errstate(invalid="ignore"):
         disagreement = by_cause[DISAGREEMENT] / np.outer(signal, signal)
-    if signals.known[index]:
+    if spectrum is None:
         return MaterialResult(name, signals.spectra[index], signal, noise, disagreement, None, None,
                               {}, truth, None)
-    spectrum = spectrum_of(run.stored, name)
     scores = None if truth is None else score(spectrum_on_grid(truth, GRID), inverse_rendering,
                                               spectrum.summary, spectrum.samples)
-    families: tuple[FamilyCoverage, ...] = ()
-    if spectrum.family_shares and spectrum.samples.outcome in VALID_OUTCOMES:
-        prior = of_families(load_prior(), section.families)
-        families = family_coverages(spectrum.family_shares, prior.stated, prior.certificates)
     return MaterialResult(name, inverse_rendering, signal, noise, disagreement, spectrum.summary,
                           spectrum.samples, relative_errors(signals, index), truth, scores,
                           spectrum.variance_shares, families)
 
 
-def chart_result(config: SessionConfig, run: FinishedRun) -> ChartResult | None:
-    chart = chart_of(run.stored)
+def _surface_result(config: SessionConfig, signals: SurfaceSignals,
+                    stored: Mapping[str, StoredStage], index: int,
+                    inverse_rendering: np.ndarray | None) -> MaterialResult:
+    name = signals.names[index]
+    section = config.surfaces[name]
+    truth = None if section.truth is None else read_reflectance(config, section.truth)
+    if signals.known[index]:
+        return surface_result(signals, index, None, truth)
+    spectrum = spectrum_of(stored, name)
+    families: tuple[FamilyCoverage, ...] = ()
+    if spectrum.family_shares and spectrum.samples.outcome in VALID_OUTCOMES:
+        prior = of_families(load_prior(), section.families)
+        families = family_coverages(spectrum.family_shares, prior.stated, prior.certificates)
+    return surface_result(signals, index, spectrum, truth, inverse_rendering, families)
+
+
+def _chart_result(config: SessionConfig, stored: Mapping[str, StoredStage]) -> ChartResult | None:
+    chart = chart_of(stored)
     if chart is None:
         return None
-    predicted, irradiance = chart_fit_of(run.stored)
-    return ChartResult(chart[0], chart[1], predicted,
-                       irradiance / np.fmax.reduce(irradiance),
-                       config.results_folder / "chart" / "overlay.png", session_chart(config),
-                       left_out_of(run.stored), prior_influence_of(run.stored))
+    predicted, irradiance = chart_fit_of(stored)
+    return ChartResult(chart[0], chart[1], predicted, irradiance / np.fmax.reduce(irradiance),
+                       session_chart(config), left_out_of(stored), prior_influence_of(stored))
 
 
-def sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
+def _photo_of_regions(config: SessionConfig, stored: Mapping[str, StoredStage],
+                      view: ViewInputs) -> PhotoOfRegions:
+    photo, chart = photo_of(stored, view), chart_of(stored, view)
+    height, width = photo.signal.shape[:2]
+    shown, signals = regions_of(config, view), stored["signals"]
+    known = [name for name, section in shown if section.known is not None]
+    light = signals.record(np.ndarray, view.record("light"))
+    misfits = signals.record(np.ndarray, view.record("level misfits"))
+    return PhotoOfRegions(
+        view.name or FIRST_PHOTO,
+        {} if light is None else {name: (float(level), float(error)) for (name, _), (level, error)
+                                  in zip(shown, light, strict=True)},
+        {} if misfits is None else dict(zip(known, misfits.tolist(), strict=True)),
+        config.results_folder / "photo" / f"{view.record('preview')}.png",
+        (round(width * photo.sensor_step), round(height * photo.sensor_step)),
+        {name: np.array(region.outline()) for name, region in shown},
+        chart[0].corners_px if chart is not None and view.chart_files == view.photo_files else None,
+        signals.record(np.ndarray, view.record("light map")))
+
+
+def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
     truth = config.sensitivity.truth
     if truth is None or not config.light.spectrum.stated:   # products are no sensitivities
         return None
@@ -126,7 +188,7 @@ def sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | 
     return GRID.nm, values / values.max()
 
 
-def input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
+def _input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:
     """Every input file once, with its role, hash, size and what is known of it."""
     roles: dict[str, str] = {}
     for view in config.all_views:
@@ -162,15 +224,16 @@ def input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]
             for name, role in roles.items() if name in hashes]
 
 
-def doubtful_materials(materials: list[MaterialResult]) -> list[str]:
-    """Materials whose draws have a reservation: a signal unlike all that the prior knows, say."""
-    return [f"{material.name}: {material.samples.sentence}" for material in materials
-            if material.doubtful and material.samples is not None]
-
-
 def _warnings(config: SessionConfig, calibration: Calibration,
-              joint: JointReconstruction) -> list[str]:
-    found = [f"Calibration: {doubt.value}." for doubt in calibration.doubts]
+              joint: JointReconstruction | None) -> list[str]:
+    """What to beware of in the calibration and, of a scene, in its reconstruction."""
+    doubts = [f"Calibration: {doubt.value}." for doubt in calibration.doubts]
+    return doubts if joint is None else doubts + _scene_warnings(config, calibration, joint)
+
+
+def _scene_warnings(config: SessionConfig, calibration: Calibration,
+                    joint: JointReconstruction) -> list[str]:
+    found = []
     misfits = [(name, misfit) for name, view in zip(joint.names, joint.views, strict=True)
                for misfit in view.misfits]
     if misfits and config.picture is not None:
