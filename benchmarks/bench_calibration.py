@@ -91,7 +91,7 @@ def fit_one(method: str, shots: list[Shot], reflectances: np.ndarray, prior: Cam
                                  glare=with_field)
                   for shot, covariance in zip(shots, covariances, strict=True)]
         found = fit_with_prior(photos, prior, GRID)
-        draws = draw_curves(found.posterior, len(found.sensitivity.curves), 400, seed=0).curves
+        draws = draw_curves(found.posterior, len(found.sensitivity.curves), 400, seed=0)
         lower, upper = np.quantile(draws, [0.05, 0.95], axis=0)
         return found.sensitivity.curves, lower, upper
     first = shots[0]

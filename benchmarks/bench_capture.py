@@ -20,9 +20,9 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import sample_patches
-from spectrabox.capture.chart.reference import TYPICAL_SIGNALS
 from spectrabox.capture.develop.bands import stack_bands, strongest_channel
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark, subtract_dark

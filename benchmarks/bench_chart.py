@@ -20,9 +20,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from spectrabox.capture.chart.chart_agreement import typical_signals
 from spectrabox.capture.chart.detection import _mcc_quads, locate_chart
 from spectrabox.capture.chart.quality import judge_chart
-from spectrabox.capture.chart.reference import typical_signals
 from spectrabox.capture.photo.image_files import read_encoded_file
 from spectrabox.capture.photo.preview import preview_rgb8
 from spectrabox.fixtures.chart_scene import BORDER_MM, GRID_MM, PITCH_MM, chart_scene, homography

@@ -64,7 +64,8 @@ def target(name: str, grid: WavelengthGrid, fitted: np.ndarray,
     to_xyz = tristimulus_weights(grid.nm, name)
     to_d65 = adapted_tristimulus(grid.nm, name)
     # D50 by the same adaptation: linear, so that white stays white
-    to_d50 = _bradford(to_d65.sum(axis=1), D50) @ to_d65
+    gains = BRADFORD @ D50 / (BRADFORD @ to_d65.sum(axis=1))
+    to_d50 = np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD) @ to_d65
     labs = tuple(lab_from_xyz(each @ to_d50.T, D50) for each in judged)
     return Target(light(name, grid) * grid.weights_nm, fitted, fitted @ to_xyz.T,
                   fitted @ to_d50.T, to_xyz.sum(axis=1), judged, labs)
@@ -95,9 +96,3 @@ def _white_keeping(signals: np.ndarray, xyz: np.ndarray) -> np.ndarray:
     start = np.repeat(D50[:, None] / 3, 3, axis=1)
     more = np.linalg.lstsq(signals @ free, xyz - signals @ start.T, rcond=None)[0]
     return np.asarray(start + (free @ more).T)
-
-
-def _bradford(white: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """The matrix (3, 3) by which X, Y, Z under one white look alike under another."""
-    return np.asarray(np.linalg.solve(BRADFORD, (BRADFORD @ wanted / (BRADFORD @ white))[:, None]
-                                      * BRADFORD))

@@ -3,15 +3,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
-from spectrabox.calibrate.measured_curves import check_measured_curves
-from spectrabox.calibrate.photo_checks import disagreement, light_power, refuse_disagreement
+from spectrabox.calibrate.photo_checks import light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
 from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE
@@ -19,16 +18,19 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
-    SPLINE_COEFFICIENTS,
     PriorFit,
     default_prior,
     fit_sensitivities,
     fit_with_prior,
     relative_prediction_covariance,
-    scale_of_photo,
 )
-from spectrabox.calibrate.spline_fit import SPLINE_BANDS
-from spectrabox.calibrate.trust import chart_colour_differences, other_reading, sentences
+from spectrabox.calibrate.spline_fit import SPLINE_BANDS, SPLINE_COEFFICIENTS
+from spectrabox.calibrate.trust import (
+    chart_colour_differences,
+    check_measured_curves,
+    fit_notes,
+    other_reading,
+)
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
@@ -77,7 +79,7 @@ class ChartPhoto(Record):
     @property
     def irradiance_or_pi(self) -> np.ndarray:
         """Irradiance (I,) on each patch; pi where unknown."""
-        return unknown_irradiance(len(self.reflectances)) if self.irradiance is None \
+        return np.full(len(self.reflectances), np.pi) if self.irradiance is None \
             else self.irradiance
 
 
@@ -147,68 +149,42 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     """
     chosen = CalibrationOptions() if options is None else options
     first = photos[0]
-    _require_bands(first.samples)
-    if isinstance(first.light, UnknownLight):
-        _require_one_unknown(photos, first.light, chosen)
-    if len(photos) > 1 and (chosen.curves is not None or chosen.method != "prior"):
-        method = chosen.method if chosen.curves is None else "file"
-        raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
+    _require_usable(photos, chosen)
     light, power, unseen = _power_of(first.light, grid)
-    irradiance = first.irradiance_or_pi
-    prior_fit, posterior = None, None
-    doubts: tuple[CalibrationDoubt, ...] = ()
     if chosen.curves is not None:
-        fit, scale, predicted, without = _from_measured(first, power, irradiance, grid,
-                                                        chosen.curves)
-        notes: tuple[str, ...] = (
-            check_measured_curves(_as_equations(first, grid)[0], chosen.curves, grid),)
+        fitted = _from_measured(first, power, grid, chosen.curves)
     elif chosen.method == "prior":
-        equations = [_as_equations(photo, grid) for photo in photos]
-        fitted, excluded = [used for used, _ in equations], equations[0][1]
-        cameras = default_prior(fitted, grid) if chosen.prior is None else chosen.prior
-        if isinstance(first.light, UnknownLight):
-            prior_fit, posterior, notes = _products(fitted, first.light, grid, cameras, excluded)
-        else:
-            prior_fit = prior_calibration(fitted, grid, cameras, excluded)
-            wrong_lights, notes = light_doubts([_power_of(photo.light, grid)[0].source
-                                                for photo in photos], fitted, cameras, grid)
-            unlike = (CalibrationDoubt.UNLIKE_CAMERAS,) if unlike_cameras(prior_fit) else ()
-            doubts = (*unlike, *wrong_lights)
-        notes = (*sentences(prior_fit, grid), *notes)
-        scale, without = scale_of_photo(prior_fit, 0), in_chart_order(prior_fit.without, first.used)
-        # of excluded patches, signals that the fit without them predicts
-        predicted = without.predicted(first.reflectances)
-        predicted[first.used] = prior_fit.photos[0].predicted
-        fit = replace(prior_fit.sensitivity, residuals=1 - predicted / first.samples.mean,
-                      held_out_residuals=1 - without.predicted(first.reflectances)
-                      / first.samples.mean)
-        scale = replace(scale, residuals=fit.residuals)
+        fitted = _with_prior(photos, grid, chosen.prior)
     else:
-        fit, scale, without = fit_sensitivities(
-            first.samples, first.reflectances, power, irradiance, grid, chosen.coefficients,
-            method=chosen.method, used=first.used)
-        notes = (SPLINE_BANDS[chosen.method],)
-        predicted = scale.value * _chart_signals(grid, fit.curves, power, first.reflectances,
-                                                 irradiance)
+        fitted = _by_splines(first, power, grid, chosen)
+    fit, scale, doubts = fitted.fit, fitted.scale, fitted.doubts
+    # what the photo shows, what the fit gives, and what fits without each patch give
     held_out = fit.residuals if fit.held_out_residuals is None else fit.held_out_residuals
     assert held_out is not None
+    measured, signals_without = first.samples.mean, first.samples.mean * (1 - held_out)
     covariance = relative_prediction_covariance(held_out, first.samples)
-    signals_without = first.samples.mean * (1 - held_out)
     delta_e, delta_e_without = (
-        chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
-        for signal in (predicted, signals_without))
+        chart_colour_differences(measured, signal, first.reflectances, grid)
+        for signal in (fitted.predicted, signals_without))
     left_out = ("" if chosen.curves is not None
                 else f", {delta_e_without.mean():.2f} for patches left out of the fit")
-    checks = (f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
-              *_checks(fit, covariance, scale), *unseen, *notes)
+    checks = [f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
+              f"relative error of predicted signals {np.sqrt(np.diag(covariance)).max():.1%} in "
+              "the worst band, from patches"
+              + ("" if fit.held_out_residuals is None else " left out of the fit")]
+    if fit.condition_number is not None:
+        checks.append(f"condition number {fit.condition_number:.4g}")
+    if scale.standard_error is not None:
+        checks.append("signal of a perfect reflector (light scale times curves) known to "
+                      f"{scale.standard_error / scale.value:.2%} in each band")
     # products with an unknown light are no curves that a matrix could be held against
-    if posterior is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
+    if fitted.light is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
         doubts += (CalibrationDoubt.COLOUR_MATRIX,)
-    checks += tuple(doubt.value for doubt in doubts)
+    checks += [*unseen, *fitted.notes, *(doubt.value for doubt in doubts)]
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
-                              checks, doubts, posterior)
-    return ChartCalibration(calibration, scale, predicted, signals_without, delta_e,
-                            delta_e_without, prior_fit, without, ~first.used)
+                              tuple(checks), doubts, fitted.light)
+    return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
+                            delta_e_without, fitted.prior_fit, fitted.without, ~first.used)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,65 +209,13 @@ def curve_band(calibration: ChartCalibration, seed: int = 0) -> CurveBand | None
     """
     fit = calibration.calibration.sensitivity
     if calibration.prior_fit is not None:
-        draws = draw_curves(calibration.prior_fit.posterior, len(fit.curves), DRAWS, seed).curves
+        draws = draw_curves(calibration.prior_fit.posterior, len(fit.curves), DRAWS, seed)
         lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
         return CurveBand(lower, upper, draws)
     if fit.standard_error is None:
         return None
     half = NORMAL_QUANTILE * fit.standard_error
     return CurveBand(np.maximum(fit.curves - half, 0), fit.curves + half, None)
-
-
-def unknown_irradiance(patches: int) -> np.ndarray:
-    """Irradiance (I,) that gives a reflectance of 1 a signal without scale.
-
-    Parameters
-    ----------
-    patches : int
-        I, of the chart.
-    """
-    return np.full(patches, np.pi)
-
-
-def prior_calibration(photos: list[ChartEquations], grid: WavelengthGrid,
-                      prior: CameraPrior | None = None,
-                      excluded: ChartEquations | None = None) -> PriorFit:
-    """The joint estimate from chart photos, refused where no camera explains them.
-
-    Parameters
-    ----------
-    photos : list of ChartEquations
-        By one camera.
-    grid : WavelengthGrid
-        Working grid, of P wavelengths.
-    prior : CameraPrior or None
-        None: see ``default_prior``.
-    excluded : ChartEquations or None
-        Patches of the first photo that no fit is to use.
-
-    Raises
-    ------
-    CheckError
-        If the patches disagree with the reference under any camera; it says which photo, and which
-        other reading of it would agree.
-    """
-    joint = fit_with_prior(photos, prior, grid, excluded=excluded)
-    if not joint.disagrees:
-        return joint
-    known = default_prior(photos, grid) if prior is None else prior
-    alone = ([joint] if len(photos) == 1
-             else [fit_with_prior([photo], known, grid) for photo in photos])
-    for number, (photo, fit) in enumerate(zip(photos, alone, strict=True), start=1):
-        if fit.disagrees:
-            which = "the chart photo" if len(photos) == 1 else f"chart photo {number}"
-            refuse_disagreement(f"no camera explains {which}",
-                                disagreement(photo.signal, fit.held_out[0]), fit.chi_square,
-                                other_reading(photo, known, grid))
-    raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one "
-                     f"camera (patches and model agree only within {joint.model_error:.1%}, "
-                     f"chi-square {joint.chi_square:.1f} per signal together); check that the "
-                     "camera and its settings were the same, and that each photo has the spectrum "
-                     "of its own light")
 
 
 def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spectrum,
@@ -314,24 +238,37 @@ def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spe
     return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (note,))
 
 
-def _require_bands(samples: PatchSamples) -> None:
-    bands = samples.mean.shape[1]
+class _Fitted(NamedTuple):
+    """What a method says of the first photo's chart, and of its light where that was unknown."""
+
+    fit: SensitivityFit
+    scale: LightScale
+    predicted: np.ndarray       # (I, K)
+    without: PatchesWithout
+    notes: tuple[str, ...]
+    prior_fit: PriorFit | None = None
+    light: LightPosterior | None = None
+    doubts: tuple[CalibrationDoubt, ...] = ()
+
+
+def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) -> None:
+    """Refuse photos that the method cannot take."""
+    first, bands = photos[0], photos[0].samples.mean.shape[1]
     if bands < MIN_BANDS:
         raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
                          "are needed: stack photos that were taken through different filters into "
                          "one of several bands")
-
-
-def _require_one_unknown(photos: Sequence[ChartPhoto], light: UnknownLight,
-                         chosen: CalibrationOptions) -> None:
-    """Refuse what an unknown light cannot be used with."""
-    if chosen.curves is not None or chosen.method != "prior":
-        method = chosen.method if chosen.curves is None else "file"
-        raise InputError(f"method {method} needs the spectrum of the light, and the photo has an "
-                         f"{light.words}; use method prior, or measure the light")
-    if any(photo.light is not light for photo in photos[1:]):
-        raise InputError("several chart photos of which one has an unknown light must all be under "
-                         "that light: fit those under other lights by themselves, or measure it")
+    method = chosen.method if chosen.curves is None else "file"
+    if isinstance(first.light, UnknownLight):
+        if method != "prior":
+            raise InputError(f"method {method} needs the spectrum of the light, and the photo has "
+                             f"an {first.light.words}; use method prior, or measure the light")
+        if any(photo.light is not first.light for photo in photos[1:]):
+            raise InputError("several chart photos of which one has an unknown light must all be "
+                             "under that light: fit those under other lights by themselves, or "
+                             "measure it")
+    if len(photos) > 1 and method != "prior":
+        raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
 
 
 def _power_of(light: Spectrum | UnknownLight,
@@ -343,50 +280,87 @@ def _power_of(light: Spectrum | UnknownLight,
     return (light, *light_power(light, grid))
 
 
-def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> tuple[ChartEquations,
-                                                                    ChartEquations | None]:
-    """A photo as equations, with a field where the illumination of the chart is not known; and the
-    excluded patches, if any.
+def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> ChartEquations:
+    """All patches of a photo, with a field where the illumination of the chart is not known."""
+    return chart_equations(photo.samples, photo.reflectances, _power_of(photo.light, grid)[1],
+                           photo.irradiance_or_pi, grid, rows=photo.chart.rows,
+                           positions=None if photo.irradiance is not None
+                           else photo.chart.centres_uv)
+
+
+def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+                prior: CameraPrior | None) -> _Fitted:
+    """By the joint estimate from all photos; of an unknown light, products with it."""
+    first, whole = photos[0], [_as_equations(photo, grid) for photo in photos]
+    used = [equations if photo.used.all() else some_patches(equations, photo.used)
+            for photo, equations in zip(photos, whole, strict=True)]
+    excluded = None if first.used.all() else some_patches(whole[0], ~first.used)
+    cameras = default_prior(used, grid) if prior is None else prior
+    light: LightPosterior | None = None
+    doubts: tuple[CalibrationDoubt, ...] = ()
+    if isinstance(first.light, Spectrum):
+        fit = _one_camera(used, grid, cameras, excluded)
+        doubts, notes = light_doubts([_power_of(photo.light, grid)[0].source for photo in photos],
+                                     used, cameras, grid)
+        if unlike_cameras(fit):
+            doubts = (CalibrationDoubt.UNLIKE_CAMERAS, *doubts)
+    elif cameras.source == SMOOTH_SOURCE:
+        fit = _one_camera(used, grid, cameras, excluded)
+        notes = (f"no measured camera has {cameras.bands} bands: products of sensitivity and light "
+                 "were fitted with smoothness alone, so narrow lines of the lamp are smoothed over "
+                 "and the light by itself is not known",)
+    else:
+        products = fit_products(used, cameras, lamps_like(first.light), grid, first.light.words,
+                                excluded)
+        fit, light, notes = products.fit, products.light, products.light.sentences
+        if fit.disagrees:
+            refuse_disagreement("no camera under any lamp explains the chart photo", used[0].signal,
+                                fit.held_out[0], fit.chi_square, None)
+    without = in_chart_order(fit.without, first.used)
+    held_out = without.predicted(first.reflectances)
+    predicted = held_out.copy()     # excluded patches: what the fit without them predicts
+    predicted[first.used] = fit.photos[0].predicted
+    residuals = 1 - predicted / first.samples.mean
+    return _Fitted(replace(fit.sensitivity, residuals=residuals,
+                           held_out_residuals=1 - held_out / first.samples.mean),
+                   replace(fit.photos[0].light_scale, residuals=residuals), predicted, without,
+                   (*fit_notes(fit, grid), *notes), fit, light, doubts)
+
+
+def _one_camera(photos: list[ChartEquations], grid: WavelengthGrid, prior: CameraPrior,
+                excluded: ChartEquations | None) -> PriorFit:
+    """The joint estimate, refused where no camera explains the photos: it says which photo, and
+    which other reading of it would agree.
     """
-    _, power, _ = _power_of(photo.light, grid)
-    known = photo.irradiance is not None
-    whole = chart_equations(photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid,
-                            positions=None if known else photo.chart.centres_uv,
-                            rows=photo.chart.rows)
-    if photo.used.all():
-        return whole, None
-    return some_patches(whole, photo.used), some_patches(whole, ~photo.used)
+    joint = fit_with_prior(photos, prior, grid, excluded=excluded)
+    if not joint.disagrees:
+        return joint
+    alone = ([joint] if len(photos) == 1
+             else [fit_with_prior([photo], prior, grid) for photo in photos])
+    for number, (photo, fit) in enumerate(zip(photos, alone, strict=True), start=1):
+        if fit.disagrees:
+            which = "the chart photo" if len(photos) == 1 else f"chart photo {number}"
+            refuse_disagreement(f"no camera explains {which}", photo.signal, fit.held_out[0],
+                                fit.chi_square, other_reading(photo, prior, grid))
+    raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one "
+                     f"camera (patches and model agree only within {joint.model_error:.1%}, "
+                     f"chi-square {joint.chi_square:.1f} per signal together); check that the "
+                     "camera and its settings were the same, and that each photo has the spectrum "
+                     "of its own light")
 
 
-def _products(photos: list[ChartEquations], light: UnknownLight, grid: WavelengthGrid,
-              cameras: CameraPrior, excluded: ChartEquations | None
-              ) -> tuple[PriorFit, LightPosterior | None, tuple[str, ...]]:
-    """Products of sensitivity and an unknown light, and what is known of the light by itself."""
-    if cameras.source == SMOOTH_SOURCE:
-        return prior_calibration(photos, grid, cameras, excluded), None, (
-            f"no measured camera has {cameras.bands} bands: products of sensitivity and light were "
-            "fitted with smoothness alone, so narrow lines of the lamp are smoothed over and the "
-            "light by itself is not known",)
-    products = fit_products(photos, cameras, lamps_like(light), grid, light.words, excluded)
-    if products.fit.disagrees:
-        refuse_disagreement("no camera under any lamp explains the chart photo",
-                            disagreement(photos[0].signal, products.fit.held_out[0]),
-                            products.fit.chi_square, None)
-    return products.fit, products.light, products.light.sentences
-
-
-def _from_measured(photo: ChartPhoto, power: np.ndarray, irradiance: np.ndarray,
-                   grid: WavelengthGrid, curves: np.ndarray
-                   ) -> tuple[SensitivityFit, LightScale, np.ndarray, PatchesWithout]:
-    samples, used, patches = photo.samples, photo.used, len(photo.reflectances)
-    unscaled = _chart_signals(grid, curves, power, photo.reflectances, irradiance)
+def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
+                   curves: np.ndarray) -> _Fitted:
+    """Measured curves as they are; the photo gives the scale of its light."""
+    samples, used, irradiance = photo.samples, photo.used, photo.irradiance_or_pi
+    unscaled = _chart_signals(photo, grid, curves, power)
     scale = scale_from_signals(samples.mean[used], unscaled[used], CHART_ERROR, "chart photo")
+    patches, bands = samples.mean.shape
     others = [scale_from_signals(samples.mean[used & rest], unscaled[used & rest], CHART_ERROR,
                                  "chart photo").value for rest in ~np.eye(patches, dtype=bool)]
     predicted = scale.value * unscaled
     residuals = 1 - predicted / samples.mean
     relative = relative_prediction_covariance(residuals, samples)
-    bands = len(curves)
     factor = (np.array(others) * irradiance / np.pi)[:, None, None]
     covariance = np.zeros((patches, bands * bands + bands, bands * bands + bands))
     covariance[:, bands * bands:, bands * bands:] = (
@@ -394,28 +368,30 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, irradiance: np.ndarray,
     without = PatchesWithout(curves.T, power * grid.weights_nm, factor * np.eye(bands),
                              np.zeros((patches, bands)), covariance, samples.mean,
                              samples.covariance_of_mean)
-    return (_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
-            predicted, without)
+    equations = _as_equations(photo, grid)
+    note = check_measured_curves(equations if used.all() else some_patches(equations, used), curves,
+                                 grid)
+    return _Fitted(_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
+                   predicted, without, (note,))
 
 
-def _chart_signals(grid: WavelengthGrid, curves: np.ndarray, power: np.ndarray,
-                   reflectances: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
-    return reflectances @ response_matrix(grid, curves, power).T * (irradiance / np.pi)[:, None]
+def _by_splines(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
+                chosen: CalibrationOptions) -> _Fitted:
+    """By one of ``spline_fit.SPLINE_METHODS``."""
+    fit, scale, without = fit_sensitivities(
+        photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid, chosen.coefficients,
+        method=chosen.method, used=photo.used)
+    predicted = scale.value * _chart_signals(photo, grid, fit.curves, power)
+    return _Fitted(fit, scale, predicted, without, (SPLINE_BANDS[chosen.method],))
+
+
+def _chart_signals(photo: ChartPhoto, grid: WavelengthGrid, curves: np.ndarray,
+                   power: np.ndarray) -> np.ndarray:
+    return (photo.reflectances @ response_matrix(grid, curves, power).T
+            * (photo.irradiance_or_pi / np.pi)[:, None])
 
 
 def _measured_curves(grid: WavelengthGrid, curves: np.ndarray,
                      residuals: np.ndarray | None) -> SensitivityFit:
     return SensitivityFit(grid, curves, None, None, None, None, residuals, None, None,
                           "measured curves from a file", Outcome.CONVERGED)
-
-
-def _checks(fit: SensitivityFit, covariance: np.ndarray, scale: LightScale) -> tuple[str, ...]:
-    left_out = "" if fit.held_out_residuals is None else " left out of the fit"
-    checks = [f"relative error of predicted signals {np.sqrt(np.diag(covariance)).max():.1%} in "
-              f"the worst band, from patches{left_out}"]
-    if fit.condition_number is not None:
-        checks.append(f"condition number {fit.condition_number:.4g}")
-    if scale.standard_error is not None:
-        checks.append("signal of a perfect reflector (light scale times curves) known to "
-                      f"{scale.standard_error / scale.value:.2%} in each band")
-    return tuple(checks)

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.records import PatchSamples, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
@@ -28,8 +28,8 @@ COMMON_ERRORS = (0.0, 0.004, 0.01, 0.025)
 
 
 class PatchError(NamedTuple):
-    """Disagreement of patches and model, relative standard deviations: of each band of a patch by
-    itself, and of all bands of a patch in common.
+    """Disagreement of patches and model as relative standard deviations: independent in each band
+    of a patch, and common to all its bands.
     """
 
     own: float
@@ -37,23 +37,12 @@ class PatchError(NamedTuple):
 
     @property
     def whole(self) -> float:
-        """Of one band, all in all."""
+        """Of one band, both parts together."""
         return float(np.hypot(*self))
 
     def among_bands(self, bands: int) -> np.ndarray:
         """Relative covariance (K, K) of one patch."""
         return self.own**2 * np.eye(bands) + self.common**2
-
-
-def patch_errors(own: Sequence[float]) -> tuple[PatchError, ...]:
-    """What is held possible of the disagreement: every own error with every one in common.
-
-    Parameters
-    ----------
-    own : sequence of float
-        Relative errors of one band by itself.
-    """
-    return tuple(PatchError(*pair) for pair in product(own, COMMON_ERRORS))
 
 
 def mean_error(weights: np.ndarray, errors: Sequence[PatchError]) -> PatchError:
@@ -123,34 +112,25 @@ def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
                    field_terms=photo.field_terms[chosen], rows=None)
 
 
-def field_terms(positions: np.ndarray) -> np.ndarray:
-    """Linear and quadratic terms (I, 5) of positions, each of zero mean and unit spread.
+def field_terms(positions: np.ndarray, patches: np.ndarray | None = None) -> np.ndarray:
+    """Linear and quadratic terms (n, 5) of positions, of zero mean and unit spread over a chart.
 
     Parameters
     ----------
-    positions : (I, 2) array
-        Of the patches on the chart, any unit.
+    positions : (n, 2) array
+        On the chart, any unit; beyond it the terms grow.
+    patches : (I, 2) array or None
+        Positions of the patches, which set mean and spread; None: ``positions`` are the patches.
     """
-    return field_terms_at(positions, positions)
-
-
-def field_terms_at(places: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """The same terms (n, 5) at any places; ``positions`` of the patches set mean and spread.
-
-    Parameters
-    ----------
-    places : (n, 2) array
-        In the unit of the positions; beyond the chart the terms grow.
-    positions : (I, 2) array
-    """
-    centre, spread = positions.mean(axis=0), positions.std(axis=0)
+    patches = positions if patches is None else patches
+    centre, spread = patches.mean(axis=0), patches.std(axis=0)
 
     def terms(at: np.ndarray) -> np.ndarray:
         x, y = ((at - centre) / spread).T
         return np.column_stack([x, y, x**2, y**2, x * y])
 
-    of_patches = terms(positions)
-    return (terms(places) - of_patches.mean(axis=0)) / of_patches.std(axis=0)
+    of_patches = terms(patches)
+    return (terms(positions) - of_patches.mean(axis=0)) / of_patches.std(axis=0)
 
 
 def unlit_design(photo: ChartEquations, basis: np.ndarray) -> np.ndarray:
@@ -224,8 +204,9 @@ def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np
 
 
 def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
-    """Covariance (I K, I K) of the signals: that of the pixels, and the model's; patches err
-    independently.
+    """Covariance (I, K, K) of the patches' signals, that of the pixels and the model's.
+
+    Errors of different patches are independent.
 
     Parameters
     ----------
@@ -233,10 +214,17 @@ def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
     error : PatchError
         Of every patch; of 3 % of the brightest patch where one is darker.
     """
-    patches, bands = photo.signal.shape
     level = np.maximum(photo.signal, DARK_SHARE * photo.signal.max(axis=0))
-    total = np.zeros((patches, bands, patches, bands))
-    index = np.arange(patches)
-    total[index, :, index, :] = photo.covariance + error.among_bands(bands) * (
+    return photo.covariance + error.among_bands(photo.signal.shape[1]) * (
         level[:, :, None] * level[:, None, :])
-    return total.reshape(patches * bands, -1)
+
+
+def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.ndarray:
+    """Covariance (Y, Y) of all signals of photos, patch after patch, see ``noise_covariance``.
+
+    Parameters
+    ----------
+    photos : sequence of ChartEquations
+    error : PatchError
+    """
+    return block_diagonal(*(patch for photo in photos for patch in noise_covariance(photo, error)))

@@ -140,16 +140,10 @@ def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
         Disagreement of patches and model.
     patches : list of tuples
     """
-    signal = np.concatenate([photo.signal for photo in photos])
-    noises = []
-    for photo in photos:
-        count, bands = photo.signal.shape
-        index = np.arange(count)
-        noises.append(noise_covariance(photo, error).reshape(count, bands, count, bands)[
-            index, :, index, :])
     coefficients, offset, covariance = (np.array(column) for column in zip(*patches, strict=True))
-    return PatchesWithout(basis, photos[0].power, coefficients, offset, covariance, signal,
-                          np.concatenate(noises))
+    return PatchesWithout(basis, photos[0].power, coefficients, offset, covariance,
+                          np.concatenate([photo.signal for photo in photos]),
+                          np.concatenate([noise_covariance(photo, error) for photo in photos]))
 
 
 def in_chart_order(without: PatchesWithout, used: np.ndarray) -> PatchesWithout:

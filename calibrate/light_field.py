@@ -1,16 +1,16 @@
-"""The light beyond a chart: what the field that the chart shows says of the rest of the picture.
+"""The light beyond a chart: the field at other regions of the picture, given that on the chart.
 
-A quadratic that was fitted over the chart runs away beyond it. Light does not: lamps stand
-somewhere, and a lens darkens corners. So arrangements of lamps are drawn, near and far, one or two,
-with light from all sides, and each gives the field at the patches and at any other point. What the
-chart fit says of the five terms over the chart then tells, by linear regression over the
-arrangements of each distance, the field elsewhere, and what it leaves open is what the arrangements
-that agree on the chart still differ by: next to nothing beside the chart, and the more the further.
+A quadratic that was fitted over the chart runs away beyond it. Light does not: lamps have a
+position, and a lens darkens corners. So arrangements of lamps are drawn, near and far, one or two,
+with light from all sides, and each gives the field at the patches and at any other point. Linear
+regression over the arrangements of each distance then predicts the field at a point from the five
+terms over the chart. What they leave open is what the arrangements that agree on the chart still
+differ by: next to nothing close to the chart, and the more the further away.
 
     terms over the chart of one arrangement       c = pinv(terms at the patches) field(patches)
-    elsewhere, of arrangements of one distance    field(x) = mean(x) + G(x) (c - mean c) + rest(x)
+    at a point x, arrangements of one distance    field(x) = mean(x) + G(x) (c - mean c) + rest(x)
 
-Distances are weighed by how well they give the chart's terms. Lengths are in widths of the card. A
+Distances are weighted by how well they give the chart's terms. Lengths are in widths of the card. A
 photo that was divided by a white card in the samples' place may have no field left: that is one
 more kind of arrangement, and the chart says whether it holds.
 """
@@ -47,8 +47,8 @@ class PicturePoints(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class LightElsewhere(Record):
-    """White signal, glare and the field at R places, relative to the chart's mean, together."""
+class RegionLight(Record):
+    """White signal, glare and the field at R regions, relative to the chart's mean, together."""
 
     level: Annotated[np.ndarray, "K"]       # signal of white where the log field is 0
     glare: Annotated[np.ndarray, "K"]       # signal
@@ -57,9 +57,9 @@ class LightElsewhere(Record):
     distances: Annotated[np.ndarray, "C"]   # probability of each of LAMP_DISTANCES, and of evenness
 
 
-def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[PicturePoints],
-                    flat_field: bool, seed: int = 0) -> LightElsewhere:
-    """The light at other places of a photo, from what its chart says.
+def light_at_regions(white: ChartWhite, patches: PicturePoints, regions: list[PicturePoints],
+                    flat_field: bool, seed: int = 0) -> RegionLight:
+    """The light at other regions of a photo, given its chart.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[Pict
         With E = 5 terms of the field.
     patches : PicturePoints
         Of the I patches.
-    places : list of PicturePoints
-        R places; the light on each is the mean over its points.
+    regions : list of PicturePoints
+        R regions; the light on each is the mean over its points.
     flat_field : bool
         Whether the photo was divided by that of a white card.
     seed : int
@@ -77,11 +77,11 @@ def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[Pict
     terms = field_terms(patches.plane)
     project = np.linalg.pinv(terms)
     centre, information = _likelihood(white)
-    kinds = [_of_distance(distance, patches, places, flat_field, np.random.default_rng([seed, i]))
+    kinds = [_of_distance(distance, patches, regions, flat_field, np.random.default_rng([seed, i]))
              for i, distance in enumerate(LAMP_DISTANCES)]
     shares = np.full(len(kinds), (1 - FLAT_SHARE * flat_field) / len(kinds))
     if flat_field:
-        kinds.append(_nearly_even(patches, places, np.random.default_rng([seed, len(kinds)])))
+        kinds.append(_nearly_even(patches, regions, np.random.default_rng([seed, len(kinds)])))
         shares = np.append(shares, FLAT_SHARE)
     fits = [_given_the_chart(white, project, centre, information, *kind) for kind in kinds]
     logs = np.log(shares) + np.array([evidence for evidence, _, _ in fits])
@@ -92,7 +92,7 @@ def light_elsewhere(white: ChartWhite, patches: PicturePoints, places: list[Pict
     covariance = sum(weight * (inside + np.outer(off, off)) for weight, off, (_, _, inside)
                      in zip(weights, means - mean, fits, strict=True))
     bands = len(white.level)
-    return LightElsewhere(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
+    return RegionLight(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
                           mean[2 * bands:], symmetric(np.asarray(covariance)), weights)
 
 
@@ -111,9 +111,9 @@ def _likelihood(white: ChartWhite) -> tuple[np.ndarray, np.ndarray]:
 
 def _given_the_chart(white: ChartWhite, project: np.ndarray, centre: np.ndarray,
                      information: np.ndarray, on_patches: np.ndarray,
-                     on_places: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+                     on_regions: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Log evidence of one kind of arrangement, and mean and covariance of (log level - that of
-    the chart fit, glare, field at the places), Z = 2 K + R.
+    the chart fit, glare, field at the regions), Z = 2 K + R.
     """
     bands, count = len(white.level), len(white.field)
     terms = on_patches @ project.T
@@ -134,26 +134,26 @@ def _given_the_chart(white: ChartWhite, project: np.ndarray, centre: np.ndarray,
     covariance = white.covariance + along @ (terms_covariance
                                              - white.covariance[own, own]) @ along.T
     centred = terms - mean
-    regression = np.linalg.solve(centred.T @ centred, centred.T @ (on_places
-                                                                   - on_places.mean(axis=0))).T
-    rest = on_places - on_places.mean(axis=0) - centred @ regression.T
-    places = on_places.shape[1]
-    carry = np.zeros((2 * bands + places, len(state)))
+    regression = np.linalg.solve(centred.T @ centred, centred.T @ (on_regions
+                                                                   - on_regions.mean(axis=0))).T
+    rest = on_regions - on_regions.mean(axis=0) - centred @ regression.T
+    regions = on_regions.shape[1]
+    carry = np.zeros((2 * bands + regions, len(state)))
     carry[:bands, :bands] = np.eye(bands)
     carry[bands:2 * bands, bands + count:] = np.eye(bands)
     carry[2 * bands:, own] = regression
     moved = carry @ state
-    moved[2 * bands:] += on_places.mean(axis=0) - regression @ mean
+    moved[2 * bands:] += on_regions.mean(axis=0) - regression @ mean
     covariance = carry @ covariance @ carry.T
     covariance[2 * bands:, 2 * bands:] += rest.T @ rest / (len(rest) - count - 1)
     return float(evidence), moved, covariance
 
 
-def _of_distance(distance: float, patches: PicturePoints, places: list[PicturePoints],
+def _of_distance(distance: float, patches: PicturePoints, regions: list[PicturePoints],
                  flat_field: bool,
                  rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Log fields (A, I) at the patches and (A, R) at the places, of lamps at about a distance."""
-    points = [patches, *places]
+    """Log fields (A, I) at the patches and (A, R) at the regions, of lamps at about a distance."""
+    points = [patches, *regions]
     plane = np.vstack([each.plane for each in points])
     field = _lamplight(plane, patches.plane.mean(axis=0), distance, rng)
     if not flat_field:
@@ -163,10 +163,10 @@ def _of_distance(distance: float, patches: PicturePoints, places: list[PicturePo
     return _relative(field, points)
 
 
-def _nearly_even(patches: PicturePoints, places: list[PicturePoints],
+def _nearly_even(patches: PicturePoints, regions: list[PicturePoints],
                  rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """The same, of what a white card leaves: a slight slope and bend over the picture."""
-    points = [patches, *places]
+    points = [patches, *regions]
     x, y = np.vstack([each.picture for each in points]).T
     terms = np.column_stack([x, y, x**2, y**2, x * y])
     return _relative(EVEN_SD * rng.standard_normal((ARRANGEMENTS, 5)) @ terms.T, points)
@@ -183,7 +183,7 @@ def _lamplight(plane: np.ndarray, middle: np.ndarray, distance: float,
         turn = 2 * np.pi * rng.uniform(size=ARRANGEMENTS)
         lamp = away[:, None] * np.column_stack([np.sin(angle) * np.cos(turn),
                                                 np.sin(angle) * np.sin(turn), np.cos(angle)])
-        # aimed beside the chart as often as at it
+        # aimed next to the chart as often as at it
         aim = middle + 0.3 * away[:, None] * rng.standard_normal((ARRANGEMENTS, 2))
         offset = plane - (aim + lamp[:, :2])[:, None]
         squared = np.sum(offset**2, axis=2) + lamp[:, 2:]**2
@@ -198,8 +198,8 @@ def _lamplight(plane: np.ndarray, middle: np.ndarray, distance: float,
 
 
 def _relative(field: np.ndarray, points: list[PicturePoints]) -> tuple[np.ndarray, np.ndarray]:
-    """Fields at the patches and their means at the places, relative to the patches' mean."""
+    """Fields at the patches and their means at the regions, relative to the patches' mean."""
     edges = np.cumsum([len(each.plane) for each in points])[:-1]
-    on_patches, *on_places = np.split(field - field[:, :edges[0]].mean(axis=1, keepdims=True),
+    on_patches, *on_regions = np.split(field - field[:, :edges[0]].mean(axis=1, keepdims=True),
                                       edges, axis=1)
-    return on_patches, np.column_stack([each.mean(axis=1) for each in on_places])
+    return on_patches, np.column_stack([each.mean(axis=1) for each in on_regions])

@@ -1,6 +1,7 @@
 """Whether patches, light and reference can belong together at all, before and after a fit."""
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NoReturn
 
 import numpy as np
@@ -18,8 +19,8 @@ WORST_MODEL_ERROR = 0.05     # relative: no camera explains patches that disagre
 WORST_CHI_SQUARE = 3.0
 
 
-def require_patches(signal: np.ndarray) -> None:
-    """Refuse signals that are too few or not positive.
+def require_usable(signal: np.ndarray) -> None:
+    """Refuse signals of patches to which no sensitivities can be fitted.
 
     Parameters
     ----------
@@ -28,6 +29,8 @@ def require_patches(signal: np.ndarray) -> None:
     Raises
     ------
     CalibrationError
+        If patches are too few or not positive, or two bands give every patch the same signal, as in
+        a grey picture.
     """
     if len(signal) < MIN_PATCHES:
         raise CalibrationError(f"{len(signal)} patches are too few to find sensitivities; "
@@ -37,26 +40,12 @@ def require_patches(signal: np.ndarray) -> None:
         raise CalibrationError(f"patch {bad[0] + 1} has no positive signal in every band; check "
                                "the black level of the photo, and that each column of a table of "
                                "patches is a band")
-
-
-def require_apart(signal: np.ndarray) -> None:
-    """Refuse two bands that give the same signal of every patch, as in a grey picture.
-
-    Parameters
-    ----------
-    signal : (I, K) array
-
-    Raises
-    ------
-    CalibrationError
-    """
     balanced = signal / signal.mean(axis=0)
-    for first in range(signal.shape[1]):
-        for second in range(first):
-            if np.std(balanced[:, first] / balanced[:, second]) < ALIKE:
-                raise CalibrationError(f"bands {second + 1} and {first + 1} read alike on every "
-                                       "patch; the photo is grey or a band was written twice: give "
-                                       "a colour photo")
+    for second, first in combinations(range(signal.shape[1]), 2):
+        if np.std(balanced[:, first] / balanced[:, second]) < ALIKE:
+            raise CalibrationError(f"bands {second + 1} and {first + 1} read alike on every "
+                                   "patch; the photo is grey or a band was written twice: give "
+                                   "a colour photo")
 
 
 def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -84,7 +73,7 @@ def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tupl
     power = np.maximum(power, 0.0)
     return power, tuple(f"the light has no power (below {DARK_LIGHT:.1%} of its largest) over "
                         f"{low:g}-{high:g} nm: the photo says nothing of the curves there"
-                        for low, high in dark_ranges(power, grid))
+                        for low, high in wavelength_ranges(unlit(power), grid))
 
 
 def unlit(power: np.ndarray) -> np.ndarray:
@@ -98,17 +87,15 @@ def unlit(power: np.ndarray) -> np.ndarray:
     return power < DARK_LIGHT * power.max()
 
 
-def dark_ranges(power: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, float]]:
-    """Wavelength ranges (nm) in which the light has practically no power.
+def wavelength_ranges(chosen: np.ndarray, grid: WavelengthGrid) -> list[tuple[float, float]]:
+    """First and last wavelength (nm) of each run of chosen samples.
 
     Parameters
     ----------
-    power : (P,) array
-        Spectrum of the light, any unit.
+    chosen : (P,) bool array
     grid : WavelengthGrid
     """
-    dark = np.concatenate([[False], unlit(power), [False]])
-    edges = np.flatnonzero(np.diff(dark.astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
     return [(float(grid.nm[start]), float(grid.nm[stop - 1]))
             for start, stop in edges.reshape(-1, 2)]
 
@@ -120,22 +107,21 @@ def disagreement(signal: np.ndarray, held_out: np.ndarray) -> float:
 
     Parameters
     ----------
-    signal : (I, K) array
-    held_out : (I, K) array
+    signal, held_out : (I, K) arrays
     """
     scale = np.maximum(signal, DARK_SHARE * signal.max(axis=0))
     return float(np.sqrt(np.mean(((signal - held_out) / scale) ** 2)))
 
 
-def refuse_disagreement(said: str, rms: float, chi_square: float,
-                        reading: str | None) -> NoReturn:
-    """Say that a photo is not explained, and what may be the cause.
+def refuse_disagreement(explanation: str, signal: np.ndarray, held_out: np.ndarray,
+                        chi_square: float, reading: str | None) -> NoReturn:
+    """Raise the error of a photo that is not explained, with what may be the cause.
 
     Parameters
     ----------
-    said : str
+    explanation : str
         What does not explain which photo.
-    rms : float
+    signal, held_out : (I, K) arrays
         See ``disagreement``.
     chi_square : float
         Of the fit, see ``PriorFit``.
@@ -149,6 +135,6 @@ def refuse_disagreement(said: str, rms: float, chi_square: float,
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
             "check the chart reference, the light spectrum (or state the light as \"unknown\"), "
             "glare, and that the photo is linear (not a JPEG)")
-    percent = float(f"{100 * rms:.2g}")     # 120, not 1.2e+02
-    raise CheckError(f"{said}: its patches disagree with the reference by {percent:g} % rms "
+    percent = float(f"{100 * disagreement(signal, held_out):.2g}")     # 120, not 1.2e+02
+    raise CheckError(f"{explanation}: its patches disagree with the reference by {percent:g} % rms "
                      f"(chi-square {chi_square:.1f} per signal); {hint}")

@@ -4,18 +4,17 @@ And what light of a second photo would help.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, field_terms, unlit_design
-from spectrabox.calibrate.photo_checks import dark_ranges
+from spectrabox.calibrate.photo_checks import unlit, wavelength_ranges
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import curve_variance
 from spectrabox.calibrate.prior.prior_fit import expected_covariance
-from spectrabox.calibrate.sensitivity import SPLINE_COEFFICIENTS
-from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.calibrate.spline_fit import condition_number
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
@@ -69,10 +68,9 @@ def preflight(prior: CameraPrior, reflectances: np.ndarray, power: np.ndarray, g
     variance, relative = expected([power], known)
     tried = {name: float(expected([power, other], known)[1].mean())
              for name, other in (second or {}).items()}
-    inner_splines = basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
-    design = (reflectances * power * grid.weights_nm) @ inner_splines
     return Preflight(relative, expected([power], [last])[1], NORMAL_QUANTILE * np.sqrt(variance),
-                     float(np.linalg.cond(design)), tuple(dark_ranges(power, grid)),
+                     condition_number(reflectances * power * grid.weights_nm, grid),
+                     tuple(wavelength_ranges(unlit(power), grid)),
                      tuple(sorted(tried.items(), key=lambda item: item[1])))
 
 
@@ -106,5 +104,4 @@ def _imagined(reflectances: np.ndarray, power: np.ndarray, coefficients: np.ndar
                            reflectances, power / power.max() * grid.weights_nm,
                            np.full(patches, np.pi), terms, glare=positions is not None)
     signal = unlit_design(blank, basis) @ coefficients.T
-    return ChartEquations(signal, blank.covariance, reflectances, blank.power, blank.irradiance,
-                          terms, blank.glare)
+    return replace(blank, signal=signal)

@@ -16,8 +16,7 @@ from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.photo_checks import (
     WORST_CHI_SQUARE,
     WORST_MODEL_ERROR,
-    require_apart,
-    require_patches,
+    require_usable,
     unlit,
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, shipped_prior
@@ -36,8 +35,13 @@ from spectrabox.calibrate.prior.prior_fit import (
     held_out_signals,
     posterior_of_curves,
 )
-from spectrabox.calibrate.spline_fit import SPLINE_METHODS, BandFits, fit_bands
-from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.calibrate.spline_fit import (
+    SPLINE_COEFFICIENTS,
+    SPLINE_METHODS,
+    BandFits,
+    condition_number,
+    fit_bands,
+)
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.records import (
@@ -54,7 +58,6 @@ CHART_ERROR = 0.01           # relative: one chart against the published average
 FLOOR = 0.005                # of the brightest patch: stray light and black level
 DIM_PATCH = 0.03             # of the brightest patch: darker ones say nothing of relative errors
 ILL_POSED_CONDITION = 100.0
-SPLINE_COEFFICIENTS = 10     # for the condition number of every method
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +114,14 @@ def require_fit_for(photos: list[ChartEquations], prior: CameraPrior) -> None:
         If the prior's cameras have another number of bands than the photos.
     """
     for photo in photos:
-        require_patches(photo.signal)
-        require_apart(photo.signal)
+        require_usable(photo.signal)
         if photo.signal.shape[1] != prior.bands:
             raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
                              f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
                              "none")
 
 
-def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid: WavelengthGrid, *,
+def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid, *,
                    model_errors: tuple[float, ...] = MODEL_ERRORS,
                    excluded: ChartEquations | None = None) -> PriorFit:
     """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
@@ -129,8 +131,7 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
     photos : list of ChartEquations
         Any number. Charts, lights and exposures may differ. Field, glare and exposure are each
         photo's own, unless ``relative_exposure_sd`` ties an exposure to that of the first.
-    prior : CameraPrior or None
-        None: see ``default_prior``.
+    prior : CameraPrior
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     model_errors : tuple of float
@@ -145,7 +146,6 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior | None, grid
     InputError
         If the prior holds another number of bands than the photos.
     """
-    prior = default_prior(photos, grid) if prior is None else prior
     require_fit_for(photos, prior)
     # matrices of 200 rows: more threads wait for each other, ten times as long
     with threadpool_limits(1, "blas"):
@@ -185,7 +185,8 @@ def sensitivity_fit(photo: ChartEquations, posterior: CurvePosterior, moments: C
     return SensitivityFit(grid, moments.coefficients @ posterior.basis.T, posterior.basis,
                           moments.coefficients, moments.covariance, error,
                           1 - predicted / photo.signal, 1 - held_out / photo.signal,
-                          condition_number(photo, grid), method, Outcome.CONVERGED)
+                          condition_number(photo.reflectances * photo.power, grid), method,
+                          Outcome.CONVERGED)
 
 
 def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
@@ -232,27 +233,12 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     if method not in SPLINE_METHODS:
         raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
     used = np.ones(len(patches.mean), bool) if used is None else used
-    require_patches(patches.mean[used])
-    require_apart(patches.mean[used])
+    require_usable(patches.mean[used])
     rows = reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]
     sigma = _patch_sigma(patches)
     bands = fit_bands(method, rows, patches.mean, sigma, grid, coefficients, used)
     return *_normalised(bands, patches, grid, method), _without(bands, light * grid.weights_nm,
                                                                 irradiance, patches, sigma)
-
-
-def scale_of_photo(fit: PriorFit, index: int) -> LightScale:
-    """Light scale of one photo of a joint estimate; its residuals are those of the fit.
-
-    Parameters
-    ----------
-    fit : PriorFit
-    index : int
-        Of the photo, in the order given to the fit.
-    """
-    state = fit.photos[index]
-    residuals = fit.sensitivity.residuals if index == 0 else None
-    return LightScale(state.scale, state.scale_error, residuals, "chart photo")
 
 
 def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamples) -> np.ndarray:
@@ -319,17 +305,3 @@ def _patch_sigma(patches: PatchSamples) -> np.ndarray:
     noise = np.einsum("ikk->ik", patches.covariance_of_mean)
     brightest = patches.mean.max(axis=0)
     return np.sqrt(noise + (CHART_ERROR * patches.mean) ** 2 + (FLOOR * brightest) ** 2)
-
-
-def condition_number(photo: ChartEquations, grid: WavelengthGrid) -> float:
-    """Of the paper's fit with 10 coefficients, whatever the method.
-
-    It says how much chart and light alone determine.
-
-    Parameters
-    ----------
-    photo : ChartEquations
-    grid : WavelengthGrid
-    """
-    inner_splines = basis_matrix(grid.nm, SPLINE_COEFFICIENTS)[:, 1:-1]
-    return float(np.linalg.cond((photo.reflectances * photo.power) @ inner_splines))

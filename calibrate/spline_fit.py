@@ -29,6 +29,7 @@ SPLINE_BANDS = {
     "paper": NOISE_ONLY, "nonnegative": NOISE_ONLY,
     "smooth": "the band is that of smooth curves of which nothing else is known"}
 Solver = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+SPLINE_COEFFICIENTS = 10     # of each band, and for the condition number of every method
 SMOOTH_COEFFICIENTS = 24
 PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))  # of a mean information
 MAX_CONDITION = 1e8
@@ -79,7 +80,7 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     full = basis_matrix(grid.nm, SMOOTH_COEFFICIENTS if method == "smooth" else coefficients)
     basis = full if method == "smooth" else full[:, 1:-1]  # b_400 c = b_700 c = 0
     design = rows @ basis
-    condition = float(np.linalg.cond(rows[used] @ basis_matrix(grid.nm, coefficients)[:, 1:-1]))
+    condition = condition_number(rows[used], grid, coefficients)
     if method != "smooth":
         _require_determined(design[used], condition, coefficients)
     solvers: dict[str, Solver] = {"paper": _solve_paper, "nonnegative": _solve_nonnegative}
@@ -98,6 +99,21 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
         without, spread = (np.pad(without, ((0, 0), (0, 0), ends)),
                            np.pad(spread, ((0, 0), (0, 0), ends, ends)))
     return BandFits(full, solved, covariance, design, without, spread, condition)
+
+
+def condition_number(rows: np.ndarray, grid: WavelengthGrid,
+                     coefficients: int = SPLINE_COEFFICIENTS) -> float:
+    """How well chart and light alone determine the curves: of the paper's fit.
+
+    Parameters
+    ----------
+    rows : (I, P) array
+        Signal of each patch for a sensitivity of 1 at one wavelength alone.
+    grid : WavelengthGrid
+    coefficients : int
+        Of each band, with the two zero ends.
+    """
+    return float(np.linalg.cond(rows @ basis_matrix(grid.nm, coefficients)[:, 1:-1]))
 
 
 def _require_determined(design: np.ndarray, condition: float, coefficients: int) -> None:

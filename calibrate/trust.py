@@ -1,10 +1,14 @@
 """Whether to trust a fit: colour differences, what the light leaves open, what is the prior's."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations
+from spectrabox.calibrate.photo_checks import refuse_disagreement, wavelength_ranges
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.plain_priors import prior_about
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import ciede2000, decode_srgb, lab_from_xyz, tristimulus
@@ -12,9 +16,13 @@ from spectrabox.radiometry.records import LinearImage, WavelengthGrid
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides
 MUCH_GLARE = 0.02            # of the brightest patch
-GLARE_SIGMA = 3.0            # of a band: nearer to 0 none is claimed
 PROBABLE = 0.05              # families below are not named
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
+DOUBTFUL = 1.5  # chi-square per signal, 72 of them: chance gives as much once in 200 photos
+# What a measurement of curves may be off by: two laboratories that measure one camera differ by
+# about 8 %. Added to each band (of the largest value, nm), multiplied with each band, with all
+# bands alike.
+LABORATORY = (0.01, 20.0, 0.06, 60.0, 0.06, 120.0)
 
 
 def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflectances: np.ndarray,
@@ -71,10 +79,45 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
     best = max(evidence, key=lambda name: evidence[name])
     if evidence[best] - _evidence(photo, photo.signal, prior, grid) < CLEAR_GAIN:
         return None
-    return None if fit_with_prior([_read(photo, readings[best])], prior, grid).disagrees else best
+    fit = fit_with_prior([replace(photo, signal=readings[best])], prior, grid)
+    return None if fit.disagrees else best
 
 
-def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
+def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: WavelengthGrid) -> str:
+    """One sentence on how well measured curves (K, P) explain a chart photo.
+
+    Exposure, illumination and glare of the photo are unknown.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+    curves : (K, P) array
+        Of any scale.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+
+    Raises
+    ------
+    CheckError
+        If they do not, but would if the photo were read in another way: mirrored, bands reversed,
+        encoded.
+    """
+    # cameras that another laboratory would have measured so
+    prior = prior_about(grid, curves, LABORATORY, "measured curves")
+    fit = fit_with_prior([photo], prior, grid)
+    if fit.chi_square < DOUBTFUL and not fit.disagrees:
+        return (f"measured curves and photo agree within {fit.model_error:.1%} (chi-square "
+                f"{fit.chi_square:.2f} per signal)")
+    reading = other_reading(photo, prior, grid) if fit.disagrees else None
+    if reading is not None:
+        refuse_disagreement("the measured curves do not explain the chart photo", photo.signal,
+                            fit.held_out[0], fit.chi_square, reading)
+    return ("the measured curves do not explain the chart photo (chi-square "
+            f"{fit.chi_square:.1f} per signal): check that they are of this camera and their "
+            "columns in the photo's order, and light, chart and glare")
+
+
+def fit_notes(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     """What the operator should know before trusting the curves, in sentences.
 
     Parameters
@@ -92,16 +135,16 @@ def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     held = fit.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if likely and held[band].any():     # products with a lamp's lines rest on it everywhere
-            notes.append(f"band {band + 1} rests on the prior over {_ranges(held[band], grid)}")
+            ranges = ", ".join(f"{low:g}-{high:g} nm"
+                               for low, high in wavelength_ranges(held[band], grid))
+            notes.append(f"band {band + 1} rests on the prior over {ranges}")
     for number, state in enumerate(fit.photos, start=1):
         which = "" if len(fit.photos) == 1 else f"photo {number}: "
         if np.ptp(state.field) > 0:
             low, high = np.array([state.field.min(), state.field.max()]) / state.field.mean()
             notes.append(f"{which}illumination over the chart runs from {low:.2f} to "
                         f"{high:.2f} of its mean")
-        certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
-        glare = float(np.max(np.abs(state.glare) / state.predicted.max(axis=0), where=certain,
-                             initial=0.0))
+        glare = float(np.max(state.certain_glare / state.predicted.max(axis=0)))
         if glare > MUCH_GLARE:
             notes.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest "
                          "patch was estimated and subtracted: shade the lens and check the dark "
@@ -109,22 +152,12 @@ def sentences(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _ranges(chosen: np.ndarray, grid: WavelengthGrid) -> str:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int))).reshape(
-        -1, 2)
-    return ", ".join(f"{grid.nm[start]:g}-{grid.nm[stop - 1]:g} nm" for start, stop in edges)
-
-
 def _evidence(photo: ChartEquations, signal: np.ndarray, prior: CameraPrior,
               grid: WavelengthGrid) -> float:
     # of log signals, so that readings of any scale compare
     logarithms = np.log(np.maximum(signal, 1e-12)).sum()
-    return posterior_of_curves([_read(photo, signal)], prior, grid).log_evidence + float(logarithms)
-
-
-def _read(photo: ChartEquations, signal: np.ndarray) -> ChartEquations:
-    return ChartEquations(signal, photo.covariance, photo.reflectances, photo.power,
-                          photo.irradiance, photo.field_terms, photo.glare, rows=photo.rows)
+    posterior = posterior_of_curves([replace(photo, signal=signal)], prior, grid)
+    return posterior.log_evidence + float(logarithms)
 
 
 def _without_glare(photo: ChartEquations) -> np.ndarray | None:
@@ -144,10 +177,14 @@ def _without_glare(photo: ChartEquations) -> np.ndarray | None:
 
 def certain_glare(fit: PriorFit | None, chart_photo: LinearImage) -> np.ndarray:
     """Glare (K,) of the first chart photo in the bands where it is beyond chance, of the picture's
-    mean signal; 0 where no fit tells.
+    mean signal; 0 (1,) where no fit says.
+
+    Parameters
+    ----------
+    fit : PriorFit or None
+    chart_photo : LinearImage
+        The first that was fitted.
     """
     if fit is None:
         return np.zeros(1)
-    state = fit.photos[0]
-    certain = np.abs(state.glare) > GLARE_SIGMA * state.glare_error
-    return np.where(certain, np.abs(state.glare) / chart_photo.signal.mean(axis=(0, 1)), 0.0)
+    return np.asarray(fit.photos[0].certain_glare / chart_photo.signal.mean(axis=(0, 1)))

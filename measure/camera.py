@@ -20,9 +20,9 @@ from spectrabox.calibrate.chart_calibration import (
     calibrate_chart,
     curve_band,
 )
+from spectrabox.capture.chart.chart_agreement import typical_signals
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
-from spectrabox.capture.chart.reference import typical_signals
 from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.radiometry.chart import Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import published_signals

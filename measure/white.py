@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
-from spectrabox.calibrate.light_field import LightElsewhere, PicturePoints, light_elsewhere
+from spectrabox.calibrate.light_field import PicturePoints, RegionLight, light_at_regions
 from spectrabox.radiometry.chart import Chart, plane_centres, plane_from_picture, projected
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.error_model import (
@@ -87,7 +87,7 @@ class PhotoWhite:
     """
 
     samples: RegionSamples
-    elsewhere: LightElsewhere
+    region_light: RegionLight
     exposure: float                     # of this photo relative to the chart's
     glare: np.ndarray                   # (K,) signal in this photo
     causes: tuple[str, ...]
@@ -121,12 +121,12 @@ class PhotoWhite:
         """Signal (R, K) of a perfect white at each region."""
         log = self.mean[self.level_part] + (self.log_field
                                             + self.mean[self.exposure_part].sum())[:, None]
-        return np.asarray(self.exposure * self.elsewhere.level * np.exp(log))
+        return np.asarray(self.exposure * self.region_light.level * np.exp(log))
 
     @property
     def log_field(self) -> np.ndarray:
         """Logarithm (R,) of the light on each region, relative to the chart's mean."""
-        return np.asarray(self.elsewhere.field + self.mean[self.field_part])
+        return np.asarray(self.region_light.field + self.mean[self.field_part])
 
     @property
     def field_error(self) -> np.ndarray:
@@ -222,17 +222,17 @@ def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
     if nodes_px is not None:
         points += list(nodes_px[:, None])
         samples = _with_nodes(samples, nodes_px)
-    elsewhere = _light_at(photo, errors, points)
+    region_light = _light_at(photo, errors, points)
     exposure, causes = (1.0, {}) if photo.chart_in_photo else _exposure(photo, errors)
     # veiling glare is in proportion to the light of the whole picture
-    glare = elsewhere.glare if photo.chart_in_photo else elsewhere.glare * (
+    glare = region_light.glare if photo.chart_in_photo else region_light.glare * (
         photo.image.signal.mean(axis=(0, 1)) / photo.chart_image.signal.mean(axis=(0, 1)))
-    size = len(elsewhere.covariance)
+    size = len(region_light.covariance)
     covariance = np.zeros((size + len(causes),) * 2)
-    covariance[:size, :size] = elsewhere.covariance
+    covariance[:size, :size] = region_light.covariance
     covariance[range(size, size + len(causes)), range(size, size + len(causes))] = np.square(
         list(causes.values()))
-    return PhotoWhite(samples, elsewhere, exposure, glare, tuple(causes),
+    return PhotoWhite(samples, region_light, exposure, glare, tuple(causes),
                       np.zeros(len(covariance)), covariance)
 
 
@@ -346,14 +346,14 @@ def far_notes(white: PhotoWhite) -> tuple[str, ...]:
 
 
 def _light_at(photo: FlatPhoto, errors: FlatErrors,
-              points_px: list[np.ndarray]) -> LightElsewhere:
+              points_px: list[np.ndarray]) -> RegionLight:
     """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""
     centres_px = photo.patches_px.mean(axis=1)
     patches = PicturePoints(plane_centres(photo.layout), _in_picture(centres_px, photo.chart_image))
     to_plane = plane_from_picture(centres_px, photo.layout)
     places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo.image))
               for points in points_px]
-    return light_elsewhere(photo.white, patches, places, errors.flat_field, errors.seed)
+    return light_at_regions(photo.white, patches, places, errors.flat_field, errors.seed)
 
 
 def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, float]]:

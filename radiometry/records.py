@@ -259,7 +259,7 @@ class ChartWhite(Record):
     """What a perfect white would read in place of the chart, and beyond it, in one chart photo.
 
     signal = level exp(terms @ field) x relative signal + glare, with the ``terms`` (E,) of a
-    position from ``calibrate.chart_equations.field_terms_at``.
+    position from ``calibrate.chart_equations.field_terms``.
     """
 
     level: Annotated[np.ndarray, "K"]               # signal, where the terms of the field are 0

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, daylight
 
-from spectrabox.calibrate.photo_checks import dark_ranges, light_power
+from spectrabox.calibrate.photo_checks import light_power, unlit, wavelength_ranges
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.light_scale import light_drift, scale_from_signals
@@ -70,4 +70,4 @@ def test_a_negative_light_is_refused():
 
 def test_dark_ranges_are_found_at_both_ends():
     power = np.where((GRID.nm < 410) | (GRID.nm > 690), 0.0, 1.0)
-    assert dark_ranges(power, GRID) == [(400.0, 409.0), (691.0, 700.0)]
+    assert wavelength_ranges(unlit(power), GRID) == [(400.0, 409.0), (691.0, 700.0)]

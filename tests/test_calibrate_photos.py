@@ -23,7 +23,7 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhot
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
-from spectrabox.calibrate.sensitivity import fit_with_prior
+from spectrabox.calibrate.sensitivity import default_prior, fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity, Spectrum
@@ -160,12 +160,13 @@ def test_any_number_of_bands_takes_the_same_joint_estimate(bands, light):
                             CLASSIC.centres_uv[:, 0])
     spoiled = signals(truth, light(), SURFACES) * (1 - 0.2 * across)[:, None]
     spoiled = noisy(spoiled + 0.005 * spoiled.max(axis=0), 0.005, 3)
-    found = fit_with_prior([photo(spoiled, light(), SURFACES, 0.005, terms, True)], None, GRID)
+    shown = [photo(spoiled, light(), SURFACES, 0.005, terms, True)]
+    found = fit_with_prior(shown, default_prior(shown, GRID), GRID)
     field = found.photos[0].field
     # 0.5 % of noise on 24 patches; bands add up.
     np.testing.assert_allclose(field / field.mean(), (1 - 0.2 * across) / np.mean(1 - 0.2 * across),
                                atol=0.02)
-    lower, upper = np.quantile(draw_curves(found.posterior, bands, 300, 0).curves, [0.05, 0.95],
+    lower, upper = np.quantile(draw_curves(found.posterior, bands, 300, 0), [0.05, 0.95],
                                axis=0)
     # One camera: neighbouring wavelengths move together, so the share scatters by about 0.06 about
     # 0.9.
@@ -177,9 +178,9 @@ def test_a_band_of_any_brightness_is_fitted_alike():
     truth = many_bands(5)
     signal = noisy(signals(truth, daylight(), SURFACES), 0.003, 6)
     gains = np.array([1.0, 20.0, 0.05, 1.0, 3.0])
-    given, gained = (fit_with_prior([photo(values, daylight(), SURFACES, 0.003)], None,
-                                    GRID).sensitivity.curves
-                     for values in (signal, signal * gains))
+    shots = [[photo(values, daylight(), SURFACES, 0.003)] for values in (signal, signal * gains)]
+    given, gained = (fit_with_prior(shown, default_prior(shown, GRID), GRID).sensitivity.curves
+                     for shown in shots)
     for band in range(5):
         # The prior takes each band's level from the photo; what is left is which near-zero values
         # are held at zero.

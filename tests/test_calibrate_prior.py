@@ -102,7 +102,7 @@ def test_the_90_per_cent_band_holds_the_true_curve_nine_times_in_ten(stated):
         light = (daylight, led)[camera % 3 == 0]()
         found = fit_with_prior([photo(signal, light, SURFACES, noise if stated else 0.0)], known,
                                GRID)
-        lower, upper = np.quantile(draw_curves(found.posterior, 3, 300, 0).curves, [0.05, 0.95],
+        lower, upper = np.quantile(draw_curves(found.posterior, 3, 300, 0), [0.05, 0.95],
                                    axis=0)
         truth = on_grid(curves / curves.max())
         # where negative values were set to zero a band says nothing
@@ -150,8 +150,8 @@ def test_nothing_negative_leaves_the_fit():
     assert found.sensitivity.curves.min() >= 0 and found.sensitivity.curves.max() == pytest.approx(
         1)
     draws = draw_curves(found.posterior, 3, 50, 1)
-    assert draws.curves.min() >= 0
-    np.testing.assert_array_equal(draws.curves, draw_curves(found.posterior, 3, 50, 1).curves)
+    assert draws.min() >= 0
+    np.testing.assert_array_equal(draws, draw_curves(found.posterior, 3, 50, 1))
 
 
 def calibrated(signal, light=None, known=None):

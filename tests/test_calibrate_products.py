@@ -14,7 +14,7 @@ from spectrabox.calibrate.chart_equations import (
     GLARE_SD,
     PatchError,
     chart_equations,
-    noise_covariance,
+    noise_of_photos,
     some_patches,
 )
 from spectrabox.calibrate.prior.prior_fit import GAINS
@@ -94,7 +94,7 @@ def dense(photo, found, hypothesis, rows):
     index = np.arange(entries, len(before))
     before[index, index] = np.r_[chart.nuisance_variance, np.full(bands, hypothesis.gain_sd**2)]
     design = np.hstack([chart.by_component, chart.by_nuisance, chart.by_gain])[rows]
-    total = design @ before @ design.T + noise_covariance(photo, hypothesis.error)[
+    total = design @ before @ design.T + noise_of_photos([photo], hypothesis.error)[
         np.ix_(rows, rows)]
     gain = np.linalg.solve(total, design @ before).T
     means, logs = [], []
@@ -177,7 +177,7 @@ def drawn_photo(known, rng):
     clean = replace(photo, signal=signal)
     error = PatchError(rng.choice(ERRORS), rng.choice(COMMON_ERRORS))
     noisy = signal + rng.multivariate_normal(
-        np.zeros(signal.size), noise_covariance(clean, error), method="eigh").reshape(signal.shape)
+        np.zeros(signal.size), noise_of_photos([clean], error), method="eigh").reshape(signal.shape)
     return replace(photo, signal=noisy), np.r_[component, field]
 
 
@@ -286,7 +286,7 @@ def test_components_that_no_photo_allows_stay_so_without_a_patch():
 
 def test_an_error_in_common_is_one_of_each_patch_and_no_other():
     photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3], 1)
-    covariance = noise_covariance(photo, PatchError(0.0, 0.01))
+    covariance = noise_of_photos([photo], PatchError(0.0, 0.01))
     bright = photo.signal.ravel() / 0.01 / photo.signal.ravel()**2
     relative = covariance * np.outer(bright, bright)
     patch = np.repeat(np.arange(24), 3)

@@ -13,10 +13,14 @@ from spectrabox.calibrate.geometry.pose import (
     lens_of_focal_length,
     pose_from_points,
 )
-from spectrabox.capture.chart.chart_agreement import _log_fit, _mixture_fit, white_excess
+from spectrabox.capture.chart.chart_agreement import (
+    TYPICAL_SIGNALS,
+    _log_fit,
+    _mixture_fit,
+    white_excess,
+)
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import _exposure_reasons
-from spectrabox.capture.chart.reference import TYPICAL_SIGNALS
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark
 from spectrabox.capture.develop.flat_field import smooth_flat

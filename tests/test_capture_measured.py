@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from spectrabox.capture.chart.chart_agreement import typical_signals
 from spectrabox.capture.chart.detection import locate_chart
-from spectrabox.capture.chart.reference import typical_signals
 from spectrabox.capture.photo.image_files import read_encoded_file
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError
 

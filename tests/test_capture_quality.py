@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS, typical_signals
 from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
 from spectrabox.capture.chart.quality import judge_chart, uneven_light_reasons
-from spectrabox.capture.chart.reference import TYPICAL_SIGNALS, typical_signals
 from spectrabox.capture.photo.image_files import read_linear_file, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.preview import encode_srgb8, preview_rgb8

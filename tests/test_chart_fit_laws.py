@@ -25,7 +25,6 @@ from spectrabox.calibrate.chart_equations import (
     FIELD_SD,
     GLARE_SD,
     field_terms,
-    field_terms_at,
     nuisance_sd,
 )
 from spectrabox.calibrate.held_out_patches import patch_moments
@@ -55,7 +54,7 @@ def test_a_field_over_the_chart_leaves_its_mean_and_its_terms_are_of_one_size():
     # the same quadratic beyond the chart
     coefficients = np.linalg.lstsq(quadratic(POSITIONS), terms, rcond=None)[0]
     beyond = 3 * POSITIONS - 1
-    np.testing.assert_allclose(field_terms_at(beyond, POSITIONS), quadratic(beyond) @ coefficients,
+    np.testing.assert_allclose(field_terms(beyond, POSITIONS), quadratic(beyond) @ coefficients,
                                rtol=1e-9, atol=1e-9)
 
 

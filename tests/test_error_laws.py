@@ -22,19 +22,21 @@ from scipy import stats
 from spectrabox.calibrate.chart_equations import (
     PatchError,
     field_terms,
-    noise_covariance,
+    noise_of_photos,
     predicted_signal,
     unlit_design,
 )
+from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_curves
 from spectrabox.calibrate.spline_fit import fit_bands
-from spectrabox.calibrate.trust import sentences
+from spectrabox.calibrate.trust import fit_notes
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
 from spectrabox.radiometry import light_scale as drift
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.light_scale import light_drift
 from spectrabox.radiometry.records import (
     ChartDetection,
+    ChartWhite,
     LinearImage,
     PhotoKind,
     Quantity,
@@ -215,7 +217,7 @@ def test_errors_of_a_chart_photo_are_correlated_as_its_bands_are():
     chart = dataclasses.replace(photo(signal, light, surfaces),
                                 covariance=scales[:, None, None] * truth)
     errors = np.sqrt(scales)[:, None] * rng.multivariate_normal(np.zeros(3), truth, (2000, 24))
-    whitened = np.linalg.solve(np.linalg.cholesky(noise_covariance(chart, PatchError(0.0))),
+    whitened = np.linalg.solve(np.linalg.cholesky(noise_of_photos([chart], PatchError(0.0))),
                                errors.reshape(2000, -1).T)
     # 2000 draws know a correlation to 2.2 %; 4.9 sigma for the largest of 2600
     np.testing.assert_allclose(whitened @ whitened.T / 2000, np.eye(72), atol=0.16)
@@ -263,8 +265,8 @@ def test_a_dark_patch_is_known_no_better_than_three_per_cent_of_the_brightest():
     """Glare and black level err by as much there: a relative error alone would trust it blindly."""
     signal = np.array([[1.0, 0.5, 2.0]]) * np.geomspace(1, 1e-3, 24)[:, None]
     chart = photo(signal, daylight(), reflectances(), 0.001)
-    added = np.diag(noise_covariance(chart, PatchError(0.02))
-                    - noise_covariance(chart, PatchError(0.0))).reshape(24, 3)
+    added = np.diag(noise_of_photos([chart], PatchError(0.02))
+                    - noise_of_photos([chart], PatchError(0.0))).reshape(24, 3)
     share = np.maximum(signal / signal.max(axis=0), 0.03)
     np.testing.assert_allclose(np.sqrt(added), 0.02 * share * signal.max(axis=0), rtol=1e-9)
 
@@ -295,11 +297,11 @@ def test_a_material_is_off_by_what_its_surfaces_are_off_by_together_and_apart():
 def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, said):
     """Of 5 % of the brightest patch: much, where it is certain."""
     glare = np.array([0.05, 0.0, 0.0])
-    state = SimpleNamespace(field=np.ones(24), glare=glare, glare_error=np.full(3, 0.05 / sigmas),
-                            predicted=np.ones((24, 3)))
+    state = PhotoState(1.0, 0.01, np.ones(24), glare, np.full(3, 0.05 / sigmas), np.ones((24, 3)),
+                       ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
     fit = SimpleNamespace(model_error=0.002, chi_square=1.0, families=(), photos=(state,),
                           prior_share=np.zeros((3, GRID.nm.size)))
-    assert any("glare or a wrong black level of 5%" in one for one in sentences(fit, GRID)) == said
+    assert any("glare or a wrong black level of 5%" in one for one in fit_notes(fit, GRID)) == said
 
 
 @pytest.mark.parametrize("with_glare", [True, False])

@@ -12,9 +12,9 @@ from spectrabox.calibrate import light_field
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.calibrate.light_field import (
     FLAT_SHARE,
-    LightElsewhere,
     PicturePoints,
-    light_elsewhere,
+    RegionLight,
+    light_at_regions,
 )
 from spectrabox.measure import white as module
 from spectrabox.measure.flat import errors_of_region
@@ -78,7 +78,7 @@ def flat_photo(drift=None):
 @pytest.fixture
 def seen(monkeypatch):
     """White at the regions of a photo; ``drift`` of the light is measured or not."""
-    elsewhere = LightElsewhere(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
+    elsewhere = RegionLight(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
     monkeypatch.setattr(module, "_light_at", lambda *_: elsewhere)
     return lambda drift=None: module.white_by_chart(flat_photo(drift), ERRORS)
 
@@ -190,7 +190,7 @@ def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
     plane = rng.uniform(size=(24, 2))
     white = ChartWhite(LEVEL, np.zeros(5), GLARE, 1e-4 * np.eye(11))
     places = PicturePoints(plane, plane)
-    found = light_elsewhere(white, places, [places, places], True)
+    found = light_at_regions(white, places, [places, places], True)
     shares = np.r_[np.full(len(kinds) - 1, (1 - FLAT_SHARE) / (len(kinds) - 1)), FLAT_SHARE]
     weights = shares * np.exp([evidence for evidence, _, _ in kinds])
     counts = rng.multinomial(200_000, weights / weights.sum())

@@ -95,7 +95,7 @@ def test_an_unknown_light_leaves_products_and_a_posterior_of_its_own(name, kind)
     ("LED-B3", "A", True), ("A", "D65", True), ("D65", "FL11", True), ("FL11", "LED-B3", True)])
 def test_a_light_that_contradicts_the_chart_is_named(true, stated, contradicts):
     from spectrabox.calibrate.chart_calibration import _as_equations
-    photo, _ = _as_equations(chart_photo(true, spectrum(stated)), GRID)
+    photo = _as_equations(chart_photo(true, spectrum(stated)), GRID)
     evidence = evidence_for_another_light([photo], shipped_prior(), light(stated, GRID), GRID)
     assert (evidence > CONTRADICTS) == contradicts
 

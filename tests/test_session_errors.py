@@ -11,6 +11,7 @@ from test_posterior_laws import SMOOTH, mixture_of
 from test_session_laws import drift, views
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
+from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure.chart_check import patches_without
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
@@ -19,7 +20,7 @@ from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.surface_spectra import score
 from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY
-from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.records import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.pictures.spectra_files import PictureLayout
@@ -73,7 +74,9 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, 
 
 def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_picture():
     """Bands 2 and 3 are three errors from 0 and more; the picture's mean is what glare goes by."""
-    state = SimpleNamespace(glare=np.array([0.002, -0.004, 0.009]), glare_error=np.full(3, 1e-3))
+    glare = np.array([0.002, -0.004, 0.009])
+    state = PhotoState(1.0, 0.01, np.ones(24), glare, np.full(3, 1e-3), np.ones((24, 3)),
+                       ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
     signal = np.zeros((4, 5, 3))
     signal[0, 0] = 4.0, 8.0, 12.0           # of means 0.2, 0.4, 0.6
     found = certain_glare(SimpleNamespace(photos=[state]), SimpleNamespace(signal=signal))

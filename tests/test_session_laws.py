@@ -38,10 +38,10 @@ def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_char
 
     def calibrated(photos, *_):
         # charts in the order of the photos that were given, each by what it shows
-        states = [SimpleNamespace(scale=scales[int(photo.samples.split()[1])], scale_error=0.1)
-                  for photo in photos]
+        states = [SimpleNamespace(light_scale=LightScale(
+            scales[int(photo.samples.split()[1])], 0.1, None, "chart photo")) for photo in photos]
         return SimpleNamespace(calibration=dataclasses.replace(
-            camera, light_scale=LightScale(states[0].scale, 0.1, None, "chart photo")),
+            camera, light_scale=states[0].light_scale),
             prior_fit=SimpleNamespace(photos=states, sensitivity=camera.sensitivity),
             predicted=np.ones((24, 3)), white=None, prior_influence=None)
 

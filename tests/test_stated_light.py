@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID
 
-from spectrabox.calibrate.chart_equations import field_terms, field_terms_at
+from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import HeldOutPatches, Spectrum
@@ -34,10 +34,10 @@ def test_what_is_no_light_is_refused(word, said):
 
 def test_field_terms_anywhere_are_those_of_the_patches_at_the_patches():
     positions = CLASSIC.centres_uv
-    np.testing.assert_array_equal(field_terms_at(positions, positions), field_terms(positions))
+    np.testing.assert_array_equal(field_terms(positions, positions), field_terms(positions))
     # A quadratic has constant second differences, beyond the chart as within it.
     line = np.column_stack([np.linspace(-1, 2, 7), np.full(7, 0.4)])
-    second = np.diff(field_terms_at(line, positions), 2, axis=0)
+    second = np.diff(field_terms(line, positions), 2, axis=0)
     # Round-off of terms of size 10.
     np.testing.assert_allclose(second, second[:1].repeat(5, axis=0), atol=1e-12)
 

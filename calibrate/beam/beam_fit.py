@@ -30,7 +30,7 @@ SPACINGS_DEG = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)    # of knots; the likelies
 SEARCH_DEG = 6.0        # of knots while the axis is looked for
 DEGREE = 3
 EVEN = 0.01             # relative: how even a painted wall is from place to place
-FLOOR = 0.002           # of the brightest reading: light from elsewhere
+FLOOR = 0.002           # of the brightest reading: light that is not the lamp's
 SECTORS = 12
 TILES = 8               # along the rectangle's longer side
 MIN_SECTORS = 4         # that must see an angle
@@ -48,7 +48,7 @@ class BeamProfile(Record):
     radiance: Annotated[np.ndarray, "J"]
     standard_error: Annotated[np.ndarray, "J"]
     axis_mm: Annotated[np.ndarray, "2"]     # where the axis meets the wall
-    off_axis_deg: float                     # between it and what the lamp was said to be aimed at
+    off_axis_deg: float                     # between it and the stated aim of the lamp
     spacing_deg: float                      # of the spline's knots
     residual_rms: float                     # relative, over readings that are not dark
     asymmetry: float                        # largest relative difference of a sector
@@ -76,7 +76,7 @@ def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
     deviation = np.sqrt(noise + (EVEN * reading) ** 2 + (FLOOR * reading.max()) ** 2)
     lamp = _Lamp(np.array(wall.lamp_at_mm), np.array(wall.lamp_size_mm))
     aimed = np.array(wall.lamp_at_mm[:2] if wall.lamp_look_at_mm is None else wall.lamp_look_at_mm)
-    axis = _found_axis(cells.places_mm, reading, deviation, lamp, aimed)
+    axis = _beam_axis(cells.places_mm, reading, deviation, lamp, aimed)
     angle, sector = lamp.angles(cells.places_mm, axis)
     apart = np.sqrt(np.prod(wall.size_mm) / len(angle)) / wall.lamp_at_mm[2]
     top = _seen_all_around(angle, sector, max(RING_DEG, RING_CELLS * float(np.degrees(apart))))
@@ -167,12 +167,12 @@ class _Lamp:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Weighted least squares of the coefficients; ``rows`` (n, N) and ``wanted`` (n,) whitened."""
+    """Weighted least squares of the coefficients; ``rows`` (n, N) and ``target`` (n,) whitened."""
 
     knots: np.ndarray
     spacing: float
     rows: np.ndarray
-    wanted: np.ndarray
+    target: np.ndarray
     deviation: np.ndarray
     coefficients: np.ndarray
 
@@ -184,12 +184,12 @@ class _Fit:
         knots = np.concatenate([np.zeros(DEGREE), np.linspace(0.0, top, count + 1),
                                 np.full(DEGREE, top)])
         rows = lamp.irradiance(places, axis, knots, quadrature) / deviation[:, None]
-        wanted = reading / deviation
-        return _Fit(knots, spacing, rows, wanted, deviation, _solved(rows, wanted))
+        target = reading / deviation
+        return _Fit(knots, spacing, rows, target, deviation, _solved(rows, target))
 
     def without(self, some: np.ndarray) -> _Fit:
         """The same from the other readings."""
-        return replace(self, coefficients=_solved(self.rows[~some], self.wanted[~some]))
+        return replace(self, coefficients=_solved(self.rows[~some], self.target[~some]))
 
     @property
     def predicted(self) -> np.ndarray:
@@ -199,12 +199,12 @@ class _Fit:
     @property
     def residuals(self) -> np.ndarray:
         """In standard deviations."""
-        return np.asarray(self.wanted - self.rows @ self.coefficients)
+        return np.asarray(self.target - self.rows @ self.coefficients)
 
     @property
     def bic(self) -> float:
         """Schwarz's criterion, of residuals whose scatter is not known."""
-        count = len(self.wanted)
+        count = len(self.target)
         return float(count * np.log(np.mean(self.residuals**2))
                      + len(self.coefficients) * np.log(count))
 
@@ -229,13 +229,13 @@ def _splines(angle_deg: np.ndarray, knots: np.ndarray) -> np.ndarray:
     return np.column_stack([values[:, :2].sum(axis=1), values[:, 2:]])
 
 
-def _solved(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _solved(rows: np.ndarray, target: np.ndarray) -> np.ndarray:
     normal = rows.T @ rows
     normal += RIDGE * np.diag(normal).max() * np.eye(len(normal))
-    return np.asarray(np.linalg.solve(normal, rows.T @ wanted))
+    return np.asarray(np.linalg.solve(normal, rows.T @ target))
 
 
-def _found_axis(places: np.ndarray, reading: np.ndarray, deviation: np.ndarray, lamp: _Lamp,
+def _beam_axis(places: np.ndarray, reading: np.ndarray, deviation: np.ndarray, lamp: _Lamp,
                 aimed: np.ndarray) -> np.ndarray:
     """Where (2,) on the wall the beam is centred."""
     size = lamp.at[2]

@@ -149,11 +149,11 @@ def _on_wall(pixels: np.ndarray, corners: np.ndarray, size_mm: tuple[float, ...]
     """Places (n, 2) on the wall of pixels, by the homography of four corners."""
     width, height = size_mm
     wall = np.array([[0, height], [width, height], [width, 0], [0, 0]])
-    rows, wanted = [], []
+    rows, target = [], []
     for (x, y), (u, v) in zip(corners, wall, strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
-        wanted += [u, v]
-    matrix = np.append(np.linalg.solve(np.array(rows), np.array(wanted)), 1.0).reshape(3, 3)
+        target += [u, v]
+    matrix = np.append(np.linalg.solve(np.array(rows), np.array(target)), 1.0).reshape(3, 3)
     homogeneous = np.column_stack([pixels, np.ones(len(pixels))]) @ matrix.T
     # beyond the horizon the sign turns: never inside the rectangle
     safe = np.where(homogeneous[:, 2:] > 0, homogeneous[:, 2:], np.nan)

@@ -11,7 +11,6 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 
@@ -50,12 +49,12 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give a folder of measured camera curves")
-    grid = GRID
     cameras: dict[str, np.ndarray] = {}
     skipped = []
     for path in sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES):
         try:
-            in_file = _read_file(path, grid)
+            in_file = {name: _checked(*table, f"{path.name}, {name}")
+                       for name, table in cameras_of_file(path).items()}
         except InputError as error:
             skipped.append(str(error))
             continue
@@ -75,7 +74,7 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     skipped += [f"{name} has {len(curves)} bands, the others {bands}"
                 for name, curves in kept.items() if len(curves) != bands]
     kept = {name: curves for name, curves in kept.items() if len(curves) == bands}
-    return CameraDatabase(grid.nm, np.array(list(kept.values())), tuple(kept), tuple(skipped))
+    return CameraDatabase(GRID.nm, np.array(list(kept.values())), tuple(kept), tuple(skipped))
 
 
 def cameras_of_file(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -97,20 +96,15 @@ def cameras_of_file(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
                          "(camspec) or .csv is needed")
     cameras = readers[path.suffix.lower()](path)
     for name, (nm, curves) in cameras.items():
-        _checked(nm, curves, GRID, f"{path.name}, {name}")
+        _checked(nm, curves, f"{path.name}, {name}")
     return cameras
 
 
-def _read_file(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]:
-    """Cameras of one file by name, each (K, P)."""
-    return {name: _checked(nm, curves, grid, f"{path.name}, {name}")
-            for name, (nm, curves) in cameras_of_file(path).items()}
-
-
-def _checked(nm: np.ndarray, curves: np.ndarray, grid: WavelengthGrid, name: str) -> np.ndarray:
+def _checked(nm: np.ndarray, curves: np.ndarray, name: str) -> np.ndarray:
+    """Curves (K, P) on ``GRID``."""
     if not np.all(np.isfinite(curves)):
         raise InputError(f"{name}: some values are not numbers")
-    values = on_grid(nm, curves, grid, name)
+    values = on_grid(nm, curves, GRID, name)
     largest = float(values.max())
     if largest <= 0 or values.min() < -NEGATIVE * largest or np.any(values.max(axis=1) <= 0):
         raise InputError(f"{name}: sensitivities must be positive; they run from "

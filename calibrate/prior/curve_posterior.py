@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
-    nuisance_sd,
     nuisance_starts,
     predicted_signal,
     unlit_design,
@@ -22,21 +21,11 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration, ChartWhite
+from spectrabox.radiometry.records import Calibration, ChartWhite, LightScale
 from spectrabox.radiometry.shaped import Record
 
 ROUND_OFF = 1e-9             # of the largest value
-
-
-@dataclass(frozen=True, eq=False)
-class CurveDraws(Record):
-    """Draws of all curves together, each scaled to a largest value of 1.
-
-    A later stage averages over them.
-    """
-
-    curves: Annotated[np.ndarray, "T K P"]
-    seed: int
+GLARE_SIGMA = 3.0            # of a band: nearer to 0 none is claimed
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +46,17 @@ class PhotoState(Record):
     glare_error: Annotated[np.ndarray, "K"]
     predicted: Annotated[np.ndarray, "I K"]
     white: ChartWhite
+
+    @property
+    def light_scale(self) -> LightScale:
+        """Of the photo, without residuals."""
+        return LightScale(self.scale, self.scale_error, None, "chart photo")
+
+    @property
+    def certain_glare(self) -> np.ndarray:
+        """Size of the glare (K,) in the bands where it is beyond chance, else 0."""
+        size = np.abs(self.glare)
+        return np.where(size > GLARE_SIGMA * self.glare_error, size, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +91,10 @@ def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
     return CurveMoments(coefficients / peak, scaling @ covariance @ scaling.T, peak)
 
 
-def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) -> CurveDraws:
-    """Independent draws (T, K, P) of the posterior, negative values set to zero.
+def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) -> np.ndarray:
+    """Independent draws (T, K, P) of all curves together, negative values set to zero.
+
+    Each draw has a largest value of 1; a later stage averages over them.
 
     Parameters
     ----------
@@ -102,7 +104,6 @@ def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) ->
     draws : int
         T.
     seed : int
-        Stored with the draws.
     """
     rng = np.random.default_rng(seed)
     size = bands * posterior.basis.shape[1]
@@ -114,7 +115,7 @@ def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) ->
                                                       posterior.covariances, strict=True) if count]
     coefficients = np.vstack(stacked).reshape(draws, bands, -1)
     curves = np.clip(rng.permutation(coefficients), 0, None) @ posterior.basis.T
-    return CurveDraws(curves / curves.max(axis=(1, 2), keepdims=True), seed)
+    return np.asarray(curves / curves.max(axis=(1, 2), keepdims=True))
 
 
 def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.ndarray:
@@ -207,63 +208,34 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
     moments : CurveMoments
         Of the posterior.
     """
-    bands = len(moments.coefficients)
-    size = moments.coefficients.size
+    coefficients = moments.coefficients * moments.peak
+    bands, size = len(coefficients), coefficients.size
     mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
     states = []
     for photo, (index, stop) in zip(photos, pairwise(size + nuisance_starts(photos)), strict=True):
-        nuisance = mean[index + 1:stop]
-        terms = photo.field_terms.shape[1]
-        design = unlit_design(photo, posterior.basis)
-        predicted, _ = predicted_signal(photo, design, moments.coefficients * moments.peak,
+        nuisance, terms = mean[index + 1:stop], photo.field_terms.shape[1]
+        predicted, _ = predicted_signal(photo, unlit_design(photo, posterior.basis), coefficients,
                                         mean[index], nuisance)
+        glare = nuisance[terms:] if photo.glare else np.zeros(bands)
+        glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:stop]) if photo.glare
+                       else np.zeros(bands))
+        # the log of white, the field and the glare, and their derivatives by curves and nuisances
+        power = photo.power @ posterior.basis
+        white = coefficients @ power
+        jacobian = np.zeros((2 * bands + terms, len(covariance)))
+        jacobian[:bands, :size] = np.kron(np.eye(bands), power) / white[:, None]
+        jacobian[:bands, index] = 1.0
+        jacobian[bands:bands + nuisance.size, index + 1:stop] = np.eye(nuisance.size)
+        spread = jacobian @ covariance @ jacobian.T
+        # Errors of the bands are independent, each from its own patches' noise: that of the mean
+        # over bands would promise twice too much of each. A dark band's says little: by signal.
+        relative = np.sqrt(np.sum(np.diag(spread)[:bands] * white**2) / np.sum(white**2))
         scale = float(np.exp(mean[index]) * moments.peak)
-        error = _white_error(photo, posterior.basis, moments.coefficients * moments.peak,
-                             covariance, index)
-        glare, glare_error = np.zeros((2, bands))
-        if photo.glare:
-            glare = nuisance[terms:]
-            glare_error = np.sqrt(np.diag(covariance)[index + 1 + terms:stop])
-        white = _white(photo, posterior.basis, moments.coefficients * moments.peak, mean,
-                       covariance, index)
-        states.append(PhotoState(scale, scale * error, np.exp(photo.field_terms @ nuisance[:terms]),
-                                 glare, glare_error, predicted.reshape(-1, bands), white))
+        states.append(PhotoState(
+            scale, float(scale * relative), np.exp(photo.field_terms @ nuisance[:terms]), glare,
+            glare_error, predicted.reshape(-1, bands),
+            ChartWhite(np.exp(mean[index]) * white, nuisance[:terms], glare, spread)))
     return states
-
-
-def _white(photo: ChartEquations, basis: np.ndarray, coefficients: np.ndarray, mean: np.ndarray,
-           covariance: np.ndarray, index: int) -> ChartWhite:
-    """White signal, field and glare with their covariance; ``index`` is of the log exposure."""
-    bands, terms = len(coefficients), photo.field_terms.shape[1]
-    power = photo.power @ basis
-    white = coefficients @ power
-    jacobian = np.zeros((2 * bands + terms, len(covariance)))
-    jacobian[:bands, :coefficients.size] = np.kron(np.eye(bands), power) / white[:, None]
-    jacobian[:bands, index] = 1.0
-    count = nuisance_sd(photo).size
-    jacobian[bands:bands + count, index + 1:index + 1 + count] = np.eye(count)
-    nuisance = mean[index + 1:index + 1 + count]
-    glare = nuisance[terms:] if photo.glare else np.zeros(bands)
-    return ChartWhite(np.exp(mean[index]) * white, nuisance[:terms], glare,
-                      jacobian @ covariance @ jacobian.T)
-
-
-def _white_error(photo: ChartEquations, basis: np.ndarray, coefficients: np.ndarray,
-                 covariance: np.ndarray, index: int) -> float:
-    """Relative standard error of the signal of a perfect reflector in one band.
-
-    Errors of the bands are independent, each from its own patches' noise: the error of the mean
-    over bands alone would promise twice too much of each. Bands count by their signal, for the
-    relative error of a dark band says little. ``index`` is that of the photo's log exposure.
-    """
-    bands = len(coefficients)
-    power = photo.power @ basis
-    white = coefficients @ power
-    jacobian = np.zeros((bands, len(covariance)))
-    jacobian[:, :coefficients.size] = np.kron(np.eye(bands), power)
-    jacobian[:, index] = white
-    variance = np.einsum("kz,zy,ky->k", jacobian, covariance, jacobian)
-    return float(np.sqrt(variance.sum() / np.sum(white**2)))
 
 
 def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -16,13 +16,13 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import (
+    COMMON_ERRORS,
     ChartEquations,
     PatchError,
     mean_error,
-    noise_covariance,
+    noise_of_photos,
     nuisance_sd,
     nuisance_starts,
-    patch_errors,
     predicted_signal,
     unlit_design,
 )
@@ -105,7 +105,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
         Working grid, of P wavelengths.
     model_errors : tuple of float
         Relative errors of each band of a patch against the model that are held possible, equally
-        likely beforehand; beside each, ``COMMON_ERRORS`` of all bands.
+        likely beforehand; each is tried with ``COMMON_ERRORS`` of all bands.
 
     Raises
     ------
@@ -114,7 +114,8 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
     """
     basis = interpolation_matrix(prior.nm, grid.nm)
     designs = [unlit_design(photo, basis) for photo in photos]
-    noises = {error: _noise(photos, error) for error in patch_errors(model_errors)}
+    errors = [PatchError(*pair) for pair in product(model_errors, COMMON_ERRORS)]
+    noises = {error: noise_of_photos(photos, error) for error in errors}
     noise_of_errors = np.array(list(noises.values()))
     spreads = prior.covariances()
     # a prior without cameras knows nothing of gains either
@@ -130,9 +131,9 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
             shared.flags.writeable = False  # else every candidate below would copy it
         log_share = float(np.log(prior.weights[family] * share))
         evidence = _log_evidence(projected + noise_of_errors, linear - jacobian @ start)
-        candidates += [Candidate(log_share + float(said), family, gain_sd, error, start,
+        candidates += [Candidate(log_share + float(log_density), family, gain_sd, error, start,
                                  covariance, jacobian, linear)
-                       for error, said in zip(noises, evidence, strict=True)]
+                       for error, log_density in zip(noises, evidence, strict=True)]
     return _mixture(candidates, noises, basis, prior, _whole(designs, prior), photos)
 
 
@@ -162,7 +163,7 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
                                      posterior.best_gain_sd, photos, designs)
     jacobian, linear, _ = _linearise(photos, designs, start, covariance, prior)
     inverse = np.linalg.inv(jacobian @ covariance @ jacobian.T
-                            + _noise(photos, posterior.best_error))
+                            + noise_of_photos(photos, posterior.best_error))
     innovation = linear - jacobian @ start
     weighted = inverse @ innovation
     signals, row = [], 0
@@ -222,7 +223,8 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     candidate = Candidate(0.0, family, GAINS[0][0], error, start, covariance, jacobian,
                           jacobian @ start)
     whole, size = _whole(designs, prior), prior.means.shape[1]
-    _, posterior = _in_curves(prior, *_condition(candidate, _noise(photos, error)), whole, photos)
+    state, covariance = _condition(candidate, noise_of_photos(photos, error))
+    _, posterior = _in_curves(prior, state, covariance, whole, photos)
     unit = prior.widening[prior.level[family]] * (whole @ prior.curves(prior.means[family]))
     return posterior[:size, :size] * unit**2
 
@@ -286,10 +288,6 @@ def _equations(photos: list[ChartEquations], designs: list[np.ndarray], state: n
     return np.concatenate(signals), np.vstack(rows)
 
 
-def _noise(photos: list[ChartEquations], error: PatchError) -> np.ndarray:
-    return block_diagonal(*(noise_covariance(photo, error) for photo in photos))
-
-
 def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: np.ndarray,
                covariance: np.ndarray, prior: CameraPrior,
                guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -297,7 +295,7 @@ def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: n
     solution (Z,); ``guess`` (Z,) is where to begin.
     """
     measured = np.concatenate([photo.signal.ravel() for photo in photos])
-    noise = _noise(photos, PatchError(LINEARISED_AT))
+    noise = noise_of_photos(photos, PatchError(LINEARISED_AT))
     sigma = np.sqrt(np.diag(noise))
     state, size = start if guess is None else guess, prior.means.shape[1]
     # exposures and field terms are logarithms, glare is in the unit of the signals
@@ -361,7 +359,7 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray, who
                photos: list[ChartEquations]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of curves and nuisances from those of state and nuisances.
 
-    The curves are brought back to a whole signal of 1, from which exp() takes them, and the
+    The curves are scaled to a whole signal of 1, from which exp() takes them, and the
     exposures make up for it.
     """
     size = whole.size

@@ -1,11 +1,11 @@
-"""The lamps that a photo may have been taken by: published spectra, and formulas beside them.
+"""The lamps that a photo may have been taken by: published spectra, and others by formula.
 
 Published are the illuminants and light sources of colour-science. By formula come
 
     daylight     CIE daylights of 4000 to 12000 K [CIE 15:2004, Eqs. 3.3, 3.4], blackbodies above
     halogen      blackbodies of 2300 to 3700 K, bare and through tinted glass
     led          a blue or violet pump with one or two phosphors, three to five narrow bands, and
-                 a phosphor lamp with a red or cyan diode beside it
+                 a phosphor lamp with an added red or cyan diode
     fluorescent  mixtures of two published lamps: other blends of the same phosphors
 
 Discharge lamps of other kinds (metal halide, mercury, sodium) count as fluorescent. Lamps that
@@ -34,10 +34,12 @@ GRID = visible_grid(1)
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 KIND_SHARE = {"daylight": 0.30, "halogen": 0.20, "led": 0.35, "fluorescent": 0.15}
 PUBLISHED_SHARE = 0.5       # of a kind's probability, where it has published lamps
-DAYLIGHT = ("B", "C", "D50", "D55", "D60", "D65", "D75", "E", "ID50", "ID65", "SC", "Kinoton 75P")
+DAYLIGHT = ("B", "C", "D50", "D55", "D60", "D65", "D75", "E", "ID50", "ID65", "SC", "Kinoton 75P",
+            "ISO 7589 Photographic Daylight", "ISO 7589 Sensitometric Daylight")
 HALOGEN = ("A", "SA", "Incandescent", "Neodimium Incandescent", "60 A/W (Soft White)")
 LED_WORDS = ("LED", "PHOS", "Luxeon")
-DARK_SHARE, MIN_LIT = 0.05, 0.45    # of the largest value; of the wavelengths, to take colours by
+DARK_SHARE = 0.05           # of the largest value
+MIN_BRIGHT = 0.45           # of the wavelengths above it, to take colours by
 SEED = 20                   # of the formulas' parameters
 DAYLIGHTS, HOT_BODIES, FILAMENTS, TINTED = 30, 10, 20, 20
 PHOSPHORS, HYBRIDS, NARROW, BLENDS = 120, 40, 60, 80
@@ -78,22 +80,27 @@ def all_lamps() -> Lamps:
     """Every lamp, published and by formula."""
     published = _published()
     rng = np.random.default_rng(SEED)
+    # filaments behind glass: a straight line in wavelength, on the logarithm
+    slope = rng.uniform(-0.5, 0.5, TINTED)[:, None]
+    tinted = blackbodies(rng.uniform(2500, 3400, TINTED)) * np.exp(slope * (GRID.nm - 550) / 150)
+    leds = np.vstack([_phosphor_leds(rng), _hybrids(rng), _narrow_bands(rng)])
     tubes = np.array([spectrum for kind, _, spectrum in published if kind == "fluorescent"])
+    first, second = (tubes[rng.integers(len(tubes), size=BLENDS)] for _ in range(2))
+    share = rng.uniform(0, 1, BLENDS)[:, None]
     computed = {"daylight": np.vstack([daylights(np.linspace(4000, 12000, DAYLIGHTS)),
-                                   blackbodies(np.linspace(4000, 7500, HOT_BODIES))]),
-            "halogen": np.vstack([blackbodies(np.linspace(2300, 3700, FILAMENTS)),
-                                  _tinted(rng)]),
-            "led": np.vstack([_phosphor_leds(rng), _hybrids(rng), _narrow_bands(rng)]),
-            "fluorescent": _blends(tubes, rng)}
+                                       blackbodies(np.linspace(4000, 7500, HOT_BODIES))]),
+                "halogen": np.vstack([blackbodies(np.linspace(2300, 3700, FILAMENTS)), tinted]),
+                "led": leds,
+                "fluorescent": share * first + (1 - share) * second}
     spectra, kinds, names, weights = [], [], [], []
-    for kind, share in KIND_SHARE.items():
+    for kind, probability in KIND_SHARE.items():
         ours = [(name, spectrum) for other, name, spectrum in published if other == kind]
         rows = [spectrum for _, spectrum in ours] + list(computed[kind])
         spectra += rows
         names += [name for name, _ in ours] + [f"{kind} by formula"] * len(computed[kind])
         kinds += [LIGHT_KINDS.index(kind)] * len(rows)
-        weights += [share * PUBLISHED_SHARE / len(ours)] * len(ours)
-        weights += [share * (1 - PUBLISHED_SHARE) / len(computed[kind])] * len(computed[kind])
+        weights += [probability * PUBLISHED_SHARE / len(ours)] * len(ours)
+        weights += [probability * (1 - PUBLISHED_SHARE) / len(computed[kind])] * len(computed[kind])
     whole = np.array(spectra)
     return Lamps(whole / whole.mean(axis=1, keepdims=True), np.array(kinds), np.array(weights),
                  tuple(names))
@@ -136,7 +143,8 @@ def daylights(kelvin: np.ndarray) -> np.ndarray:
         4000 to 25000 K.
     """
     named = {5003.0: "D50", 5503.0: "D55", 7504.0: "D75"}
-    published = np.array([_at_1_nm(name) for name in named.values()])
+    published = np.array([np.interp(GRID.nm, nm, curves[0]) for nm, curves in (
+        published_curves(LIGHTS, name) for name in named.values())])
     at_560 = published[:, np.searchsorted(GRID.nm, 560)]
     known = np.array([_daylight_terms(cct) for cct in named])
     components = np.linalg.solve(known, published / at_560[:, None])
@@ -159,37 +167,20 @@ def _published() -> list[tuple[str, str, np.ndarray]]:
     """Kind, name and spectrum of every published lamp that lights the range."""
     lamps = []
     for name, (nm, curves) in all_published(LIGHTS).items():
-        if nm[0] > 405 or nm[-1] < 690:
-            continue
         spectrum = np.maximum(np.interp(GRID.nm, nm, curves[0]), 0)
-        if np.mean(spectrum > DARK_SHARE * spectrum.max()) > MIN_LIT:
-            lamps.append((_kind(name), name, spectrum / spectrum.mean()))
+        covered = nm[0] <= 405 and nm[-1] >= 690
+        if not covered or np.mean(spectrum > DARK_SHARE * spectrum.max()) <= MIN_BRIGHT:
+            continue
+        kind = ("daylight" if name in DAYLIGHT
+                else "halogen" if name in HALOGEN or name.startswith("ISO 7589")
+                else "led" if any(word in name for word in LED_WORDS) else "fluorescent")
+        lamps.append((kind, name, spectrum / spectrum.mean()))
     return lamps
-
-
-def _kind(name: str) -> str:
-    if name in DAYLIGHT or name == "ISO 7589 Photographic Daylight" \
-            or name == "ISO 7589 Sensitometric Daylight":
-        return "daylight"
-    if name in HALOGEN or name.startswith("ISO 7589"):
-        return "halogen"
-    return "led" if any(word in name for word in LED_WORDS) else "fluorescent"
-
-
-def _at_1_nm(name: str) -> np.ndarray:
-    nm, curves = published_curves(LIGHTS, name)
-    return np.interp(GRID.nm, nm, curves[0])
 
 
 def _bump(peak: np.ndarray, sd: np.ndarray) -> np.ndarray:
     """Gaussians (n, P)."""
     return np.asarray(np.exp(-0.5 * ((GRID.nm - peak[:, None]) / sd[:, None]) ** 2))
-
-
-def _tinted(rng: np.random.Generator) -> np.ndarray:
-    """Filaments behind glass: a straight line in wavelength, on the logarithm."""
-    slope = rng.uniform(-0.5, 0.5, TINTED)[:, None]
-    return blackbodies(rng.uniform(2500, 3400, TINTED)) * np.exp(slope * (GRID.nm - 550) / 150)
 
 
 def _phosphor_leds(rng: np.random.Generator, count: int = PHOSPHORS) -> np.ndarray:
@@ -208,10 +199,11 @@ def _phosphor_leds(rng: np.random.Generator, count: int = PHOSPHORS) -> np.ndarr
 
 
 def _hybrids(rng: np.random.Generator) -> np.ndarray:
-    beside = np.where(rng.random(HYBRIDS) < 0.7, rng.uniform(615, 665, HYBRIDS),
-                      rng.uniform(470, 505, HYBRIDS))
+    """A phosphor lamp with a red or cyan diode."""
+    peak = np.where(rng.random(HYBRIDS) < 0.7, rng.uniform(615, 665, HYBRIDS),
+                    rng.uniform(470, 505, HYBRIDS))
     return _phosphor_leds(rng, HYBRIDS) + rng.uniform(0.4, 2.0, HYBRIDS)[:, None] * _bump(
-        beside, rng.uniform(7, 13, HYBRIDS))
+        peak, rng.uniform(7, 13, HYBRIDS))
 
 
 def _narrow_bands(rng: np.random.Generator) -> np.ndarray:
@@ -223,9 +215,3 @@ def _narrow_bands(rng: np.random.Generator) -> np.ndarray:
         spectra += (there * rng.uniform(0.4, 1.6, NARROW))[:, None] * _bump(
             rng.uniform(low, high, NARROW), sd * rng.uniform(0.8, 1.5, NARROW))
     return spectra
-
-
-def _blends(tubes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    first, second = (tubes[rng.integers(len(tubes), size=BLENDS)] for _ in range(2))
-    share = rng.uniform(0, 1, BLENDS)[:, None]
-    return share * first + (1 - share) * second

@@ -41,17 +41,14 @@ def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightP
     total = sum(hypothesis.share for hypothesis in posterior.hypotheses)
     mean, square, shares = mean / total, square / total, shares / shares.sum()
     half = NORMAL_QUANTILE * np.sqrt(np.maximum(square - mean**2, 0))
-    before = _spread_before(posterior)
+    every_lamp = prior.components[:, prior.light]
+    before = NORMAL_QUANTILE * np.sqrt(
+        prior.weights @ (every_lamp - prior.weights @ every_lamp) ** 2)
     fine = mean @ basis.T
     scale = 1 / fine.mean()
     lower, upper = np.maximum(mean - half, 0) @ basis.T, (mean + half) @ basis.T
     return LightPosterior(grid, LIGHT_KINDS, shares, fine * scale, lower * scale, upper * scale,
                           LEVEL, _sentences(shares, half, before, mean))
-
-
-def _spread_before(posterior: ProductPosterior) -> np.ndarray:
-    lamps, weights = posterior.prior.components[:, posterior.prior.light], posterior.prior.weights
-    return np.asarray(NORMAL_QUANTILE * np.sqrt(weights @ (lamps - weights @ lamps) ** 2))
 
 
 def _sentences(shares: np.ndarray, half: np.ndarray, before: np.ndarray,

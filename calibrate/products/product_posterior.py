@@ -23,7 +23,7 @@ from spectrabox.calibrate.chart_equations import (
     COMMON_ERRORS,
     ChartEquations,
     PatchError,
-    noise_covariance,
+    noise_of_photos,
     nuisance_sd,
     nuisance_starts,
 )
@@ -126,19 +126,24 @@ def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> Linear
     """The equations linearised about what explains the photos."""
     starts = nuisance_starts(photos)
     best = (prior.weights @ prior.components, np.zeros(starts[-1]), np.zeros(prior.bands))
-    best[1][starts[:-1]] = [_first_exposure(photo, prior, best[0]) for photo in photos]
-    start = best[1].copy()
+    balance = np.exp(best[0][prior.balance])[:, None]
+    white = best[0][prior.products].reshape(prior.bands, -1) * balance
+    for photo, start in zip(photos, starts, strict=False):
+        irradiance = (photo.irradiance / np.pi)[:, None]
+        unexposed = (node_reflectances(photo, prior.nm) @ white.T * irradiance).sum()
+        best[1][start] = np.log(photo.signal.sum() / unexposed)
+    before = best[1].copy()
     ends = np.cumsum([prior.components.shape[1], best[1].size])
     for _ in range(STEPS):
-        chart = linearised(photos, prior, *best, start)
+        chart = linearised(photos, prior, *best, before)
         posterior = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], GAINS[1:2],
-                                        (LINEARISED_AT,)))
+                                            (LINEARISED_AT,)))
         hypothesis = posterior.hypotheses[0]
         chosen = np.argsort(-hypothesis.weights)[:MAX_COMPONENTS]
         weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
         mean = weights @ states_of_components(posterior, hypothesis, chosen)
         best = (mean[:ends[0]], mean[ends[0]:ends[1]], mean[ends[1]:])
-    return linearised(photos, prior, *best, start)
+    return linearised(photos, prior, *best, before)
 
 
 def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.ndarray,
@@ -222,11 +227,9 @@ def _weighed(photos: list[ChartEquations], prior: ProductPrior, chart: LinearCha
     spread = chart.by_component @ prior.covariance @ chart.by_component.T
     known = (chart.by_nuisance * chart.nuisance_variance) @ chart.by_nuisance.T
     of_gains = chart.by_gain @ chart.by_gain.T
-    exact = block_diagonal(*(noise_covariance(photo, PatchError(0.0)) for photo in photos))
-    level = np.sqrt(np.diag(block_diagonal(*(noise_covariance(photo, PatchError(1.0))
-                                             for photo in photos)) - exact))
-    pixels = [block_diagonal(*(noise_covariance(photo, PatchError(0.0, common))
-                               for photo in photos)) for common in in_common]
+    level = np.sqrt(np.diag(noise_of_photos(photos, PatchError(1.0))
+                            - noise_of_photos(photos, PatchError(0.0))))
+    pixels = [noise_of_photos(photos, PatchError(0.0, common)) for common in in_common]
     log_prior, scaled = np.log(prior.weights), innovation / level
     tried = []
     for (width, width_share), (gain, gain_share), (common, noise) in product(
@@ -253,31 +256,25 @@ def _shares(tried: Sequence[tuple[Any, ...]]) -> tuple[np.ndarray, float]:
 
 def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
     """The mixture over the hypotheses that are not negligible."""
+    chart, innovation = weighed.chart, weighed.innovation
     shares, log_evidence = _shares(weighed.tried)
-    hypotheses = tuple(
-        _hypothesis(prior, weighed.chart, weighed.innovation, (width, gain, error), float(share),
-                    logs, square, rest + np.diag((error.own * weighed.level) ** 2))
-        for (width, gain, error, logs, square, rest), share in zip(weighed.tried, shares,
-                                                                   strict=True)
-        if share >= NEGLIGIBLE)
-    return ProductPosterior(prior, weighed.chart, weighed.innovation, hypotheses, log_evidence)
-
-
-def _hypothesis(prior: ProductPrior, chart: LinearChart, innovation: np.ndarray,
-                setting: tuple[float, float, PatchError], share: float, logs: np.ndarray,
-                square: np.ndarray, total: np.ndarray) -> Hypothesis:
-    width, gain, error = setting
-    log_weights = logs - np.logaddexp.reduce(logs)
-    inverse = np.linalg.inv(total)
-    projected = np.vstack([width * prior.covariance @ chart.by_component.T,
-                           chart.nuisance_variance[:, None] * chart.by_nuisance.T,
-                           gain**2 * chart.by_gain.T])
-    before = block_diagonal(width * prior.covariance, np.diag(chart.nuisance_variance),
-                            gain**2 * np.eye(prior.bands))
-    kalman = projected @ inverse
-    return Hypothesis(width, gain, error, share, log_weights, innovation @ inverse, inverse,
-                      projected, kalman, before - kalman @ projected.T,
-                      float(np.exp(log_weights) @ square / len(total)))
+    hypotheses = []
+    for (width, gain, error, logs, square, rest), share in zip(weighed.tried, shares, strict=True):
+        if share < NEGLIGIBLE:
+            continue
+        log_weights = logs - np.logaddexp.reduce(logs)
+        inverse = np.linalg.inv(rest + np.diag((error.own * weighed.level) ** 2))
+        projected = np.vstack([width * prior.covariance @ chart.by_component.T,
+                               chart.nuisance_variance[:, None] * chart.by_nuisance.T,
+                               gain**2 * chart.by_gain.T])
+        before = block_diagonal(width * prior.covariance, np.diag(chart.nuisance_variance),
+                                gain**2 * np.eye(prior.bands))
+        kalman = projected @ inverse
+        hypotheses.append(Hypothesis(
+            width, gain, error, float(share), log_weights, innovation @ inverse, inverse, projected,
+            kalman, before - kalman @ projected.T,
+            float(np.exp(log_weights) @ square / len(inverse))))
+    return ProductPosterior(prior, chart, innovation, tuple(hypotheses), log_evidence)
 
 
 def hypothesis_moments(posterior: ProductPosterior, hypothesis: Hypothesis,
@@ -329,7 +326,7 @@ def states_of_components(posterior: ProductPosterior, hypothesis: Hypothesis, ch
 
 
 def weights_of_components(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
-    """Weights (C,) of the components when some rows are left out: over what they said of those.
+    """Weights (C,) of the components when some rows are left out.
 
     Parameters
     ----------
@@ -365,10 +362,3 @@ def _surprise(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
     weighted = hypothesis.seen[:, rows]
     solved = weighted @ np.linalg.inv(hypothesis.inverse[rows, rows])
     return np.asarray(np.einsum("cy,cy->c", weighted, solved))
-
-
-def _first_exposure(photo: ChartEquations, prior: ProductPrior, component: np.ndarray) -> float:
-    product_now = component[prior.products].reshape(prior.bands, -1)
-    bare = (node_reflectances(photo, prior.nm) @ product_now.T) * np.exp(component[prior.balance])
-    bare = bare * (photo.irradiance / np.pi)[:, None]
-    return float(np.log(photo.signal.sum() / bare.sum()))

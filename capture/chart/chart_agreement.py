@@ -33,6 +33,22 @@ MIXTURE_STEPS = 6
 MIXED_BANDS = 3                  # more would fit 24 patches whatever their colours
 
 
+# Signals of an ordinary camera for the Classic, to recognise it by; not to measure with. They are
+# ``radiometry.chart.typical_camera_signals`` of the reflectances "BabelColor Average" under even
+# light, a perfect reflector giving 1 in each band, so that detecting a chart does not wait for the
+# library of reflectances.
+TYPICAL_SIGNALS = np.array([  # (24, 3) red, green, blue; dark skin first
+    (0.1347, 0.0866, 0.0631), (0.4499, 0.3137, 0.2445), (0.1540, 0.2136, 0.3081),
+    (0.1209, 0.1280, 0.0671), (0.2355, 0.2546, 0.3884), (0.2989, 0.4755, 0.4336),
+    (0.4812, 0.2103, 0.0610), (0.0924, 0.1491, 0.3314), (0.3584, 0.1355, 0.1214),
+    (0.0868, 0.0632, 0.1190), (0.4036, 0.4152, 0.1299), (0.5752, 0.3242, 0.0773),
+    (0.0415, 0.0860, 0.2380), (0.1643, 0.2463, 0.1114), (0.2864, 0.0714, 0.0459),
+    (0.7122, 0.4965, 0.1086), (0.3545, 0.1615, 0.2672), (0.1078, 0.2598, 0.3682),
+    (0.9164, 0.9093, 0.8743), (0.5852, 0.5892, 0.5827), (0.3568, 0.3599, 0.3580),
+    (0.1890, 0.1917, 0.1912), (0.0881, 0.0899, 0.0904), (0.0320, 0.0320, 0.0324),
+])
+
+
 class Agreement(NamedTuple):
     """How well I signals fit a chart, in the order that fits best."""
 
@@ -43,29 +59,33 @@ class Agreement(NamedTuple):
     light: np.ndarray    # (I,) on each patch as far as it changes evenly, geometric mean 1
 
 
-def chart_units(chart: Chart) -> np.ndarray:
-    """Centres (I, 2) of a chart's patches in units of which a patch's side is 40.
+def chart_units(chart: Chart, points: np.ndarray | None = None) -> np.ndarray:
+    """Points (n, 2) of a chart in units of which a patch's side is 40.
 
     From the outer corner of the first patch.
 
     Parameters
     ----------
     chart : Chart
+    points : (n, 2) array or None
+        In the chart's own unit; None: the centres of its patches.
     """
-    return in_units(chart, chart.centres)
+    scale = unit_scale(chart)
+    points = chart.centres if points is None else points
+    return points * scale - chart.centres[0] * scale + chart.sizes[0] * scale / 2
 
 
-def in_units(chart: Chart, points: np.ndarray) -> np.ndarray:
-    """The same of any points (n, 2) of the chart.
+def typical_signals(bands: int) -> np.ndarray:
+    """Reference signals (24, bands) of a Classic, dark skin first.
 
     Parameters
     ----------
-    chart : Chart
-    points : (n, 2) array
-        In the chart's own unit.
+    bands : int
+        3 gives red, green and blue; any other number the grey level of each patch in every band.
     """
-    scale = unit_scale(chart)
-    return points * scale - chart.centres[0] * scale + chart.sizes[0] * scale / 2
+    if bands == TYPICAL_SIGNALS.shape[1]:
+        return TYPICAL_SIGNALS
+    return np.repeat(TYPICAL_SIGNALS.mean(axis=1, keepdims=True), bands, axis=1)
 
 
 def unit_scale(chart: Chart) -> float:
@@ -158,8 +178,9 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart) -> tuple[
     if brightness.max() <= 0:
         return np.inf, np.nan
     neutrals = list(chart.neutrals)
-    if len(neutrals) >= MIN_NEUTRALS and _rank_correlation(
-            brightness[neutrals], reference[neutrals].sum(axis=1)) < MIN_RANK_CORRELATION:
+    ranks, expected = np.argsort(np.argsort([brightness[neutrals],
+                                             reference[neutrals].sum(axis=1)]))
+    if len(neutrals) >= MIN_NEUTRALS and np.corrcoef(ranks, expected)[0, 1] < MIN_RANK_CORRELATION:
         return np.inf, np.nan
     bands = signals.shape[1]
     # dark patches may read 0 or less
@@ -202,14 +223,15 @@ def _mixture_fit(signals: np.ndarray, reference: np.ndarray, contrast: float,
     return np.sqrt(np.mean(error**2, axis=1)), light
 
 
-def _mixed_bands(signals: np.ndarray, lit: np.ndarray, weights: np.ndarray,
+def _mixed_bands(signals: np.ndarray, illuminated: np.ndarray, weights: np.ndarray,
                  darkest: np.ndarray) -> np.ndarray:
     """Signals (I, K) predicted by mixing the bands of the reference under the light (I, K), by
     weighted least squares of relative errors; band by band where there are not three.
     """
     predicted = np.empty_like(signals)
     for band in range(signals.shape[1]):
-        columns = lit if lit.shape[1] == MIXED_BANDS else lit[:, band:band + 1]
+        columns = (illuminated if illuminated.shape[1] == MIXED_BANDS
+                   else illuminated[:, band:band + 1])
         weight = weights[:, band] / (signals[:, band] + darkest[band])
         mixture = np.linalg.lstsq(columns * weight[:, None], signals[:, band] * weight,
                                   rcond=None)[0]
@@ -220,22 +242,6 @@ def _mixed_bands(signals: np.ndarray, lit: np.ndarray, weights: np.ndarray,
 def _huber_weights(misfit: np.ndarray) -> np.ndarray:
     """Weights by which misfits beyond twice their median count less."""
     return np.asarray(1 / np.maximum(1, misfit / (2 * np.median(misfit) + np.finfo(float).tiny)))
-
-
-def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.corrcoef(np.argsort(np.argsort(a)), np.argsort(np.argsort(b)))[0, 1])
-
-
-def white_patch(chart: Chart, reference: np.ndarray) -> int:
-    """Index of the lightest neutral patch, or of the lightest where a chart names none.
-
-    Parameters
-    ----------
-    chart : Chart
-    reference : (I, K) array
-        Signals that an ordinary camera would read.
-    """
-    return chart.neutrals[0] if chart.neutrals else int(reference.sum(axis=1).argmax())
 
 
 def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
@@ -256,10 +262,10 @@ def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
     white : int
         Index of the white patch.
     """
-    lit_reference, brightest = light[:, None] * reference, signals[white]
+    illuminated, brightest = light[:, None] * reference, signals[white]
     darkest = DARKEST_SHARE * brightest
     weights, excess = np.ones_like(signals), np.zeros_like(signals)
     for _ in range(MIXTURE_STEPS):
-        excess = signals - _mixed_bands(signals, lit_reference, weights, darkest)
+        excess = signals - _mixed_bands(signals, illuminated, weights, darkest)
         weights = _huber_weights(np.abs(excess) / (np.abs(signals) + darkest))
     return np.maximum((excess / brightest).min(axis=1), 0.0)

@@ -20,7 +20,6 @@ from spectrabox.capture.chart.chart_agreement import (
     Agreement,
     chart_agreement,
     chart_units,
-    in_units,
     reading_of_reference,
     unit_scale,
 )
@@ -111,22 +110,19 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
         if agreement.residual <= ACCEPTED_RESIDUAL:
             ordered = quads_px[agreement.order]
             try:
-                lowest, highest = ACCEPTED_CONTRAST
-                if not lowest <= agreement.contrast <= highest:
-                    raise CheckError(f"photo {image.source} shows a chart, but its values go with "
-                                     f"the power {agreement.contrast:.2f} of the light; give the "
-                                     "camera raw, or a file without tone curve or sRGB encoding")
-                if corners_px is not None and not chart.has_known_colours:
-                    _require_order(image, agreement, chart)
-                _require_every_patch(image, agreement, chart)
+                _require_chart(image, agreement, chart, by_hand=corners_px is not None)
                 if chart.black_frame:
                     _require_gaps(image, picture, ordered, chart)
             except CheckError as error:  # the next proposal may fit the patches better
                 refusal = refusal or error
                 continue
+            # mirrored: the way along the first row and down the last column turns left, y down
+            corners = corner_patches(chart.rows, chart.columns)[:3]
+            start, turn, end = (ordered[patch].mean(axis=0) for patch in corners)
             return ChartDetection(corners_px=ordered,
                                   confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
-                                  mirrored=_is_mirrored(ordered, chart), how_found=how_found)
+                                  mirrored=bool(np.linalg.det([turn - start, end - turn]) < 0),
+                                  how_found=how_found)
         elif corners_px is not None and not chart.has_known_colours:
             reading = reading or reading_of_reference(image, quads_px, reference, chart,
                                                       ACCEPTED_RESIDUAL)
@@ -167,7 +163,7 @@ def _proposals(image: LinearImage, picture: np.ndarray, corners_px: np.ndarray |
                chart: Chart) -> Iterator[tuple[np.ndarray, str]]:
     """Quadrilaterals (I, 4, 2) in sensor pixels and their source in words, the likeliest first."""
     if corners_px is not None:
-        given = homography(in_units(chart, chart.fiducials), np.asarray(corners_px, float))
+        given = homography(chart_units(chart, chart.fiducials), np.asarray(corners_px, float))
         yield _printed_quads(given, chart), "corners given by hand"
         return
     if not chart.detectable:
@@ -212,8 +208,8 @@ def _mcc_quads(rgb8: np.ndarray, chart: Chart = CLASSIC) -> list[np.ndarray]:
         return []
     if not detected:
         return []
-    return [np.array(found.getColorCharts(), float).reshape(-1, 4, 2)
-            for found in detector.getListColorChecker()]
+    return [np.array(checker.getColorCharts(), float).reshape(-1, 4, 2)
+            for checker in detector.getListColorChecker()]
 
 
 def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray, chart: Chart) -> np.ndarray:
@@ -290,23 +286,6 @@ def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 # ---- verdicts ------------------------------------------------------------------------------------
 
-def _is_mirrored(quads_px: np.ndarray, chart: Chart) -> bool:
-    """Whether the way along the first row and down the last column turns left, y pointing down."""
-    first, second, third, _ = corner_patches(chart.rows, chart.columns)
-    start, turn, end = (quads_px[patch].mean(axis=0) for patch in (first, second, third))
-    (ax, ay), (bx, by) = turn - start, end - turn
-    return bool(ax * by - ay * bx < 0)
-
-
-def _require_order(image: LinearImage, agreement: Agreement, chart: Chart) -> None:
-    """Refuse given corners or a reference in another order, where no published colours of the
-    chart say which of the two is the one to correct.
-    """
-    for words, order in table_orders(chart.rows, chart.columns).items():
-        if np.array_equal(order, agreement.order) and words != AS_ASKED:
-            raise CheckError(_other_order(image, chart, words))
-
-
 def _other_order(image: LinearImage, chart: Chart, reading: str) -> str:
     return (f"photo {image.source}: the patches agree with the reference of the {chart.name} only "
             f"if one of the two is read {reading}; list the reference row by row, "
@@ -314,16 +293,26 @@ def _other_order(image: LinearImage, chart: Chart, reading: str) -> str:
             f"at {chart.corner_words}")
 
 
-def _require_every_patch(image: LinearImage, agreement: Agreement, chart: Chart) -> None:
-    """Refuse a chart of which some patches read unlike themselves, though the rest agree."""
+def _require_chart(image: LinearImage, agreement: Agreement, chart: Chart, by_hand: bool) -> None:
+    """Refuse patches that agree with the chart as a whole but not in contrast, order or each."""
+    lowest, highest = ACCEPTED_CONTRAST
+    if not lowest <= agreement.contrast <= highest:
+        raise CheckError(f"photo {image.source} shows a chart, but its values go with the power "
+                         f"{agreement.contrast:.2f} of the light; give the camera raw, or a file "
+                         "without tone curve or sRGB encoding")
+    # given corners or a reference in another order, where no published colours of the chart say
+    # which of the two is the one to correct
+    if by_hand and not chart.has_known_colours:
+        for words, order in table_orders(chart.rows, chart.columns).items():
+            if np.array_equal(order, agreement.order) and words != AS_ASKED:
+                raise CheckError(_other_order(image, chart, words))
     limit = WORST_PATCH if image.kind is PhotoKind.RAW else WORST_ENCODED_PATCH
     unlike = np.flatnonzero(agreement.misfit > limit)
     if unlike.size:
         worst = unlike[np.argsort(-agreement.misfit[unlike])]
         remedy = _dark_bands(image) or ("uncover and clean the chart, keep reflections off it, and "
                                         f"use a {chart.name.removeprefix('ColorChecker ')}: "
-                                        f"{len(chart.names)} patches of "
-                                        "this very order")
+                                        f"{len(chart.names)} patches of this very order")
         raise CheckError(f"photo {image.source}: patch "
                          f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
                          f"read{'s' if worst.size == 1 else ''} unlike a {chart.name} "
@@ -380,19 +369,13 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> fl
         strips = ([grey[y - half:y + half, x:x + across].mean(axis=0)]
                   if patch % chart.columns < last_column else []) + \
                  ([grey[y:y + down, x - half:x + half].mean(axis=1)] if patch < last_row else [])
-        widths += [gap for strip in strips if (gap := _gap_width(strip)) is not None]
+        for strip in strips:
+            fifth, inner = strip.size // 5, strip[strip.size * 3 // 10:strip.size * 7 // 10]
+            ends = min(float(np.median(strip[:fifth])), float(np.median(strip[-fifth:])))
+            lowest = float(inner.min())
+            if ends - lowest >= MIN_GAP_DEPTH:
+                widths.append(float(np.mean(strip < (lowest + ends) / 2)))
     return float(np.median(widths)) if len(widths) >= MIN_GAPS else None
-
-
-def _gap_width(profile: np.ndarray) -> float | None:
-    """Share of a profile between patch centres below half the depth of its gap."""
-    inner = slice(profile.size * 3 // 10, profile.size * 7 // 10)
-    ends = min(float(np.median(part)) for part in (profile[:profile.size // 5],
-                                                   profile[-(profile.size // 5):]))
-    lowest = float(profile[inner].min())
-    if ends - lowest < MIN_GAP_DEPTH:
-        return None
-    return float(np.mean(profile < (lowest + ends) / 2))
 
 
 def _not_found(image: LinearImage, residual: float, chart: Chart, by_hand: bool) -> str:

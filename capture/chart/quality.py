@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from spectrabox.capture.chart.chart_agreement import (
     PATCH,
@@ -16,7 +17,6 @@ from spectrabox.capture.chart.chart_agreement import (
     chart_units,
     unit_scale,
     white_excess,
-    white_patch,
 )
 from spectrabox.capture.chart.detection import homography
 from spectrabox.capture.chart.patches import CLIPPED_LIMIT, image_from_sensor, patches_and_excluded
@@ -79,16 +79,16 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     # A file that went through a tone curve is undone by its power, as well as one number can.
     linear = (samples.mean if image.kind is PhotoKind.RAW
               else np.maximum(samples.mean, 0) ** (1 / agreement.contrast))
-    lightest = white_patch(chart, reference)
-    darkest = chart.neutrals[-1] if chart.neutrals else int(reference.sum(axis=1).argmin())
+    grey = reference.sum(axis=1)
+    lightest, darkest = ((chart.neutrals[0], chart.neutrals[-1]) if chart.neutrals
+                         else (int(grey.argmax()), int(grey.argmin())))
     glare = white_excess(linear, reference, agreement.light, lightest)
     white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
     tilt = tilt_deg(detection.corners_px, chart)
     blur, names = edge_width(image, detection.corners_px, chart), chart.names
     reasons = (*_exposure_reasons(samples, names, white, darkest),
                *([] if light_explained else uneven_light_reasons(agreement.light)),
-               *_light_reasons(excluded, names, glare),
-               *_camera_reasons(tilt, blur, pixels))
+               *_figure_reasons(names, excluded, glare, tilt, blur, pixels))
     return ChartVerdict("re-shoot" if reasons else "good", reasons, samples, excluded, white,
                         agreement.light, uneven, float(glare.max()), tilt, blur, pixels)
 
@@ -120,16 +120,22 @@ def edge_width(image: LinearImage, quads_px: np.ndarray, chart: Chart = CLASSIC)
     """
     quads, centres = image_from_sensor(quads_px, image.sensor_step), chart_units(chart)
     picture_from_chart = homography(centres, quads.mean(axis=1))
-    half_sizes, half_edge = chart.sizes * unit_scale(chart) / 2, _half_edge(chart)
+    half_sizes = chart.sizes * unit_scale(chart) / 2
+    # Across an edge there is nothing but patch and frame as far as the card's frame reaches, or,
+    # where that is not known, as much as lies between two patches.
+    outer = chart.centres[-1] - chart.centres[0] + (chart.sizes[-1] + chart.sizes[0]) / 2
+    frame = float(((chart.card - outer) / 2).min())
+    between = float(chart.centres[1, 0] - chart.centres[0, 0] - chart.sizes[0, 0])
+    half_edge = min(HALF_EDGE, unit_scale(chart) * max(frame, between))
+    grey = image.signal.sum(axis=2, dtype=float)
     widths = []
     for patch, outward in _outer_edges(chart):
         along = np.linspace(-half_edge, half_edge, PROFILE_POINTS)[:, None] * np.array(outward)
-        beside = np.linspace(-8, 8, 9)[:, None] * np.array([outward[1], outward[0]])
-        points = centres[patch] + half_sizes[patch] * np.array(outward) + along[:, None] + beside
+        sideways = np.linspace(-8, 8, 9)[:, None] * np.array([outward[1], outward[0]])
+        points = centres[patch] + half_sizes[patch] * np.array(outward) + along[:, None] + sideways
         projected = points @ picture_from_chart[:, :2].T + picture_from_chart[:, 2]
-        profile = _values_at(image.signal, projected[..., :2] / projected[..., 2:]
-                             ).sum(axis=2).mean(axis=1)
-        width = _rise(profile)
+        x, y = np.moveaxis(projected[..., :2] / projected[..., 2:], -1, 0)
+        width = _rise(map_coordinates(grey, (y, x), order=1, mode="nearest").mean(axis=1))
         if width is not None:
             widths.append(width * 2 * half_edge / (PROFILE_POINTS - 1) / PATCH)
     return float(np.median(widths)) if widths else 1.0
@@ -142,16 +148,6 @@ def _outer_edges(chart: Chart) -> list[tuple[int, tuple[float, float]]]:
              (patches[:, -1], (1.0, 0.0)))
     dark = chart.neutrals[-NO_EDGE:] if chart.black_frame else ()
     return [(int(patch), outward) for side, outward in sides for patch in side if patch not in dark]
-
-
-def _half_edge(chart: Chart) -> float:
-    """How far beside an edge there is nothing but patch and frame: the frame of the card, or, where
-    that is not known, as much as lies between two patches.
-    """
-    across = chart.centres[1, 0] - chart.centres[0, 0] - chart.sizes[0, 0]
-    outer = chart.centres[-1] - chart.centres[0] + (chart.sizes[-1] + chart.sizes[0]) / 2
-    border = (chart.card - outer) / 2
-    return min(HALF_EDGE, unit_scale(chart) * max(float(border.min()), float(across)))
 
 
 def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: float,
@@ -195,24 +191,18 @@ def uneven_light_reasons(light: np.ndarray, irradiance: np.ndarray | None = None
             "place as flat field"]
 
 
-def _light_reasons(excluded: np.ndarray, names: tuple[str, ...],
-                   glare: np.ndarray) -> list[str]:
+def _figure_reasons(names: tuple[str, ...], excluded: np.ndarray, glare: np.ndarray, tilt: float,
+                    blur: float, pixels: int) -> list[str]:
     reasons = []
     if glare.max() > MAX_GLARE:
         shining = np.flatnonzero(glare > MAX_GLARE)
         reasons.append(f"glare: white light of up to {glare.max():.1%} of the white patch lies on "
                        f"{', '.join(names[i] for i in shining[np.argsort(-glare[shining])][:4])}; "
                        "turn the chart or the lamp so that it does not mirror the lamp or a window")
-    spoilt = np.flatnonzero(excluded > MAX_EXCLUDED)
-    if spoilt.size:
+    if excluded.max() > MAX_EXCLUDED:
         reasons.append(f"dust or glints: {excluded.max():.0%} of the samples of "
                        f"{names[int(excluded.argmax())]} stand out, {MAX_EXCLUDED:.0%} is the "
                        "most; clean the chart and keep reflections off it")
-    return reasons
-
-
-def _camera_reasons(tilt: float, blur: float, pixels: int) -> list[str]:
-    reasons = []
     if tilt > MAX_TILT_DEG:
         reasons.append(f"tilt: the chart is turned away by {tilt:.0f} degrees and "
                        f"{MAX_TILT_DEG:.0f} is the most; face it to the camera")
@@ -233,14 +223,3 @@ def _rise(profile: np.ndarray) -> float | None:
         return None
     share = (profile - low) / (high - low)
     return float(np.count_nonzero((share > 0.1) & (share < 0.9)))
-
-
-def _values_at(picture: np.ndarray, xy: np.ndarray) -> np.ndarray:
-    """Bilinear values (..., K) at image coordinates (..., 2)."""
-    height, width = picture.shape[:2]
-    x, y = np.clip(xy[..., 0], 0, width - 1.001), np.clip(xy[..., 1], 0, height - 1.001)
-    left, top = x.astype(int), y.astype(int)
-    fx, fy = (x - left)[..., None], (y - top)[..., None]
-    above = picture[top, left] * (1 - fx) + picture[top, left + 1] * fx
-    below = picture[top + 1, left] * (1 - fx) + picture[top + 1, left + 1] * fx
-    return above * (1 - fy) + below * fy

@@ -34,26 +34,26 @@ def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
     if quads.ndim != 3 or quads.shape[1:] != (4, 2) or not np.all(np.isfinite(quads)):
         raise InputError("a reference region is written as four corners [[x, y], [x, y], [x, y], "
                          "[x, y]] in pixels of the photo, going round")
-    return np.array([_mean(image, quad, f"photo {image.source}: reference region {number}")
-                     for number, quad in enumerate(quads, start=1)])
-
-
-def _mean(image: LinearImage, quad: np.ndarray, name: str) -> np.ndarray:
     height, width = image.signal.shape[:2]
-    if np.any(quad < -0.5) or np.any(quad > np.array([width, height]) * image.sensor_step - 0.5):
-        raise InputError(f"{name} leaves the photo of {round(width * image.sensor_step)} x "
-                         f"{round(height * image.sensor_step)} pixels; correct its corners")
-    y, x = pixels_inside(quad, image.sensor_step, height, width)
-    if y.size < MIN_PIXELS:
-        raise InputError(f"{name} holds {y.size} pixels, {MIN_PIXELS} are needed; outline more "
-                         "of the reference, corner after corner")
-    clipped = float(image.saturated[y, x].any(axis=1).mean())
-    if clipped > CLIPPED_LIMIT:
-        raise ClippedPhotoError(f"{name} is saturated in {clipped:.0%} of its pixels; expose less, "
-                                "or use a darker reference")
-    mean = image.signal[y, x].mean(axis=0, dtype=float)
-    noise = np.sqrt(image.variance[y, x].mean(axis=0, dtype=float) / y.size)
-    if np.any(mean < MIN_SIGNAL_TO_NOISE * noise) or np.any(mean <= 0):
-        raise CheckError(f"{name} is too dark (signal {mean.min():.2g}, noise {noise.max():.1g}); "
-                         "use a lighter reference or expose more")
-    return mean
+    means = []
+    for number, quad in enumerate(quads, start=1):
+        name = f"photo {image.source}: reference region {number}"
+        size = np.array([width, height]) * image.sensor_step
+        if np.any(quad < -0.5) or np.any(quad > size - 0.5):
+            raise InputError(f"{name} leaves the photo of {round(size[0])} x {round(size[1])} "
+                             "pixels; correct its corners")
+        y, x = pixels_inside(quad, image.sensor_step, height, width)
+        if y.size < MIN_PIXELS:
+            raise InputError(f"{name} holds {y.size} pixels, {MIN_PIXELS} are needed; outline more "
+                             "of the reference, corner after corner")
+        clipped = float(image.saturated[y, x].any(axis=1).mean())
+        if clipped > CLIPPED_LIMIT:
+            raise ClippedPhotoError(f"{name} is saturated in {clipped:.0%} of its pixels; expose "
+                                    "less, or use a darker reference")
+        mean = image.signal[y, x].mean(axis=0, dtype=float)
+        noise = np.sqrt(image.variance[y, x].mean(axis=0, dtype=float) / y.size)
+        if np.any(mean < MIN_SIGNAL_TO_NOISE * noise) or np.any(mean <= 0):
+            raise CheckError(f"{name} is too dark (signal {mean.min():.2g}, noise "
+                             f"{noise.max():.1g}); use a lighter reference or expose more")
+        means.append(mean)
+    return np.array(means)

@@ -13,10 +13,8 @@ from spectrabox.calibrate.chart_calibration import (
     ChartPhoto,
     calibrate_chart,
     calibration_from_curves,
-    unknown_irradiance,
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-from spectrabox.calibrate.sensitivity import scale_of_photo
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.chart_check import held_out_patches
@@ -75,9 +73,10 @@ def calibrate_views(task: StageTask) -> dict[str, Any]:
         assert curves is not None
         camera = calibration_from_curves(GRID, curves, _stated(lights[0]),
                                          config.sensitivity.relative_error)
-    lit = irradiance if irradiance is not None or first is None \
-        else unknown_irradiance(len(first.predicted))
-    records: dict[str, Any] = {"calibration": camera, "irradiance": None if first is None else lit,
+    on_patches = None
+    if first is not None:   # pi where the scene does not say: a reflectance of 1 has signal 1
+        on_patches = np.full(len(first.predicted), np.pi) if irradiance is None else irradiance
+    records: dict[str, Any] = {"calibration": camera, "irradiance": on_patches,
                "predicted": None if first is None else first.predicted,
                "white": None if first is None else first.white,
                "prior": None if first is None else first.prior_influence}
@@ -191,7 +190,7 @@ def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSa
     if irradiance is None:
         return None
     if first is not None and first.prior_fit is not None:
-        return scale_of_photo(first.prior_fit, list(shown).index(number))
+        return first.prior_fit.photos[list(shown).index(number)].light_scale
     photo = ChartPhoto(shown[number], read_chart_reference(config), light, irradiance,
                        chart=session_chart(config))
     return calibrate_chart([photo], GRID, CalibrationOptions(curves=curves)).scale
