@@ -126,12 +126,11 @@ def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> Linear
     """The equations linearised about what explains the photos."""
     starts = nuisance_starts(photos)
     best = (prior.weights @ prior.components, np.zeros(starts[-1]), np.zeros(prior.bands))
-    balance = np.exp(best[0][prior.balance])[:, None]
-    white = best[0][prior.products].reshape(prior.bands, -1) * balance
+    products = best[0][prior.products].reshape(prior.bands, -1)
     for photo, start in zip(photos, starts, strict=False):
-        irradiance = (photo.irradiance / np.pi)[:, None]
-        unexposed = (node_reflectances(photo, prior.nm) @ white.T * irradiance).sum()
-        best[1][start] = np.log(photo.signal.sum() / unexposed)
+        unexposed = (node_reflectances(photo, prior.nm) @ products.T
+                     * np.exp(best[0][prior.balance]) * (photo.irradiance / np.pi)[:, None])
+        best[1][start] = np.log(photo.signal.sum() / unexposed.sum())
     before = best[1].copy()
     ends = np.cumsum([prior.components.shape[1], best[1].size])
     for _ in range(STEPS):
