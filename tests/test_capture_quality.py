@@ -132,10 +132,30 @@ def test_blur_and_tilt_are_measured(tmp_path):
     assert any(reason.startswith("tilt: the chart is turned away by") for reason in tilted.reasons)
 
 
-def test_a_small_chart_is_called_too_small(tmp_path):
+@pytest.mark.parametrize("electrons, small", [(ELECTRONS, False), (150, True)])
+def test_a_small_chart_is_too_small_where_its_means_are_not_known(tmp_path, electrons, small):
     place = (PLACE - PLACE.mean(axis=0)) / 3.2 + PLACE.mean(axis=0)
-    verdict = judged(tmp_path, place=place)
-    assert any(reason.startswith("too small: a patch has") for reason in verdict.reasons)
+    image = open_photo(write_photo(tmp_path / "chart.dng",
+                                   chart_scene(HEIGHT, WIDTH, SIGNALS, place),
+                                   electrons=electrons))
+    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS, place), TYPICAL_SIGNALS)
+    # 64 pixels of 12 % noise are 1.5 %, and of 1 % noise 0.1 %
+    assert verdict.pixels <= 81
+    assert any(reason.startswith("too small: the mean of") for reason in verdict.reasons) == small
+    assert small or verdict.verdict == "good"
+
+
+def test_a_veil_is_told_from_a_tone_curve_and_named(tmp_path):
+    scene = chart_scene(HEIGHT, WIDTH, SIGNALS, PLACE) + 0.12 * SIGNALS[18]
+    image = open_photo(write_photo(tmp_path / "veiled.dng", scene))
+    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
+    # the veil is 0.12 / 1.12 of the white patch; it is tried in steps of 0.01
+    assert verdict.veil == pytest.approx(0.107, abs=0.011) and verdict.glare < 0.03
+    assert [reason[:16] for reason in verdict.reasons] == ["veiling glare of"]
+    for power in (0.6, 1 / 2.4):
+        curved = open_photo(write_photo(tmp_path / "curved.dng", (0.8 * scene) ** power))
+        with pytest.raises(CheckError, match=r"its values go with the power 0\.\d\d of the light"):
+            find_chart(curved, TYPICAL_SIGNALS)
 
 
 # ---- what is no Classic --------------------------------------------------------------------------

@@ -31,6 +31,11 @@ MIN_CONTRAST = 0.2
 WORST_LEFT_OUT = 12              # one patch in so many
 MIXTURE_STEPS = 6
 MIXED_BANDS = 3                  # more would fit 24 patches whatever their colours
+VEILS = np.arange(0.0, 0.31, 0.01)   # of the brightest patch: veiling glare that is tried
+# Powers of the light: below the first a veil is tried, which must then leave the second (sRGB under
+# a veil of 0.1 leaves 0.58), and alone fit the patches nearly as well (curves: 3 to 6 times worse).
+CURVED, VEILED = 0.8, 0.65
+VEIL_MISFIT, VEIL_STEP_MISFIT = 1.6, 0.01       # factor, and what the steps of the veil may leave
 
 
 # Signals of an ordinary camera for the Classic, to recognise it by; not to measure with. They are
@@ -122,7 +127,13 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
     residual, contrast, order = min(fits, key=lambda fit: fit[0])
     if not residual < HOPELESS_RESIDUAL:
         return Agreement(residual, contrast, order, np.full(patches, np.inf), np.ones(patches))
-    misfit, light = _mixture_fit(medians[order], reference, contrast, chart)
+    signals = medians[order]
+    if contrast < CURVED:       # a tone curve, or a veil: a curve bends, a veil adds a constant
+        veil, power, both = veil_fit(signals, reference, chart)
+        if power >= VEILED and (veil_fit(signals, reference, chart, 1.0)[2]
+                                < VEIL_MISFIT * both + VEIL_STEP_MISFIT):
+            signals, contrast = signals - veil * signals.max(axis=0), power
+    misfit, light = _mixture_fit(signals, reference, contrast, chart)
     residual = float(np.sqrt(np.mean(np.sort(misfit)[:-(patches // WORST_LEFT_OUT) or None] ** 2)))
     return Agreement(residual, contrast, order, misfit, light)
 
@@ -196,6 +207,54 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart) -> tuple[
         return np.inf, contrast
     fitting = np.sort(np.abs(logs - terms @ solution))[:int((1 - LEFT_OUT) * logs.size)]
     return float(np.sqrt(np.mean(fitting**2))) / contrast, contrast
+
+
+def veil_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart,
+             contrast: float | None = None) -> tuple[float, float, float]:
+    """Veiling glare as a share of the brightest patch, the power of the light beneath it, and the
+    relative rms misfit, the worst tenth left out.
+
+    signal = gain of the band x plane in x, y x reference ** contrast + veil x brightest, with
+    relative errors that count less beyond twice their median. A veil lifts dark patches and leaves
+    bright ones as they are; a tone curve changes every ratio.
+
+    Parameters
+    ----------
+    signals : (I, K) array
+        In chart order.
+    reference : (I, K) array
+        Signals that an ordinary camera would read.
+    chart : Chart
+    contrast : float or None
+        Where it is known: 1 of a camera raw.
+    """
+    # a band may be dark
+    brightest = np.maximum(signals.max(axis=0), 1e-6 * signals.max())
+    centres = chart_units(chart)
+    measured = np.maximum(signals, 1e-3 * brightest)
+    logs = np.log(reference).ravel()
+    terms = np.column_stack([np.tile(np.eye(signals.shape[1]), (len(signals), 1)),
+                             np.repeat(centres / centres.max(), signals.shape[1], axis=0)])
+    known = np.zeros(logs.size) if contrast is None else contrast * logs
+    if contrast is None:
+        terms = np.column_stack([terms, logs])
+    best = (0.0, 1.0, np.inf)
+    for veil in VEILS:
+        bare = np.maximum(measured - veil * brightest, 1e-3 * brightest)
+        # of the logarithm of what is left once the veil is off, in relative errors of the signal
+        share, weights, error = (bare / measured).ravel(), np.ones(logs.size), np.zeros(logs.size)
+        for _ in range(MIXTURE_STEPS):
+            weighted = share * np.sqrt(weights)
+            solution = np.linalg.lstsq(terms * weighted[:, None],
+                                       (np.log(bare).ravel() - known) * weighted, rcond=None)[0]
+            error = np.exp(known + terms @ solution) / measured.ravel() + (
+                veil * brightest / measured).ravel() - 1
+            weights = _huber_weights(np.abs(error))
+        fitting = np.sort(np.abs(error))[:int((1 - LEFT_OUT) * error.size)]
+        misfit = float(np.sqrt(np.mean(fitting**2)))
+        if misfit < best[2]:
+            best = (float(veil), float(solution[-1]) if contrast is None else contrast, misfit)
+    return best
 
 
 def _mixture_fit(signals: np.ndarray, reference: np.ndarray, contrast: float,

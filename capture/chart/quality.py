@@ -16,6 +16,7 @@ from spectrabox.capture.chart.chart_agreement import (
     chart_agreement,
     chart_units,
     unit_scale,
+    veil_fit,
     white_excess,
 )
 from spectrabox.capture.chart.detection import homography
@@ -29,8 +30,9 @@ MAX_UNEVEN = 0.40                # of the light over the chart: a smooth field l
 MAX_GLARE = 0.03                 # of the white patch: 0.013 at most without glare, 40 cameras
 MAX_EXCLUDED = 0.10              # of the samples of a patch
 MAX_TILT_DEG = 40.0              # beyond it paints are glossy
-MAX_BLUR = 0.20                  # of a patch's side, 10 to 90 %: the sampled middle is still clean
-MIN_PIXELS = 100                 # of each patch
+# of a patch's side, 10 to 90 %: then 0.5 % of the frame's contrast reaches the sampled middle
+MAX_BLUR = 0.25
+MAX_MEAN_ERROR = 0.02            # of a patch's mean, or of a tenth of the brightest's: best band
 PROFILE_POINTS = 61
 HALF_EDGE = 15.0                 # of the profile across an outer edge; a patch's side is 40
 NO_EDGE = 2                      # darkest neutral patches, that do not stand out from the frame
@@ -48,6 +50,7 @@ class ChartVerdict:
     light: np.ndarray                # (I,) as it changes evenly over the chart, mean about 1
     uneven: float                    # largest / smallest light over the chart - 1
     glare: float                     # largest white light added to a patch / white patch's signal
+    veil: float                      # the same on all patches alike, not in ``glare``; 0 if small
     tilt_deg: float
     blur: float                      # width of an edge, of the side of a patch
     pixels: int                      # samples of the smallest patch
@@ -82,15 +85,19 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     grey = reference.sum(axis=1)
     lightest, darkest = ((chart.neutrals[0], chart.neutrals[-1]) if chart.neutrals
                          else (int(grey.argmax()), int(grey.argmin())))
-    glare = white_excess(linear, reference, agreement.light, lightest)
+    veil = (veil_fit(linear, reference, chart, contrast=1.0)[0] if image.kind is PhotoKind.RAW
+            else 0.0)
+    veil = veil if veil > MAX_GLARE else 0.0
+    glare = white_excess(linear - veil * linear.max(axis=0), reference, agreement.light, lightest)
     white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
     tilt = tilt_deg(detection.corners_px, chart)
     blur, names = edge_width(image, detection.corners_px, chart), chart.names
     reasons = (*_exposure_reasons(samples, names, white, darkest),
                *([] if light_explained else uneven_light_reasons(agreement.light)),
-               *_figure_reasons(names, excluded, glare, tilt, blur, pixels))
+               *_figure_reasons(names, excluded, glare, veil, tilt, blur),
+               *_size_reasons(samples, names))
     return ChartVerdict("re-shoot" if reasons else "good", reasons, samples, excluded, white,
-                        agreement.light, uneven, float(glare.max()), tilt, blur, pixels)
+                        agreement.light, uneven, float(glare.max()), veil, tilt, blur, pixels)
 
 
 def tilt_deg(quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
@@ -191,9 +198,13 @@ def uneven_light_reasons(light: np.ndarray, irradiance: np.ndarray | None = None
             "place as flat field"]
 
 
-def _figure_reasons(names: tuple[str, ...], excluded: np.ndarray, glare: np.ndarray, tilt: float,
-                    blur: float, pixels: int) -> list[str]:
+def _figure_reasons(names: tuple[str, ...], excluded: np.ndarray, glare: np.ndarray, veil: float,
+                    tilt: float, blur: float) -> list[str]:
     reasons = []
+    if veil:
+        reasons.append(f"veiling glare of {veil:.0%} of white lies over the whole chart; the fit "
+                       "takes it off, but is less certain: shade the lens from the sky and from "
+                       "lamps, wipe it, and avoid haze")
     if glare.max() > MAX_GLARE:
         shining = np.flatnonzero(glare > MAX_GLARE)
         reasons.append(f"glare: white light of up to {glare.max():.1%} of the white patch lies on "
@@ -209,10 +220,19 @@ def _figure_reasons(names: tuple[str, ...], excluded: np.ndarray, glare: np.ndar
     if blur > MAX_BLUR:
         reasons.append(f"blur: edges are {blur:.0%} of a patch wide and {MAX_BLUR:.0%} is the "
                        "most; focus on the chart")
-    if pixels < MIN_PIXELS:
-        reasons.append(f"too small: a patch has {pixels} pixels and {MIN_PIXELS} are needed; "
-                       "bring the chart closer")
     return reasons
+
+
+def _size_reasons(samples: PatchSamples, names: tuple[str, ...]) -> list[str]:
+    """Whether a patch has too few pixels for their noise."""
+    error = np.sqrt(np.diagonal(samples.covariance_of_mean, axis1=1, axis2=2))
+    relative = (error / np.maximum(samples.mean, samples.mean.max(axis=0) / 10)).min(axis=1)
+    worst = int(relative.argmax())
+    if relative[worst] <= MAX_MEAN_ERROR:
+        return []
+    return [f"too small: the mean of {names[worst]} is known to {relative[worst]:.1%} only, from "
+            f"{int(samples.pixels[worst])} pixels, and {MAX_MEAN_ERROR:.0%} is needed; bring the "
+            "chart closer or expose longer"]
 
 
 def _rise(profile: np.ndarray) -> float | None:

@@ -160,9 +160,9 @@ def _facts(photo: Path, image: LinearImage, detection: ChartDetection,
             "saturated_fraction": samples.saturated_fraction.tolist(),
             "gradient": samples.gradient.tolist(), "excluded_fraction": verdict.excluded.tolist(),
             "white_signal": verdict.white_signal, "uneven": verdict.uneven, "glare": verdict.glare,
-            "tilt_deg": verdict.tilt_deg, "blur": verdict.blur, "how_found": detection.how_found,
-            "kind": image.kind.value, "camera": image.camera, "exposure_s": image.exposure_s,
-            "photo": str(photo)}
+            "veil": verdict.veil, "tilt_deg": verdict.tilt_deg, "blur": verdict.blur,
+            "how_found": detection.how_found, "kind": image.kind.value, "camera": image.camera,
+            "exposure_s": image.exposure_s, "photo": str(photo)}
 
 
 def _text(photo: Path, image: LinearImage, detection: ChartDetection, verdict: ChartVerdict) -> str:
