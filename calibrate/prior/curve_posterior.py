@@ -219,22 +219,26 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         glare = nuisance[terms:] if photo.glare else np.zeros(bands)
         glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:stop]) if photo.glare
                        else np.zeros(bands))
-        # the log of white, the field and the glare, and their derivatives by curves and nuisances
+        # white in each band, and its derivative by curves and log exposure
         power = photo.power @ posterior.basis
         white = coefficients @ power
-        jacobian = np.zeros((2 * bands + terms, len(covariance)))
-        jacobian[:bands, :size] = np.kron(np.eye(bands), power) / white[:, None]
-        jacobian[:bands, index] = 1.0
-        jacobian[bands:bands + nuisance.size, index + 1:stop] = np.eye(nuisance.size)
-        spread = jacobian @ covariance @ jacobian.T
+        of_white = np.zeros((bands, len(covariance)))
+        of_white[:, :size] = np.kron(np.eye(bands), power)
+        of_white[:, index] = white
         # Errors of the bands are independent, each from its own patches' noise: that of the mean
         # over bands would promise twice too much of each. A dark band's says little: by signal.
-        relative = np.sqrt(np.sum(np.diag(spread)[:bands] * white**2) / np.sum(white**2))
+        variance = np.einsum("kz,zy,ky->k", of_white, covariance, of_white)
+        relative = np.sqrt(variance.sum() / np.sum(white**2))
+        # the log of white, then field and glare
+        jacobian = np.zeros((2 * bands + terms, len(covariance)))
+        jacobian[:bands] = of_white / white[:, None]
+        jacobian[bands:bands + nuisance.size, index + 1:stop] = np.eye(nuisance.size)
         scale = float(np.exp(mean[index]) * moments.peak)
         states.append(PhotoState(
             scale, float(scale * relative), np.exp(photo.field_terms @ nuisance[:terms]), glare,
             glare_error, predicted.reshape(-1, bands),
-            ChartWhite(np.exp(mean[index]) * white, nuisance[:terms], glare, spread)))
+            ChartWhite(np.exp(mean[index]) * white, nuisance[:terms], glare,
+                       jacobian @ covariance @ jacobian.T)))
     return states
 
 
