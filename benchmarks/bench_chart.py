@@ -24,7 +24,7 @@ from spectrabox.capture.chart.chart_agreement import typical_signals
 from spectrabox.capture.chart.detection import _mcc_quads, locate_chart
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.image_files import read_encoded_file
-from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.fixtures.chart_scene import BORDER_MM, GRID_MM, PITCH_MM, chart_scene, homography
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.errors import CheckError
@@ -201,7 +201,7 @@ def run_scene(kind: str, rng: np.random.Generator, reflectances: np.ndarray) -> 
     except CheckError as error:
         reason = str(error)
     seconds = time.perf_counter() - start
-    proposals = _mcc_quads(preview_rgb8(image))
+    proposals = _mcc_quads(signal_rgb8(image.signal))
     alone = "refused" if not proposals else "wrong"
     if proposals and kind not in REFUSABLE and in_place(2 * (proposals[0].mean(axis=1) + 0.5) - 0.5,
                                                         corners):

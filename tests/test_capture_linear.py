@@ -11,7 +11,7 @@ from spectrabox.capture.photo.image_files import (
 )
 from spectrabox.capture.photo.linear import linear_image, open_photo, signal_alone
 from spectrabox.capture.photo.noise import photon_transfer
-from spectrabox.capture.photo.preview import preview_rgb8, signal_rgb8, whites
+from spectrabox.capture.photo.preview import signal_rgb8, whites
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.chart_scene import mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
@@ -354,7 +354,7 @@ def test_a_part_is_shown_as_in_the_whole_photo():
 
 def test_the_preview_comes_back_from_png_as_encoded(tmp_path):
     image = flat_image(noisy((80, 120, 3)))
-    write_png(tmp_path / "preview.png", preview_rgb8(image))
+    write_png(tmp_path / "preview.png", signal_rgb8(image.signal))
     decoded = read_encoded_file(tmp_path / "preview.png").signal
     shown = np.clip(image.signal / np.percentile(image.signal, 99.5, axis=(0, 1)), 0, 1)
     # Half a code value of 8 bits and 0.03 of the table, where the sRGB curve is steepest (2.4 /

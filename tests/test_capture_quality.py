@@ -14,7 +14,7 @@ from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_g
 from spectrabox.capture.chart.quality import judge_chart, uneven_light_reasons
 from spectrabox.capture.photo.image_files import read_linear_file, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
-from spectrabox.capture.photo.preview import encode_srgb8, preview_rgb8
+from spectrabox.capture.photo.preview import encode_srgb8, signal_rgb8
 from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry import chart as published
@@ -170,8 +170,8 @@ def test_a_card_whose_patches_nearly_touch_is_refused(tmp_path):
 
 def test_the_gap_between_patches_is_measured(tmp_path):
     image = open_photo(chart_photo(tmp_path))
-    gap = patch_gap(preview_rgb8(image), (find_chart(image, TYPICAL_SIGNALS).corners_px + 0.5) / 2
-                    - 0.5)
+    corners_px = find_chart(image, TYPICAL_SIGNALS).corners_px
+    gap = patch_gap(signal_rgb8(image.signal), (corners_px + 0.5) / 2 - 0.5)
     # 3.5 of 43.5 mm; the strip is sampled every 1.5 % of the pitch, and a binned pixel is 4 %.
     assert gap == pytest.approx(3.5 / PITCH_MM, abs=0.02)
 

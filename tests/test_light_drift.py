@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from spectrabox.capture.chart.reference_region import region_signals
+from spectrabox.capture.photo.regions import region_signals
 from spectrabox.radiometry.error_model import drift_covariance
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
 from spectrabox.radiometry.light_scale import drift_between, scale_after_drift

@@ -86,7 +86,7 @@ def test_stages_are_looked_at_again_when_the_session_says_something_else(session
 
 def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path):
     from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.capture.photo.preview import preview_rgb8
+    from spectrabox.capture.photo.preview import signal_rgb8
     image = open_photo(session / "photos" / "sample.dng")
     x0, y0, x1, y1 = rect_of("green_wall")
     x, y = (x0 + x1) // 2, (y0 + y1) // 2
@@ -101,7 +101,7 @@ def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path):
         assert status == 409 and "480 x 320" in said["error"]
         status, whole = asked(f"{address}/api/photo?role=photo")
         assert status == 200
-        shown, preview = decoded(whole, tmp_path / "whole.jpg"), preview_rgb8(image)
+        shown, preview = decoded(whole, tmp_path / "whole.jpg"), signal_rgb8(image.signal)
         # of a picture with noise JPEG at this quality keeps a few code values
         assert shown.shape == preview.shape
         assert np.sqrt(np.mean((shown.astype(float) - preview) ** 2)) < 3

@@ -24,7 +24,7 @@ from spectrabox.capture.chart.chart_agreement import (
     unit_scale,
 )
 from spectrabox.capture.chart.patches import image_from_sensor, sensor_from_image
-from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.radiometry.chart import CLASSIC, SQUARE, Chart, corner_patches
 from spectrabox.radiometry.charts.table_order import AS_ASKED, table_orders
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
@@ -103,7 +103,7 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
     best = np.inf
     refusal: CheckError | None = None
     reading: str | None = None
-    picture = preview_rgb8(image)
+    picture = signal_rgb8(image.signal)
     for quads_px, how_found in _proposals(image, picture, corners_px, chart):
         agreement = chart_agreement(image, quads_px, reference, chart)
         best = min(best, agreement.residual)
@@ -141,7 +141,7 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
     image : LinearImage
     detection : ChartDetection
     """
-    picture, scale = _resized(preview_rgb8(image), OVERLAY_SIDE)
+    picture, scale = _resized(signal_rgb8(image.signal), OVERLAY_SIDE)
     picture = np.ascontiguousarray(picture)
     quads = (image_from_sensor(detection.corners_px, image.sensor_step) + 0.5) * scale - 0.5
     size = float(np.linalg.norm(quads[0, 1] - quads[0, 0]))

@@ -68,16 +68,13 @@ def _exposure_like(image: LinearImage, first: LinearImage, name: str) -> float:
     if image.exposure_s is None:
         raise InputError(f"band {name}: photo {image.source} states no exposure time, so that it "
                          "cannot be brought to another; give photos that do")
-    if (image.iso, image.f_number) != (first.iso, first.f_number):
-        raise InputError(f"band {name}: photo {image.source} was taken at ISO {_said(image.iso)} "
-                         f"and f/{_said(image.f_number)}, {first.source} at ISO {_said(first.iso)} "
-                         f"and f/{_said(first.f_number)}; change the exposure time alone from band "
-                         "to band")
+    ours, theirs = (
+        " and ".join(f"{name}{'unknown' if value is None else f'{value:g}'}" for name, value in
+                     (("ISO ", photo.iso), ("f/", photo.f_number))) for photo in (image, first))
+    if ours != theirs:
+        raise InputError(f"band {name}: photo {image.source} was taken at {ours}, {first.source} "
+                         f"at {theirs}; change the exposure time alone from band to band")
     return image.exposure_s
-
-
-def _said(setting: float | None) -> str:
-    return "unknown" if setting is None else f"{setting:g}"
 
 
 def strongest_channel(image: LinearImage) -> int:

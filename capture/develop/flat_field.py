@@ -67,15 +67,16 @@ def smooth_flat(flat: LinearImage) -> np.ndarray:
         raise CheckError(f"flat field {flat.source} falls to {darkest:.4f} of full scale and at "
                          f"least {MIN_SIGNAL} is needed; photograph the white card filling the "
                          "frame, with a longer exposure")
-    terms = _polynomial_terms(y, x)[usable]
+    powers_y, powers_x = powers = _powers()
+    terms = (y[:, None] ** powers_y * x[:, None] ** powers_x)[usable]
     shading = np.empty((height, width, bands), np.float32)
     across = np.stack([_coordinate(np.arange(width), width) ** power for power in range(ORDER + 1)])
     down = np.stack([_coordinate(np.arange(height), height) ** power for power in range(ORDER + 1)])
     for band in range(bands):
         coefficients = np.zeros((ORDER + 1, ORDER + 1))
         logs = np.log(means[usable, band])
-        coefficients[_powers()] = np.linalg.lstsq(terms, logs, rcond=None)[0]
-        _require_smooth(flat, logs - terms @ coefficients[_powers()])
+        coefficients[powers] = np.linalg.lstsq(terms, logs, rcond=None)[0]
+        _require_smooth(flat, logs - terms @ coefficients[powers])
         log_shading = (down.T @ coefficients @ across).astype(np.float32)
         shading[..., band] = np.exp(log_shading - log_shading.max())
     return shading
@@ -124,11 +125,6 @@ def _powers() -> tuple[np.ndarray, np.ndarray]:
     y, x = np.indices((ORDER + 1, ORDER + 1))
     low = y + x <= ORDER
     return y[low], x[low]
-
-
-def _polynomial_terms(y: np.ndarray, x: np.ndarray) -> np.ndarray:
-    powers_y, powers_x = _powers()
-    return y[:, None] ** powers_y * x[:, None] ** powers_x
 
 
 def _size(image: LinearImage) -> str:

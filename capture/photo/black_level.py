@@ -36,12 +36,23 @@ def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
     shape = (math.lcm(pattern[0], repeat[0]), math.lcm(pattern[1], repeat[1]))
     colour = np.array([[raw.raw_color(origin[0] + y % pattern[0], origin[1] + x % pattern[1])
                         for x in range(shape[1])] for y in range(shape[0])])
-    levels = np.asarray(raw.black_level_per_channel, dtype=float)
+    by_libraw = np.asarray(raw.black_level_per_channel, dtype=float)
     letters = raw.color_desc.decode()
     if raw.num_colors == 1:
-        return np.zeros(shape, int), _black(raw, metadata, origin, np.full(shape, levels[0]))
-    cfa = np.array([[COLOUR_INDEX[letters[index]] for index in row] for row in colour])
-    return cfa, _black(raw, metadata, origin, levels[colour])
+        cfa, by_libraw = np.zeros(shape, int), np.full(shape, by_libraw[0])
+    else:
+        cfa = np.array([[COLOUR_INDEX[letters[index]] for index in row] for row in colour])
+        by_libraw = by_libraw[colour]
+    masked = masked_black(raw.raw_image, metadata.masked_areas, origin, shape)
+    if masked is not None:
+        return cfa, masked
+    stated = _stated_black(metadata, origin, shape)
+    if stated is None:
+        return cfa, by_libraw
+    # The tag may belong to another picture in the file: LibRaw must give the same levels, but for
+    # the fraction.
+    same = np.all(np.abs(np.sort(stated, axis=None) - np.sort(by_libraw, axis=None)) < 1)
+    return cfa, stated if same or metadata.masked_areas else by_libraw
 
 
 def full_colour_black(raw: Any, metadata: PhotoMetadata) -> np.ndarray:
@@ -59,20 +70,6 @@ def full_colour_black(raw: Any, metadata: PhotoMetadata) -> np.ndarray:
         return by_libraw
     stated = np.broadcast_to([float(level) for level in metadata.black_level], 3)
     return np.array(stated) if np.all(np.abs(stated - by_libraw) < 1) else by_libraw
-
-
-def _black(raw: Any, metadata: PhotoMetadata, origin: tuple[int, int],
-           by_libraw: np.ndarray) -> np.ndarray:
-    masked = masked_black(raw.raw_image, metadata.masked_areas, origin, by_libraw.shape)
-    if masked is not None:
-        return masked
-    stated = _stated_black(metadata, origin, by_libraw.shape)
-    if stated is None:
-        return by_libraw
-    # The tag may belong to another picture in the file: LibRaw must give the same levels, but for
-    # the fraction.
-    same = np.all(np.abs(np.sort(stated, axis=None) - np.sort(by_libraw, axis=None)) < 1)
-    return stated if same or metadata.masked_areas else by_libraw
 
 
 def masked_black(whole: np.ndarray, areas: tuple[tuple[int, ...], ...], origin: tuple[int, int],
@@ -99,15 +96,14 @@ def masked_black(whole: np.ndarray, areas: tuple[tuple[int, ...], ...], origin: 
                                            first_column:right:shape[1]].ravel())
     if not areas or min(sum(part.size for part in parts) for parts in samples) < MIN_MASKED:
         return None
-    return np.array([_robust_mean(np.concatenate(parts)) for parts in samples]).reshape(shape)
-
-
-def _robust_mean(samples: np.ndarray) -> float:
-    values = samples.astype(float)
-    deviation = np.abs(values - np.median(values))
-    # half a DN: quiet sensors repeat one value
-    sigma = max(SIGMA_PER_MAD * float(np.median(deviation)), 0.5)
-    return float(values[deviation <= OUTLIER_SIGMA * sigma].mean())
+    means = []
+    for parts in samples:
+        values = np.concatenate(parts).astype(float)
+        deviation = np.abs(values - np.median(values))
+        # half a DN: quiet sensors repeat one value
+        sigma = max(SIGMA_PER_MAD * float(np.median(deviation)), 0.5)
+        means.append(values[deviation <= OUTLIER_SIGMA * sigma].mean())
+    return np.array(means).reshape(shape)
 
 
 def _stated_black(metadata: PhotoMetadata, origin: tuple[int, int],

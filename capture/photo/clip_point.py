@@ -31,8 +31,15 @@ def clip_points(frame: RawFrame) -> np.ndarray:
         # about SAMPLES samples, from whole rows of tiles spread over the picture
         positions = np.argwhere(frame.cfa == band)
         stride = max(1, int(frame.mosaic.size * len(positions) / frame.cfa.size / SAMPLES))
-        clips.append(_pile(np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
-                                           for y, x in positions]), frame.white_level))
+        samples = np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
+                                  for y, x in positions])
+        counts = np.bincount(samples)
+        top = counts.size - 1
+        below = counts[max(top - VALUES_BELOW, 0):top]
+        piled = (below.size and counts[top] >= MIN_PILED
+                 and TIMES_BELOW * np.mean(below) < counts[top]
+                 and counts[top] <= MAX_SHARE_OF_PICTURE * samples.size)
+        clips.append(float(top) if piled and top < frame.white_level else float(frame.white_level))
     return np.array(clips)
 
 
@@ -53,14 +60,3 @@ def piles_up(frame: RawFrame, clip: float, band: int, noise: PhotonTransfer) -> 
     scale = frame.white_level - float(frame.black_level[chosen].mean())
     level = (clip - float(frame.black_level[chosen].mean())) / scale
     return float(np.sqrt(noise.read[band] + noise.gain[band] * level)) * scale >= MIN_SIGMA_DN
-
-
-def _pile(samples: np.ndarray, white_level: float) -> float:
-    counts = np.bincount(samples)
-    top = counts.size - 1
-    below = counts[max(top - VALUES_BELOW, 0):top]
-    piled = (counts[top] >= MIN_PILED and counts[top] > TIMES_BELOW * np.mean(below)
-             if below.size else False)
-    if top >= white_level or not piled or counts[top] > MAX_SHARE_OF_PICTURE * samples.size:
-        return float(white_level)
-    return float(top)

@@ -229,18 +229,15 @@ def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
              else [f"band{number:03d}" for number in range(1, bands + 1)])
     pixels = np.concatenate([image.signal, image.variance, image.saturated.astype(np.float32)],
                             axis=2)
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
-    spec.channelnames = (*names, *(VARIANCE + name for name in names),
-                         *(SATURATED + name for name in names))
-    spec.attribute("compression", "zip")
+    channels = [prefix + name for prefix in ("", VARIANCE, SATURATED) for name in names]
+    spec = exr_spec(pixels.shape[0], pixels.shape[1], channels, oiio.FLOAT,
+                    {"spectrabox:kind": image.kind.name, "spectrabox:camera": image.camera,
+                     "spectrabox:source": image.source})
     for name, value in (("ExposureTime", image.exposure_s),
                         ("Exif:PhotographicSensitivity", image.iso),
                         ("FNumber", image.f_number), ("spectrabox:sensor_step", image.sensor_step)):
         if value is not None:
             spec.attribute(name, float(value))
-    for name, text in (("spectrabox:kind", image.kind.name), ("spectrabox:camera", image.camera),
-                       ("spectrabox:source", image.source)):
-        spec.attribute(name, text)
     _write(Path(path), np.ascontiguousarray(pixels, dtype=np.float32), spec)
 
 

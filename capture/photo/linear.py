@@ -6,7 +6,6 @@ Nothing is demosaiced. A tile is 2 x 2 samples of a Bayer sensor, 3 x 3 of an X-
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -143,8 +142,7 @@ def _developed(frame: RawFrame, positions: list[_Position], dark: np.ndarray | N
     height, width = (side // step for side in frame.mosaic.shape)
     signal = np.empty((height, width, int(frame.cfa.max()) + 1), np.float32)
     dark_part = None if dark_variance is None else np.zeros_like(signal)
-
-    def develop(rows: slice) -> None:
+    for rows in _blocks_of_rows(height, positions):
         signal[rows] = 0
         for position in positions:
             samples, pixels = position.within(rows, height, width)
@@ -154,8 +152,6 @@ def _developed(frame: RawFrame, positions: list[_Position], dark: np.ndarray | N
             signal[pixels] += plane
             if dark_part is not None and dark_variance is not None:
                 dark_part[pixels] += dark_variance[samples] * np.float32(position.per_dn**2)
-
-    _over_rows(develop, height, frame.cfa.shape[0] // step)
     return signal, dark_part
 
 
@@ -239,24 +235,20 @@ def _positions(frame: RawFrame, step: int) -> list[_Position]:
     return positions
 
 
-def _over_rows(work: Callable[[slice], None], height: int, rows_of_tile: int) -> None:
-    """Do the work for blocks of rows that fit in the cache."""
-    block = ROWS_AT_ONCE * rows_of_tile
-    for start in range(0, height, block):
-        work(slice(start, start + block))
+def _blocks_of_rows(height: int, positions: list[_Position]) -> list[slice]:
+    """Blocks of rows that fit in the cache, each of whole tiles."""
+    block = ROWS_AT_ONCE * positions[0].tile[0] // positions[0].step
+    return [slice(start, start + block) for start in range(0, height, block)]
 
 
 def _saturated(frame: RawFrame, positions: list[_Position], shape: tuple[int, ...],
                clips: np.ndarray) -> np.ndarray:
     saturated = np.zeros(shape, bool)
-
-    def mark(rows: slice) -> None:
+    limits = [np.uint16(min(np.ceil(CLIP_FRACTION * clip), 65535)) for clip in clips]
+    for rows in _blocks_of_rows(shape[0], positions):
         for position in positions:
             samples, pixels = position.within(rows, shape[0], shape[1])
             saturated[pixels] |= frame.mosaic[samples] >= limits[position.band]
-
-    limits = [np.uint16(min(np.ceil(CLIP_FRACTION * clip), 65535)) for clip in clips]
-    _over_rows(mark, shape[0], frame.cfa.shape[0] // positions[0].step)
     return saturated
 
 

@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -86,20 +85,25 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
     with _open(path) as raw:
         _require_known_sensor(raw, metadata, path)
         exposure: dict[str, Any] = {
-            "exposure_s": _known(metadata.exposure_s or raw.other.shutter_speed),
-            "iso": _known(metadata.iso or raw.other.iso_speed),
-            "f_number": _known(metadata.f_number or raw.other.aperture),
+            # LibRaw gives 0 for what the file does not state
+            "exposure_s": float(metadata.exposure_s or raw.other.shutter_speed) or None,
+            "iso": float(metadata.iso or raw.other.iso_speed) or None,
+            "f_number": float(metadata.f_number or raw.other.aperture) or None,
             "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path),
             "camera_from_xyz": _colour_matrix(raw)}
-        white_level = float(raw.white_level)
-        if raw.raw_type == rawpy.RawType.Stack:
+        white_level, full_colour = float(raw.white_level), raw.raw_type == rawpy.RawType.Stack
+        if full_colour:
             black_level = full_colour_black(raw, metadata)
-            _require_range(black_level, white_level, path)
+        else:
+            cfa, black_level = tile_of(raw, metadata)
+            _require_plausible_tile(cfa, black_level, white_level, path)
+        if not white_level > black_level.max():
+            raise InputError(f"raw photo {path.name} states a white level of {white_level:g} DN, "
+                             f"not above its black level of {black_level.max():g} DN; convert it "
+                             "with the camera maker's software or Adobe DNG")
+        if full_colour:
             pixels = np.ascontiguousarray(raw.raw_image_visible[..., :3]).copy()
             return FullColourFrame(pixels, black_level, white_level, **exposure)
-        cfa, black_level = tile_of(raw, metadata)
-        _require_plausible_tile(cfa, black_level, white_level, path)
-        _require_range(black_level, white_level, path)
         visible = np.ascontiguousarray(raw.raw_image_visible)
         visible = visible.copy() if np.shares_memory(visible, raw.raw_image) else visible
     visible.flags.writeable = False
@@ -132,12 +136,14 @@ def _open(path: Path, unpack: bool = True) -> Iterator[rawpy.RawPy]:
             if unpack:
                 raw.unpack()
     except rawpy.LibRawFileUnsupportedError as error:
-        raise InputError(f"photo {path.name} is no camera raw that LibRaw {_libraw_version()} "
-                         "knows; give a raw file, a DNG, or a linear EXR or TIFF") from error
+        version = ".".join(map(str, rawpy.libraw_version))
+        raise InputError(f"photo {path.name} is no camera raw that LibRaw {version} knows; "
+                         "give a raw file, a DNG, or a linear EXR or TIFF") from error
     except (rawpy.LibRawError, rawpy.NotSupportedError) as error:
-        raise InputError(
-            f"raw photo {path.name} cannot be read to its end ({_sentence(error)}); it is cut "
-            "short or damaged: copy it from the camera card again") from error
+        reason = error.args[0] if error.args else ""
+        reason = reason.decode(errors="replace") if isinstance(reason, bytes) else reason
+        raise InputError(f"raw photo {path.name} cannot be read to its end ({reason}); it is cut "
+                         "short or damaged: copy it from the camera card again") from error
     with raw:
         if any(word in line.lower() for line in complaints for word in TROUBLE):
             raise InputError(f"raw photo {path.name} holds fewer pixels than it promises "
@@ -218,13 +224,6 @@ def _require_plausible_tile(cfa: np.ndarray, black_level: np.ndarray, white_leve
                          "copy it from the camera card again")
 
 
-def _require_range(black_level: np.ndarray, white_level: float, path: Path) -> None:
-    if not white_level > black_level.max():
-        raise InputError(f"raw photo {path.name} states a white level of {white_level:g} DN, not "
-                         f"above its black level of {black_level.max():g} DN; convert it with the "
-                         "camera maker's software or Adobe DNG")
-
-
 def _colour_matrix(raw: rawpy.RawPy) -> np.ndarray | None:
     """The matrix (3, 3) from X, Y, Z to R, G, B in daylight by which LibRaw knows the camera.
 
@@ -232,17 +231,3 @@ def _colour_matrix(raw: rawpy.RawPy) -> np.ndarray | None:
     """
     matrix = np.array(raw.rgb_xyz_matrix, dtype=float)[:3]
     return matrix if raw.num_colors == 3 and matrix.any() else None
-
-
-def _known(value: float | Fraction | None) -> float | None:
-    """LibRaw gives 0 for what the file does not say."""
-    return float(value) if value else None
-
-
-def _sentence(error: Exception) -> str:
-    first = error.args[0] if error.args else ""
-    return first.decode(errors="replace") if isinstance(first, bytes) else str(first)
-
-
-def _libraw_version() -> str:
-    return ".".join(map(str, rawpy.libraw_version))

@@ -1,15 +1,17 @@
-"""Signals of the regions of a photo that an operator outlined."""
+"""Signals of the regions of a photo that an operator outlined: surfaces, neutral references."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from spectrabox.radiometry.errors import ClippedPhotoError, InputError
+from spectrabox.capture.chart.patches import image_from_sensor, pixels_inside
+from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
 from spectrabox.radiometry.records import LinearImage, RegionSamples
 
 MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region
+MIN_SIGNAL_TO_NOISE = 10    # of the mean of a neutral reference
 Outline = Sequence[Sequence[float]]
 POINTS_A_SIDE = 5           # of the grid at which the light on a region is looked up
 
@@ -79,21 +81,63 @@ def inside_polygon(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndar
     return inside
 
 
-def _one_region(image: LinearImage, corners_px: np.ndarray, name: str) -> tuple[np.ndarray, ...]:
-    height, width = image.signal.shape[:2]
-    size = np.array([width, height]) * image.sensor_step
+def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
+    """Mean signal (R, K) of neutral references inside each of R quadrilaterals.
+
+    Parameters
+    ----------
+    image : LinearImage
+    corners_px : (R, 4, 2) array
+        Corner after corner, in pixels of the whole photo.
+
+    Raises
+    ------
+    InputError
+        If a quadrilateral has no four corners, leaves the photo or holds fewer than 16 pixels.
+    ClippedPhotoError
+        If more than 1 % of a region is saturated.
+    CheckError
+        If a region is too dark to be compared.
+    """
+    quads = np.asarray(corners_px, dtype=float)
+    if quads.ndim != 3 or quads.shape[1:] != (4, 2) or not np.all(np.isfinite(quads)):
+        raise InputError("a reference region is written as four corners [[x, y], [x, y], [x, y], "
+                         "[x, y]] in pixels of the photo, going round")
+    means = []
+    for number, quad in enumerate(quads, start=1):
+        name = f"photo {image.source}: reference region {number}"
+        y, x = pixels_inside(quad, image.sensor_step, *image.signal.shape[:2])
+        _require_readable(image, quad, y, x, name, "more of the reference, corner after corner",
+                          "use a darker reference")
+        mean = image.signal[y, x].mean(axis=0, dtype=float)
+        noise = np.sqrt(image.variance[y, x].mean(axis=0, dtype=float) / y.size)
+        if np.any(mean < MIN_SIGNAL_TO_NOISE * noise) or np.any(mean <= 0):
+            raise CheckError(f"{name} is too dark (signal {mean.min():.2g}, noise "
+                             f"{noise.max():.1g}); use a lighter reference or expose more")
+        means.append(mean)
+    return np.array(means)
+
+
+def _require_readable(image: LinearImage, corners_px: np.ndarray, y: np.ndarray, x: np.ndarray,
+                      name: str, more: str, less_light: str) -> None:
+    """Refuse a region whose pixels cannot be averaged; what to do ends the sentences."""
+    size = np.array(image.signal.shape[1::-1]) * image.sensor_step
     if np.any(corners_px < -0.5) or np.any(corners_px > size - 0.5):
         raise InputError(f"{name} leaves the photo of {round(size[0])} x {round(size[1])} pixels; "
                          "correct its corners")
-    corners = (corners_px + 0.5) / image.sensor_step - 0.5
-    y, x = pixels_in_polygon(corners, height, width)
     if y.size < MIN_PIXELS:
-        raise InputError(f"{name} holds {y.size} pixels, {MIN_PIXELS} are needed; outline more "
-                         "of the surface")
+        raise InputError(f"{name} holds {y.size} pixels, {MIN_PIXELS} are needed; outline {more}")
     clipped = float(image.saturated[y, x].any(axis=1).mean())
     if clipped > CLIPPED_LIMIT:
         raise ClippedPhotoError(f"{name} is saturated in {clipped:.0%} of its pixels; expose less, "
-                                "or outline a part without reflections")
+                                f"or {less_light}")
+
+
+def _one_region(image: LinearImage, corners_px: np.ndarray, name: str) -> tuple[np.ndarray, ...]:
+    y, x = pixels_in_polygon(image_from_sensor(corners_px, image.sensor_step),
+                             *image.signal.shape[:2])
+    _require_readable(image, corners_px, y, x, name, "more of the surface",
+                      "outline a part without reflections")
     signal, variance = image.signal[y, x].astype(float), image.variance[y, x].mean(axis=0)
     mean = signal.mean(axis=0)
     terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])

@@ -67,14 +67,14 @@ def overlay(config: SessionConfig, view: ViewInputs) -> np.ndarray:
     """
     from spectrabox.calibrate.geometry.projection import points_overlay
     from spectrabox.capture.develop.developed import open_any
-    from spectrabox.capture.photo.preview import preview_rgb8
+    from spectrabox.capture.photo.preview import signal_rgb8
     assert config.box is not None
     seen = corners_in_photo(config, view)
     # a turned view without its own camera has no marks: its camera is the first photo's
     marked = box_camera(config, view).marks if view.camera is not None or not view.name else {}
     image = open_any(config.path(view.photo_files[0]), not_linear=True)
     lines = np.array([[seen[start], seen[end]] for start, end in box_edges(config.box)])
-    return points_overlay(preview_rgb8(image), np.array([*marked.values()]).reshape(-1, 2),
+    return points_overlay(signal_rgb8(image.signal), np.array([*marked.values()]).reshape(-1, 2),
                           np.array([seen[name] for name in marked]).reshape(-1, 2),
                           image.sensor_step, lines)
 

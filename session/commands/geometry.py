@@ -272,8 +272,8 @@ def _require_size(image: LinearImage, lens: Lens) -> None:
 
 
 def _grey(image: LinearImage) -> np.ndarray:
-    from spectrabox.capture.photo.preview import preview_rgb8
-    return preview_rgb8(image).mean(axis=2).astype("uint8")
+    from spectrabox.capture.photo.preview import signal_rgb8
+    return signal_rgb8(image.signal).mean(axis=2).astype("uint8")
 
 
 def _whole_px(points: np.ndarray, image: LinearImage) -> np.ndarray:
@@ -301,10 +301,10 @@ def _known_points(image: LinearImage, points_file: Path | None,
 def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray) -> None:
     from spectrabox.calibrate.geometry.projection import points_overlay
     from spectrabox.capture.photo.image_files import write_png
-    from spectrabox.capture.photo.preview import preview_rgb8
+    from spectrabox.capture.photo.preview import signal_rgb8
     from spectrabox.radiometry.files import writable
     with writable(path.parent):
-        write_png(path, points_overlay(preview_rgb8(image), given, seen, image.sensor_step))
+        write_png(path, points_overlay(signal_rgb8(image.signal), given, seen, image.sensor_step))
 
 
 def _pose_facts(pose: Pose, names: tuple[str, ...]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.binning import bin_image
-from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.preview import signal_rgb8
 
 WIDTH_PX, WIDTH_IN = 1400, 14.0
 
@@ -41,7 +41,7 @@ def write_picture(photo: Path, picture: Path) -> tuple[int, int]:
         image = bin_image(image, WIDTH_PX, round(WIDTH_PX * rows / columns))
     drawing = Figure(figsize=(WIDTH_IN, WIDTH_IN * height / width), layout="constrained")
     axes = drawing.add_subplot()
-    axes.imshow(preview_rgb8(image), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+    axes.imshow(signal_rgb8(image.signal), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
     step = 10.0 ** np.floor(np.log10(width / 4))
     axes.xaxis.set_major_locator(MultipleLocator(step))
     axes.yaxis.set_major_locator(MultipleLocator(step))

@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.image_files import write_png
-from spectrabox.capture.photo.preview import preview_rgb8
-from spectrabox.capture.photo.regions import sample_regions
+from spectrabox.capture.photo.preview import signal_rgb8
+from spectrabox.capture.photo.regions import region_signals, sample_regions
 from spectrabox.session.config.session_schema import (
     FIRST_PHOTO,
     RegionSection,
@@ -59,7 +58,7 @@ def measure_regions(task: StageTask) -> dict[str, Any]:
         records[view.record("photo")] = bin_image(
             photo, THUMBNAIL_WIDTH, max(round(THUMBNAIL_WIDTH * height / width), 1))
         write_png(task.folder / f"{view.record('preview')}.png",
-                  preview_rgb8(photo, -(-width // PREVIEW_WIDTH)))
+                  signal_rgb8(photo.signal, -(-width // PREVIEW_WIDTH)))
         records["notes"] += notes
     return records
 

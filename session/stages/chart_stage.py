@@ -9,9 +9,9 @@ import numpy as np
 from spectrabox.capture.chart.detection import chart_overlay, find_chart
 from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
-from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.image_files import write_png
+from spectrabox.capture.photo.regions import region_signals
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import ViewInputs

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.geometry.projection import undistorted
-from spectrabox.capture.chart.reference_region import region_signals
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.image_files import write_png
-from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.preview import signal_rgb8
+from spectrabox.capture.photo.regions import region_signals
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.box.box_camera import lens_of_view
 from spectrabox.session.stages.inputs import read_photo, require_exposed
@@ -47,7 +47,7 @@ def bin_object_photos(task: StageTask) -> dict[str, Any]:
         require_same_shape(photo, read_session_scene(config, view), name)
         height, width = photo.signal.shape[:2]
         size = render_size(width, height, config.reconstruct.width)
-        write_png(task.folder / f"{view.record('preview')}.png", preview_rgb8(photo))
+        write_png(task.folder / f"{view.record('preview')}.png", signal_rgb8(photo.signal))
         records[view.record("photo")] = bin_image(photo, *size)
         records["notes"] += notes
     return records

@@ -13,7 +13,7 @@ from spectrabox.api.inputs import GRID, as_chart
 from spectrabox.capture.chart.detection import find_chart as detect_chart
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.develop.developed import develop_photos
-from spectrabox.capture.photo.preview import preview_rgb8
+from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.camera import chart_signals
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
@@ -84,7 +84,8 @@ class Photo:
         axes = plt.subplots(layout="constrained")[1] if axes is None else axes
         width, height = self.size_px
         step = -(-max(self.image.signal.shape[:2]) // PREVIEW_PX)
-        axes.imshow(preview_rgb8(self.image, step), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+        axes.imshow(signal_rgb8(self.image.signal, step),
+                    extent=(-0.5, width - 0.5, height - 0.5, -0.5))
         axes.set(xlabel="pixel", ylabel="pixel")
         return axes
 

@@ -17,10 +17,6 @@ from spectrabox.capture.meter.instruments.interface import (
     Instrument,
     Measured,
     MeterSettings,
-    agreed,
-    numbers,
-    refused,
-    stated_grid,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import mean_wavelength, printed, stated_by_xyz
@@ -63,11 +59,9 @@ class Cr250(Instrument):
     name = "cr250"
     family = "Colorimetry Research CR-250"
     line_settings = LineSettings(115200)
-    averages = 1
+    errors = ERRORS
 
-    def identify(self) -> Identity:
-        if not self.entered:
-            self._enter()
+    def _identity(self) -> Identity:
         model = self._ask("RC Model")
         if not model.startswith("CR-"):
             raise self.wrong(model)
@@ -87,7 +81,7 @@ class Cr250(Instrument):
             self._set("SyncFreq", f"{wanted.sync_hz:g}")
 
     def measure(self) -> Measured:
-        limit_s = self.longest_measurement_s()
+        limit_s = MEASURE_S * self.averages + 10
         self.line.pace.sleep(BETWEEN_S)
         with self.measuring(limit_s):
             self.line.write(b"M\r")
@@ -96,7 +90,7 @@ class Cr250(Instrument):
         if code in OUTCOMES:
             return Measured(OUTCOMES[code])
         if code < 0:
-            raise refused(self, "M", code, ERRORS)
+            raise self.refused("M", code)
         low = code in (100, 102)
         flags = (f"warning {code}: {WARNINGS.get(code, 'not in the protocol notes')}",
                  ) if code else ()
@@ -104,17 +98,17 @@ class Cr250(Instrument):
 
     def read(self) -> HeldResult:
         header = self._ask("RM Spectrum")
-        first, last, step, points = numbers(",".join(header.split(",")[:4]), 4, self.line.name)
-        nm = stated_grid(points, first, last, step, self.line.name)
+        first, last, step, points = self.numbers(",".join(header.split(",")[:4]), 4)
+        nm = self.grid(points, first, last, step)
         rows = [self.line.read_line(REPLY_S) for _ in range(nm.size)]
         self.line.pace.sleep(AFTER_SPECTRUM_S)
-        values = np.array([numbers(row, 1, self.line.name)[0] for row in rows])
+        values = np.array([self.numbers(row, 1)[0] for row in rows])
         xyz, radiometric, exposure = (self._ask(f"RM {key}")
                                       for key in ("XYZ", "Radiometric", "Exposure"))
-        unit, *_ = numbers(",".join(radiometric.split(",")[:3]), 3, self.line.name)
+        unit, *_ = self.numbers(",".join(radiometric.split(",")[:3]), 3)
         quantity = self.quantity_of(int(unit), "mount an accessory for one of them")
-        milliseconds = numbers(exposure.removesuffix(" msec"), 1, self.line.name)[0]
-        numbers(xyz, 3, self.line.name)
+        milliseconds = self.numbers(exposure.removesuffix(" msec"), 1)[0]
+        self.numbers(xyz, 3)
         power, photons = (printed(cell) for cell in radiometric.split(",")[1:3])
         stated = stated_by_xyz(xyz.split(","), power, mean_wavelength(power, photons))
         return HeldResult(nm, values, quantity, stated, milliseconds,
@@ -127,9 +121,6 @@ class Cr250(Instrument):
         self.line.send(command)
         return self._answer(command.decode().rstrip(), RESTORE_S)[0] >= 0
 
-    def longest_measurement_s(self) -> float:
-        return MEASURE_S * self.averages + 10
-
     def _enter(self) -> None:
         self.entered = True
         self.line.send(b"\r")
@@ -140,7 +131,7 @@ class Cr250(Instrument):
             self.line.drain(0.3)
 
     def _set(self, key: str, value: str) -> None:
-        before = agreed(self._ask, f"RS {key}").split(" ")[0]
+        before = self.agreed(f"RS {key}").split(" ")[0]
         if before == value:
             return
         if not re.fullmatch(r"-?\d+(\.\d+)?", before):
@@ -150,15 +141,12 @@ class Cr250(Instrument):
         self._ask(f"SM {key} {value}")
 
     def _ask(self, command: str) -> str:
-        code, result = self._exchange(command, REPLY_S)
-        if code < 0:
-            raise refused(self, command, code, ERRORS)
-        return result
-
-    def _exchange(self, command: str, limit_s: float) -> tuple[int, str]:
         self.line.pace.sleep(BETWEEN_S)
         self.line.write(command.encode() + b"\r")
-        return self._answer(command, limit_s)
+        code, result = self._answer(command, REPLY_S)
+        if code < 0:
+            raise self.refused(command, code)
+        return result
 
     def _answer(self, command: str, limit_s: float) -> tuple[int, str]:
         reply = self.line.read_line(limit_s)

@@ -12,6 +12,7 @@ import numpy as np
 
 from spectrabox.capture.meter.instruments.instrument_errors import (
     LineFaultError,
+    RefusedError,
     UntrustedReadingError,
 )
 from spectrabox.capture.meter.instruments.interface import (
@@ -21,9 +22,6 @@ from spectrabox.capture.meter.instruments.interface import (
     Instrument,
     Measured,
     MeterSettings,
-    agreed,
-    numbers,
-    refused,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
@@ -61,21 +59,21 @@ class Cs2000(Instrument):
     name = "cs2000"
     family = "Konica Minolta CS-2000"
     line_settings = LineSettings(115200, rtscts=True)
+    errors = ERRORS
     announced = False                   # the duration of the measurement under way
 
-    def identify(self) -> Identity:
-        if not self.entered:
-            self._enter()
-        fields = self._ask("IDDR")
+    def _identity(self) -> Identity:
+        reply = self._ask("IDDR")
+        fields = reply.split(",")
         if len(fields) < 3 or not fields[0].strip().startswith("CS-2000"):
-            raise self.wrong(",".join(fields))
+            raise self.wrong(reply)
         model = "CS-2000A" if fields[1].strip() == "2" else "CS-2000"
         return Identity(model, fields[2].strip(), None)
 
     def settings(self, wanted: MeterSettings) -> None:
         if wanted.averages not in (None, 1):
-            raise refused(self, f"averages = {wanted.averages}", 17,
-                          {17: "it has no averaging; use --repeat"})
+            raise RefusedError(f"{self.family} refused 'averages = {wanted.averages}' with error "
+                               "17: it has no averaging; use --repeat")
         if wanted.integration_ms is not None:
             before = self._remember("SPMS", "SPMR")
             self._ask(f"SPMS,3,{round(wanted.integration_ms * 1000)},{_filter_of(before)}")
@@ -87,17 +85,17 @@ class Cs2000(Instrument):
         with self.measuring(ANNOUNCE_S):
             self.announced = False
             self.line.write(b"MEAS,1\n")
-        code, fields = self._reply("MEAS,1", ANNOUNCE_S)
+        code, duration = self._reply("MEAS,1", ANNOUNCE_S)
         if code in OUTCOMES:
             self.measured()
             return Measured(OUTCOMES[code])
         self.announced = True
-        announced = numbers(",".join(fields), 1, self.line.name)[0]
+        announced = self.numbers(duration, 1)[0]
         if not 0 <= announced <= 300:
             raise LineFaultError(f"{self.line.name}: a measurement of {announced:g} s is "
                                  "announced; at most 242 s can be")
-        code, fields = self._reply("MEAS,1", announced + MARGIN_S)
-        if fields:
+        code, rest = self._reply("MEAS,1", announced + MARGIN_S)
+        if rest:
             raise LineFaultError(f"{self.line.name}: the end of the measurement should be a bare "
                                  "OK00; measure again")
         self.measured()
@@ -111,19 +109,20 @@ class Cs2000(Instrument):
         blocks = [self._ask(f"MEDR,1,0,{block}") for block in (1, 2, 3, 4)]
         colours = self._ask("MEDR,2,0,00")
         values: list[float] = []
-        for cells, size in zip(blocks, BLOCK_SIZES, strict=True):
-            values += numbers(",".join(cells), size, self.line.name)
-        colour = numbers(",".join(colours), 24, self.line.name)
+        for block, size in zip(blocks, BLOCK_SIZES, strict=True):
+            values += self.numbers(block, size)
+        colour = self.numbers(colours, 24)
         if NOT_CALCULATED in values or NOT_CALCULATED in colour[:5]:
             raise UntrustedReadingError(f"{self.family} could not calculate part of the spectrum; "
                                         "measure again")
-        if len(conditions) < 3 or not re.fullmatch(r"\s*\d+\s*", conditions[2]):
-            raise LineFaultError(f"{self.line.name}: {','.join(conditions)!r} states no "
-                                 "integration time; measure again")
-        stated = stated_by_xyz(colours[2:5], power=printed(colours[0]))
-        return HeldResult(NM, np.array(values), Quantity.RADIANCE, stated,
-                          int(conditions[2]) / 1000,
-                          tuple(",".join(cells) for cells in (conditions, *blocks, colours)))
+        exposure_us = re.match(r"[^,]*,[^,]*,\s*(\d+)\s*(?:,|$)", conditions)
+        if exposure_us is None:
+            raise LineFaultError(f"{self.line.name}: {conditions!r} states no integration time; "
+                                 "measure again")
+        cells = colours.split(",")
+        return HeldResult(NM, np.array(values), Quantity.RADIANCE,
+                          stated_by_xyz(cells[2:5], power=printed(cells[0])),
+                          int(exposure_us[1]) / 1000, (conditions, *blocks, colours))
 
     def stop(self) -> None:
         """Cancel; before the duration is announced the instrument hears nothing, not even that."""
@@ -148,36 +147,33 @@ class Cs2000(Instrument):
             self.line.write(b"RMTS,1\n")
             reply = self.line.read_line(REPLY_S)
         if error := re.fullmatch(r"ER(\d\d)", reply):
-            raise refused(self, "RMTS", int(error[1]), ERRORS)
+            raise self.refused("RMTS", int(error[1]))
         if reply != "OK00":
             raise self.wrong(reply)
         self.restore.append(b"MSWE,1\n")
         self._ask("MSWE,0")  # with the body's button enabled, reading a result clears it
 
     def _remember(self, command: str, question: str) -> str:
-        before = agreed(lambda asked: ",".join(self._ask(asked)), question)
+        before = self.agreed(question)
         self.restore.append(f"{command},{before}\n".encode())
         return before
 
-    def _ask(self, command: str) -> list[str]:
-        """Fields of the reply after OK00."""
+    def _ask(self, command: str) -> str:
         self.line.write(command.encode() + b"\n")
-        code, fields = self._reply(command, REPLY_S)
-        if code:
-            raise refused(self, command, code, ERRORS)
-        return fields
+        return self._reply(command, REPLY_S)[1]
 
-    def _reply(self, command: str, limit_s: float) -> tuple[int, list[str]]:
+    def _reply(self, command: str, limit_s: float) -> tuple[int, str]:
+        """0 and what follows OK00, or the code of a measurement that could not be taken."""
         reply = self.line.read_line(limit_s)
         match = re.fullmatch(r"(OK|ER)(\d\d)(,.*)?", reply)
         if match is None or (match[1] == "OK") != (match[2] == "00" and not reply.startswith("ER")):
             raise self.no_reply(reply, command)
         if match[1] == "ER":
             if command.startswith("MEAS") and int(match[2]) in OUTCOMES:
-                return int(match[2]), []
+                return int(match[2]), ""
             self.measured()
-            raise refused(self, command, int(match[2]), ERRORS)
-        return 0, match[3][1:].split(",") if match[3] else []
+            raise self.refused(command, int(match[2]))
+        return 0, (match[3] or "")[1:]
 
 
 def _filter_of(conditions: str) -> str:

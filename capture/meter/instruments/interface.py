@@ -1,10 +1,13 @@
-"""What every driver offers: identify, settings, measure, read, close; and what drivers share."""
+"""What every driver offers: identify, settings, measure, read, close; and what drivers share.
+
+All that reads a reply raises LineFaultError where the bytes cannot be that reply.
+"""
 from __future__ import annotations
 
 import abc
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -83,6 +86,8 @@ class Instrument(abc.ABC):
     name: str                               # as the operator names it
     family: str                             # as a sentence names it
     line_settings: LineSettings
+    errors: Mapping[int, str]               # sentences by the instrument's own codes
+    averages = 1
 
     def __init__(self, line: SerialLine) -> None:
         self.line = line
@@ -90,9 +95,23 @@ class Instrument(abc.ABC):
         self.entered = False
         self.busy_until: float | None = None  # monotonic; None: no measurement is under way
 
-    @abc.abstractmethod
     def identify(self) -> Identity:
         """Take the instrument under control, if that is still to do, and ask who it is."""
+        if not self.entered:
+            self._enter()
+        return self._identity()
+
+    @abc.abstractmethod
+    def _enter(self) -> None:
+        """Take the instrument under control; sets ``entered`` once it is."""
+
+    @abc.abstractmethod
+    def _identity(self) -> Identity:
+        """Ask who it is."""
+
+    @abc.abstractmethod
+    def _ask(self, command: str) -> str:
+        """The answer to a query, without what confirms it."""
 
     @abc.abstractmethod
     def settings(self, wanted: MeterSettings) -> None:
@@ -179,12 +198,8 @@ class Instrument(abc.ABC):
         left = 0.0 if self.busy_until is None else self.busy_until - time.monotonic()
         return max(left, 0.0) / self.line.pace.scale
 
-    def longest_measurement_s(self) -> float:
-        """Seconds after which a measurement has failed."""
-        return 240.0
-
     def _finish(self) -> None:
-        """Let the instrument end what it was told to do before it is told to undo it."""
+        """Let the instrument end what it was asked to do before it is asked to undo it."""
         if self.busy_until is not None:
             self.stop()
             self.measured()
@@ -195,7 +210,7 @@ class Instrument(abc.ABC):
     def _put_back(self) -> None:
         """Send the commands that undo what was set, last first, until each is confirmed.
 
-        An instrument that once kept silent is told each thing once: its ear may still work.
+        An instrument that once kept silent is sent each command once: it may still receive.
         """
         tries = RESTORE_TRIES
         for command in reversed(self.restore[:]):
@@ -217,24 +232,77 @@ class Instrument(abc.ABC):
             self.line.drain(0.2)
             return False
 
-    def no_reply(self, reply: str, command: str) -> LineFaultError:
-        """The error for bytes that cannot be the answer to ``command``.
+    def agreed(self, command: str) -> str:
+        """The answer to a query sent twice, for facts that are recorded or put back afterwards.
 
-        Parameters
-        ----------
-        reply, command : str
+        Raises
+        ------
+        UntrustedReadingError
+            If the two answers differ.
         """
-        return LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command!r}; "
-                              "measure again, and check the cable")
+        first, second = self._ask(command), self._ask(command)
+        if first != second:
+            raise UntrustedReadingError(f"asked {command!r} twice, the instrument answered "
+                                        f"{first!r} and {second!r}; check the cable")
+        return first
+
+    def numbers(self, text: str, count: int, separator: str = ",") -> list[float]:
+        """Exactly ``count`` numbers of a reply.
+
+        Raises
+        ------
+        LineFaultError
+            If there are fewer or more, or one is not a number.
+        """
+        cells = [cell.strip() for cell in text.split(separator)]
+        if len(cells) != count or not all(re.fullmatch(NUMBER, cell) for cell in cells):
+            raise LineFaultError(f"{self.line.name}: {shown(text.encode())} arrived where {count} "
+                                 f"number{'s' if count > 1 else ''} should stand; measure again, "
+                                 "and check the cable")
+        return [float(cell) for cell in cells]
+
+    def xyz_cells(self, text: str) -> list[str]:
+        """The last three of a reply's cells, X, Y and Z, each known to be a number."""
+        cells = text.split(",")[-3:]
+        self.numbers(",".join(cells), 3)
+        return cells
+
+    def grid(self, points: float, first: float, last: float, step: float) -> np.ndarray:
+        """Wavelengths (P,) in nm that the instrument states it uses.
+
+        Raises
+        ------
+        LineFaultError
+            If the four numbers contradict each other or are no spectrum's.
+        """
+        possible = 2 <= points <= MAX_POINTS and points == int(points) and step > 0
+        if not (possible and RANGE_NM[0] <= first < last <= RANGE_NM[1]
+                and abs(first + (points - 1) * step - last) <= 0.01 * step):
+            raise LineFaultError(f"{self.line.name}: the instrument states {points:g} points from "
+                                 f"{first:g} to {last:g} nm in steps of {step:g} nm, which cannot "
+                                 "be; measure again, and check the cable")
+        return first + step * np.arange(int(points))
+
+    def values_at(self, nm: np.ndarray, rows: Sequence[str], separator: str = ",") -> np.ndarray:
+        """Values (P,) of rows of wavelength and value, at the wavelengths that were stated.
+
+        Raises
+        ------
+        UntrustedReadingError
+            If the rows are of other wavelengths.
+        """
+        pairs = np.array([self.numbers(row, 2, separator) for row in rows])
+        if not np.array_equal(pairs[:, 0], nm):
+            raise UntrustedReadingError(f"{self.line.name}: the spectrum's wavelengths are not "
+                                        f"those that the instrument states ({nm[0]:g}-{nm[-1]:g} "
+                                        f"nm, {nm.size} points); measure again, and check the "
+                                        "cable")
+        return np.asarray(pairs[:, 1])
 
     def quantity_of(self, unit: float, remedy: str) -> Quantity:
         """Radiance or irradiance, from the code 0 or 1 that the instrument states.
 
-        Parameters
-        ----------
-        unit : float
-        remedy : str
-            What the operator should mount instead, for the error.
+        ``remedy`` says what to mount instead.
 
         Raises
         ------
@@ -246,121 +314,22 @@ class Instrument(abc.ABC):
                                  f"nor irradiance (1); {remedy}")
         return UNITS[int(unit)]
 
-    def wrong(self, reply: str) -> WrongInstrumentError:
-        """The error for a reply in another instrument's language.
+    def refused(self, command: str, code: int) -> RefusedError:
+        """The error for an instrument's own error code, in the words of its table."""
+        sentence = self.errors.get(code, "an error that its protocol notes do not list; see the "
+                                   "instrument's manual")
+        return RefusedError(f"{self.family} refused {command!r} with error {code}: {sentence}")
 
-        Parameters
-        ----------
-        reply : str
-        """
+    def no_reply(self, reply: str, command: str) -> LineFaultError:
+        """The error for bytes that cannot be the answer to ``command``."""
+        return LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command!r}; "
+                              "measure again, and check the cable")
+
+    def wrong(self, reply: str) -> WrongInstrumentError:
+        """The error for a reply in another instrument's language."""
         other = next((name for pattern, name in LANGUAGES if re.search(pattern, reply)), None)
         hint = (f"this looks like {other}: name it with --instrument" if other
                 else "name the instrument that is on this port, or choose its port from "
                      "'spectrabox meter list'")
         return WrongInstrumentError(f"{self.line.name}: {self.family} was asked for, but "
                                     f"{shown(reply.encode())} answers; {hint}")
-
-
-def agreed(ask: Callable[[str], str], command: str) -> str:
-    """The answer to a question asked twice, for facts that are recorded or put back afterwards.
-
-    Parameters
-    ----------
-    ask : function of a command
-        Sends it and gives the answer.
-    command : str
-
-    Raises
-    ------
-    UntrustedReadingError
-        If the two answers differ.
-    """
-    first, second = ask(command), ask(command)
-    if first != second:
-        raise UntrustedReadingError(f"asked {command!r} twice, the instrument answered {first!r} "
-                                    f"and {second!r}; check the cable")
-    return first
-
-
-def refused(instrument: Instrument, command: str, code: int, table: dict[int, str]) -> RefusedError:
-    """The error for an instrument's own error code, in the words of its table.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    command : str
-    code : int
-        The instrument's own.
-    table : dict
-        Sentences by code.
-    """
-    sentence = table.get(code, "an error that its protocol notes do not list; see the instrument's "
-                         "manual")
-    return RefusedError(f"{instrument.family} refused {command!r} with error {code}: {sentence}")
-
-
-def numbers(text: str, count: int, line_name: str, separator: str = ",") -> list[float]:
-    """Exactly ``count`` numbers of a reply.
-
-    Parameters
-    ----------
-    text : str
-    count : int
-    line_name : str
-        For errors.
-    separator : str
-
-    Raises
-    ------
-    LineFaultError
-        If there are fewer or more, or one is not a number.
-    """
-    cells = [cell.strip() for cell in text.split(separator)]
-    if len(cells) != count or not all(re.fullmatch(NUMBER, cell) for cell in cells):
-        raise LineFaultError(f"{line_name}: {shown(text.encode())} arrived where {count} "
-                             f"number{'s' if count > 1 else ''} should stand; measure again, and "
-                             "check the cable")
-    return [float(cell) for cell in cells]
-
-
-def xyz_cells(text: str, line_name: str) -> list[str]:
-    """The last three of a reply's cells, X, Y and Z, each known to be a number.
-
-    Parameters
-    ----------
-    text : str
-    line_name : str
-        For errors.
-
-    Raises
-    ------
-    LineFaultError
-    """
-    cells = text.split(",")[-3:]
-    numbers(",".join(cells), 3, line_name)
-    return cells
-
-
-def stated_grid(points: float, first: float, last: float, step: float,
-                line_name: str) -> np.ndarray:
-    """Wavelengths (P,) in nm that the instrument states it uses.
-
-    Parameters
-    ----------
-    points, first, last, step : float
-        As the instrument states them, nm.
-    line_name : str
-        For errors.
-
-    Raises
-    ------
-    LineFaultError
-        If the four numbers contradict each other or are no spectrum's.
-    """
-    possible = 2 <= points <= MAX_POINTS and points == int(points) and step > 0
-    if not (possible and RANGE_NM[0] <= first < last <= RANGE_NM[1]
-            and abs(first + (points - 1) * step - last) <= 0.01 * step):
-        raise LineFaultError(f"{line_name}: the instrument states {points:g} points from {first:g} "
-                             f"to {last:g} nm in steps of {step:g} nm, which cannot be; measure "
-                             "again, and check the cable")
-    return first + step * np.arange(int(points))

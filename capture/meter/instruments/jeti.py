@@ -7,18 +7,19 @@ from spectrabox.capture.meter.instruments.instrument_errors import LineFaultErro
 from spectrabox.capture.meter.instruments.interface import (
     NUMBER,
     RESTORE_S,
+    Identity,
     Instrument,
     Measured,
-    numbers,
-    refused,
 )
-from spectrabox.capture.meter.serial_line import SerialLine, ascii_text, shown
+from spectrabox.capture.meter.serial_line import ascii_text, shown
 from spectrabox.capture.meter.stated import Stated, printed
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 ACK, NAK, BEL, ESC, ENQ, STX, ETX = b"\x06", b"\x15", b"\x07", b"\x1b", b"\x05", b"\x02", b"\x03"
 REPLY_S = 5.0
 IDENTIFY_S = 0.5            # at each speed in turn
+EXPOSURE_S = 60.0           # the longest; the light, then the dark
+SPECTRUM_S = 10.0
 ERRORS = {
     4: "the command is unknown", 7: "a password is needed", 8: "a digit is wrong",
     10: "argument 1 is wrong", 11: "argument 2 is wrong", 12: "argument 3 is wrong",
@@ -48,242 +49,122 @@ OUTCOMES = {120: ReadingOutcome.TOO_BRIGHT, 121: ReadingOutcome.TOO_DARK,
             160: ReadingOutcome.NO_SYNC, 161: ReadingOutcome.NO_SYNC}
 
 
-def find_speed(line: SerialLine, speeds: tuple[int, ...]) -> str:
-    """The answer to ``*idn?`` at the first speed that is understood, which the line keeps.
+class Jeti(Instrument):
+    """A JETI instrument, whatever its model."""
 
-    Parameters
-    ----------
-    line : SerialLine
-    speeds : tuple of int
-        Baud, to try in turn.
+    speeds: tuple[int, ...]                 # baud, tried in turn
+    models: str                             # pattern of the models it may be, whatever the case
+    errors = ERRORS
+    integration_ms: float | None = None
 
-    Raises
-    ------
-    NoReplyError
-        If no speed brings an answer. The question changes nothing on an instrument.
-    """
-    for speed in speeds:
-        line.set_baud(speed)
-        line.drain(0.05)
-        line.send(b"*idn?\r")
-        try:
-            reply = ascii_text(line.read_until((b"\r",), IDENTIFY_S), line.name).strip()
-        except (NoReplyError, LineFaultError):
-            continue
-        if reply:
-            line.drain(0.05)
-            return reply
-    raise NoReplyError(f"{line.name}: no answer at {', '.join(map(str, speeds))} baud; check that "
-                       "the instrument is on and that this is its port")
+    def _enter(self) -> None:
+        """Find the speed of the line: the question changes nothing on an instrument."""
+        for speed in self.speeds:
+            self.line.set_baud(speed)
+            self.line.drain(0.05)
+            self.line.send(b"*idn?\r")
+            try:
+                reply = self._text(self.line.read_until((b"\r",), IDENTIFY_S))
+            except (NoReplyError, LineFaultError):
+                continue
+            if reply:
+                self.line.drain(0.05)
+                self._require_model(reply)
+                self.entered = True
+                return
+        raise NoReplyError(f"{self.line.name}: no answer at {', '.join(map(str, self.speeds))} "
+                           "baud; check that the instrument is on and that this is its port")
 
+    def _identity(self) -> Identity:
+        model = self._ask("*idn?")
+        self._require_model(model)
+        serial_number = self._ask("*para:spnum?").rpartition(":")[2].strip()
+        return Identity(model, serial_number, self._ask("*vers?"))
 
-def identified(instrument: Instrument, speeds: tuple[int, ...], models: str) -> str:
-    """The model as the instrument names itself, after finding its speed where that is to do.
+    def stop(self) -> None:
+        self.line.send(ESC)
+        self.line.drain(0.5)
 
-    Parameters
-    ----------
-    instrument : Instrument
-    speeds : tuple of int
-        Baud, to try in turn.
-    models : str
-        Pattern of the models that the driver knows, whatever the case.
+    def obeyed(self, command: bytes) -> bool:
+        self.line.send(command)
+        return self.line.read_byte(ACK + NAK, RESTORE_S, skip=ENQ) == ACK
 
-    Raises
-    ------
-    WrongInstrumentError, NoReplyError, LineFaultError
-    """
-    if not instrument.entered:
-        reply = find_speed(instrument.line, speeds)
-        if not re.search(models, reply, re.IGNORECASE):
-            raise instrument.wrong(reply)
-        instrument.entered = True
-    model = ask(instrument, "*idn?")
-    if not re.search(models, model, re.IGNORECASE):
-        raise instrument.wrong(model)
-    return model
+    def _require_model(self, reply: str) -> None:
+        if not re.search(self.models, reply, re.IGNORECASE):
+            raise self.wrong(reply)
 
+    def _measure(self, command: str) -> Measured:
+        """How a measurement ended, once it has: acknowledged, then a bell."""
+        limit_s = 20 + self.averages * 2 * EXPOSURE_S
+        with self.measuring(limit_s):
+            self.line.write(command.encode() + b"\r")
+        code = 0
+        for expected, limit in ((ACK, REPLY_S), (BEL, limit_s)):
+            if self.line.read_byte(expected + NAK, limit, skip=ENQ) == NAK:
+                self.measured()
+                code = self._error_number()
+                break
+        self.measured()
+        if code and code not in OUTCOMES:
+            raise self.refused(command, code)
+        return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
 
-def ask(instrument: Instrument, command: str) -> str:
-    """The text answer to a query, without its line end.
+    def _text(self, reply: bytes) -> str:
+        return ascii_text(reply, self.line.name).strip()
 
-    Parameters
-    ----------
-    instrument : Instrument
-    command : str
+    def _ask(self, command: str) -> str:
+        """The text answer to a query, without its line end."""
+        self.line.write(command.encode() + b"\r")
+        text = self._text(self._until(b"\r", command, REPLY_S))
+        if text.lower().startswith(command.lower()):
+            raise LineFaultError(f"{self.line.name}: the command {command!r} came back instead of "
+                                 "an answer; switch the instrument off and on, and check the "
+                                 "adapter")
+        return text
 
-    Raises
-    ------
-    RefusedError, NoReplyError, LineFaultError
-    """
-    instrument.line.write(command.encode() + b"\r")
-    reply = instrument.line.read_until((b"\r", NAK), REPLY_S).lstrip(ENQ + b"\n")
-    if reply.endswith(NAK):
-        raise refused(instrument, command, error_number(instrument), ERRORS)
-    text = ascii_text(reply, instrument.line.name).strip()
-    if text.lower().startswith(command.lower()):
-        raise LineFaultError(f"{instrument.line.name}: the command {command!r} came back instead "
-                             "of an answer; switch the instrument off and on, and check the "
-                             "adapter")
-    return text
+    def _ask_labelled(self, command: str, last: str) -> str:
+        """The answer to a query that comes in several lines, of which the last holds ``last``."""
+        text = self._ask(command)
+        while last.upper() not in text.upper():
+            text += " " + self._text(self.line.read_until((b"\r",), REPLY_S))
+            if len(text) > 200:
+                raise LineFaultError(f"{self.line.name}: {text[:60]!r} holds no {last}; check the "
+                                     "cable")
+        return text
 
+    def _until(self, end: bytes, command: str, limit_s: float) -> bytes:
+        """The reply to a command up to its end; a refusal is raised with its error number."""
+        reply = self.line.read_until((end, NAK), limit_s).lstrip(ENQ + b"\n")
+        if reply.endswith(NAK):
+            raise self.refused(command, self._error_number())
+        return reply
 
-def set_to(instrument: Instrument, command: str) -> None:
-    """Send a command that is answered with one byte.
+    def _set_to(self, command: str) -> None:
+        """Send a command that is answered with one byte."""
+        self.line.write(command.encode() + b"\r")
+        if self.line.read_byte(ACK + NAK, REPLY_S, skip=ENQ) == NAK:
+            raise self.refused(command, self._error_number())
 
-    Parameters
-    ----------
-    instrument : Instrument
-    command : str
+    def _error_number(self) -> int:
+        self.line.write(b"*stat:err?\r")
+        reply = ascii_text(self.line.read_until((b"\r",), REPLY_S).lstrip(ENQ), self.line.name)
+        match = re.fullmatch(r"\s*(?:Error Code:)?\s*(\d+)\b.*", reply.strip())
+        if match is None:
+            raise LineFaultError(f"{self.line.name}: {shown(reply.encode())} states no error "
+                                 "number; check the cable")
+        return int(match[1])
 
-    Raises
-    ------
-    RefusedError, NoReplyError, LineFaultError
-    """
-    instrument.line.write(command.encode() + b"\r")
-    if instrument.line.read_byte(ACK + NAK, REPLY_S, skip=ENQ) == NAK:
-        raise refused(instrument, command, error_number(instrument), ERRORS)
+    def _stated(self, luminance: str, chromaticity: str) -> Stated:
+        """Luminance and chromaticity from the answers to the queries for them."""
+        number = luminance.rpartition(":")[2]
+        self.numbers(number, 1)
+        return Stated(printed(number), printed(self._after(chromaticity, "Chrom_x")),
+                      printed(self._after(chromaticity, "Chrom_y")))
 
-
-def measure(instrument: Instrument, command: str, limit_s: float) -> Measured:
-    """How a measurement ended, once it has.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    command : str
-        That starts it.
-    limit_s : float
-        Until the end is reported.
-
-    Raises
-    ------
-    RefusedError, NoReplyError, LineFaultError
-    """
-    code = _ended(instrument, command, limit_s)
-    if code and code not in OUTCOMES:
-        raise refused(instrument, command, code, ERRORS)
-    return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
-
-
-def _ended(instrument: Instrument, command: str, limit_s: float) -> int:
-    """0, or the number of the instrument's error."""
-    with instrument.measuring(limit_s):
-        instrument.line.write(command.encode() + b"\r")
-    for wanted, limit in ((ACK, REPLY_S), (BEL, limit_s)):
-        if instrument.line.read_byte(wanted + NAK, limit, skip=ENQ) == NAK:
-            instrument.measured()
-            return error_number(instrument)
-    instrument.measured()
-    return 0
-
-
-def cancel(line: SerialLine) -> None:
-    """Break off a measurement under way.
-
-    Parameters
-    ----------
-    line : SerialLine
-    """
-    line.send(ESC)
-    line.drain(0.5)
-
-
-def obeyed(line: SerialLine, command: bytes) -> bool:
-    """Send a command that puts a setting back; whether it is acknowledged.
-
-    Parameters
-    ----------
-    line : SerialLine
-    command : bytes
-
-    Raises
-    ------
-    NoReplyError, LineFaultError
-    """
-    line.send(command)
-    return line.read_byte(ACK + NAK, RESTORE_S, skip=ENQ) == ACK
-
-
-def error_number(instrument: Instrument) -> int:
-    """The number of the instrument's last error.
-
-    Parameters
-    ----------
-    instrument : Instrument
-
-    Raises
-    ------
-    LineFaultError
-        If it states none.
-    """
-    instrument.line.write(b"*stat:err?\r")
-    reply = ascii_text(instrument.line.read_until((b"\r",), REPLY_S).lstrip(ENQ),
-                       instrument.line.name)
-    match = re.fullmatch(r"\s*(?:Error Code:)?\s*(\d+)\b.*", reply.strip())
-    if match is None:
-        raise LineFaultError(f"{instrument.line.name}: {shown(reply.encode())} states no error "
-                             "number; check the cable")
-    return int(match[1])
-
-
-def ask_labelled(instrument: Instrument, command: str, last: str) -> str:
-    """The answer to a query that is given in several lines, of which the last holds ``last``.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    command, last : str
-
-    Raises
-    ------
-    RefusedError, NoReplyError, LineFaultError
-    """
-    text = ask(instrument, command)
-    while last.upper() not in text.upper():
-        text += " " + ascii_text(instrument.line.read_until((b"\r",), REPLY_S),
-                                 instrument.line.name).strip()
-        if len(text) > 200:
-            raise LineFaultError(f"{instrument.line.name}: {text[:60]!r} holds no {last}; check "
-                                 "the cable")
-    return text
-
-
-def stated(luminance: str, chromaticity: str, line_name: str) -> Stated:
-    """Luminance and chromaticity from the answers to the queries for them.
-
-    Parameters
-    ----------
-    luminance, chromaticity : str
-    line_name : str
-        For errors.
-
-    Raises
-    ------
-    LineFaultError
-    """
-    number = luminance.rpartition(":")[2]
-    numbers(number, 1, line_name)
-    return Stated(printed(number),
-                  printed(after(chromaticity, "Chrom_x", line_name)),
-                  printed(after(chromaticity, "Chrom_y", line_name)))
-
-
-def after(text: str, label: str, line_name: str) -> str:
-    """The number after ``label`` in ``X: 1 Y: 2``, as it is printed.
-
-    Parameters
-    ----------
-    text : str
-    label : str
-    line_name : str
-        For errors.
-
-    Raises
-    ------
-    LineFaultError
-    """
-    match = re.search(rf"{re.escape(label)}\s*:?\s*({NUMBER})(?=\s|$)", text, re.IGNORECASE)
-    if match is None:
-        raise LineFaultError(f"{line_name}: {shown(text.encode())} states no {label}; measure "
-                             "again, and check the cable")
-    return match[1]
+    def _after(self, text: str, label: str) -> str:
+        """The number after ``label`` in ``X: 1 Y: 2``, as it is printed."""
+        match = re.search(rf"{re.escape(label)}\s*:?\s*({NUMBER})(?=\s|$)", text, re.IGNORECASE)
+        if match is None:
+            raise LineFaultError(f"{self.line.name}: {shown(text.encode())} states no {label}; "
+                                 "measure again, and check the cable")
+        return match[1]

@@ -2,7 +2,7 @@
 
 Sources: PsychoPy, the Brainard laboratory's PR650 code with its table of quality codes,
 Mcalibrator2's notes from the manual; compared with Psychtoolbox's PR650Toolbox, as
-docs/reference/meters.md tells. Not checked on an instrument yet. It has no leave-remote
+docs/reference/meters.md says. Not checked on an instrument yet. It has no leave-remote
 command and cannot report its settings: it returns to its own at the next power-on. ``E`` is never
 sent: it cannot be undone.
 """
@@ -10,23 +10,13 @@ from __future__ import annotations
 
 import re
 
-import numpy as np
-
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    LineFaultError,
-    NoReplyError,
-    UntrustedReadingError,
-)
+from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError, NoReplyError
 from spectrabox.capture.meter.instruments.interface import (
     HeldResult,
     Identity,
     Instrument,
     Measured,
     MeterSettings,
-    numbers,
-    refused,
-    stated_grid,
-    xyz_cells,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
@@ -60,11 +50,9 @@ class Pr650(Instrument):
     name = "pr650"
     family = "Photo Research PR-650"
     line_settings = LineSettings(9600, pace_s=0.01)
-    averages = 1
+    errors = ERRORS
 
-    def identify(self) -> Identity:
-        if not self.entered:
-            self._enter()
+    def _identity(self) -> Identity:
         reply = self._ask("d110")
         match = re.fullmatch(r"(?:0+\s*,)?\s*(\w[\w -]*)", reply)
         if match is None:
@@ -77,44 +65,40 @@ class Pr650(Instrument):
         self.averages = wanted.averages or 1
         code = self._code(f"s01,,,,{sync},{integration},{self.averages:02d},1", REPLY_S)
         if code:
-            raise refused(self, "S", code, ERRORS)
+            raise self.refused("S", code)
 
     def measure(self) -> Measured:
-        limit_s = self.longest_measurement_s()
+        limit_s = 30 + self.averages * 2 * EXPOSURE_S
         with self.measuring(limit_s):
             self.line.write(b"m0\n")
         code = self._answer("m0", limit_s)
         self.measured()
         if code and code not in OUTCOMES:
-            raise refused(self, "m0", code, ERRORS)
+            raise self.refused("m0", code)
         return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
 
     def read(self) -> HeldResult:
         grid = self._ask("d120")
-        points, _, first, last, step = numbers(grid, 5, self.line.name)
-        nm = stated_grid(points, first, last, step, self.line.name)
+        points, _, first, last, step = self.numbers(grid, 5)
+        nm = self.grid(points, first, last, step)
         if nm.size != POINTS:
             raise LineFaultError(f"{self.line.name}: {nm.size} points are stated; a PR-650 has "
                                  f"{POINTS}")
         header = self._ask("d5")
         integral = self._line(REPLY_S)
         rows = [self._line(REPLY_S) for _ in range(nm.size)]
-        quality, unit = numbers(header, 2, self.line.name)
+        quality, unit = self.numbers(header, 2)
         if quality not in (0, 18):
-            raise refused(self, "d5", int(quality), ERRORS)
-        pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
-        numbers(integral, 1, self.line.name)
-        if not np.array_equal(pairs[:, 0], nm):
-            raise UntrustedReadingError(f"{self.line.name}: the spectrum's wavelengths are not "
-                                        "those that the instrument states; measure again, and "
-                                        "check the cable")
+            raise self.refused("d5", int(quality))
+        values = self.values_at(nm, rows)
+        self.numbers(integral, 1)
         colour = self._ask("d2")
         quantity = self.quantity_of(unit, "mount a calibrated accessory")
-        colour_quality, colour_unit = numbers(colour, 5, self.line.name)[:2]
+        colour_quality, colour_unit = self.numbers(colour, 5)[:2]
         if (colour_quality, colour_unit) != (quality, unit):
             raise self.no_reply(colour, "d2")
-        stated = stated_by_xyz(xyz_cells(colour, self.line.name), printed(integral))
-        return HeldResult(nm, pairs[:, 1], quantity, stated, None,
+        stated = stated_by_xyz(self.xyz_cells(colour), printed(integral))
+        return HeldResult(nm, values, quantity, stated, None,
                           (grid, header, integral, *rows, colour))
 
     def stop(self) -> None:
@@ -125,9 +109,6 @@ class Pr650(Instrument):
         its own settings back.
         """
         self.line.pulse_rts(RESET_S)
-
-    def longest_measurement_s(self) -> float:
-        return 30 + self.averages * 2 * EXPOSURE_S
 
     def _enter(self) -> None:
         self.entered = True

@@ -1,19 +1,14 @@
 """Photo Research PR-655 and PR-670 (PR-6xx and PR-7xx speak the same language).
 
 Sources: PR-655/670 manual pages on reports and codes, and five public drivers; compared with
-Psychtoolbox's PR655Toolbox and PR670Toolbox, as docs/reference/meters.md tells. Not checked on an
+Psychtoolbox's PR655Toolbox and PR670Toolbox, as docs/reference/meters.md says. Not checked on an
 instrument yet.
 """
 from __future__ import annotations
 
 import re
 
-import numpy as np
-
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    LineFaultError,
-    UntrustedReadingError,
-)
+from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
 from spectrabox.capture.meter.instruments.interface import (
     NUMBER,
     RESTORE_S,
@@ -22,11 +17,6 @@ from spectrabox.capture.meter.instruments.interface import (
     Instrument,
     Measured,
     MeterSettings,
-    agreed,
-    numbers,
-    refused,
-    stated_grid,
-    xyz_cells,
 )
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
@@ -55,18 +45,16 @@ class Pr655(Instrument):
     name = "pr655"
     family = "Photo Research PR-655"
     line_settings = LineSettings(9600, pace_s=0.05)
-    averages = 1
+    errors = ERRORS
 
-    def identify(self) -> Identity:
-        if not self.entered:
-            self._enter()
+    def _identity(self) -> Identity:
         model = self._ask("D111").strip()
         if not model.startswith("PR-"):
             raise self.wrong(model)
         return Identity(model, self._ask("D110").strip(), self._ask("D114").strip())
 
     def settings(self, wanted: MeterSettings) -> None:
-        before = agreed(self._ask, "D602").split(",")
+        before = self.agreed("D602").split(",")
         if len(before) < 10:
             raise LineFaultError(f"{self.line.name}: {','.join(before)!r} is not a list of "
                                  "settings; check the cable")
@@ -92,7 +80,7 @@ class Pr655(Instrument):
             self._set(_sync_frequency(wanted.sync_hz), _sync_frequency(float(frequency[1])))
 
     def measure(self) -> Measured:
-        limit_s = self.longest_measurement_s()
+        limit_s = 10 + self.averages * EXPOSURES * MAX_EXPOSURE_S
         with self.measuring(limit_s):
             self.line.write(b"M1\r")
         code, _ = self._code("M1", limit_s)
@@ -102,27 +90,25 @@ class Pr655(Instrument):
             self.line.drain(0.3)
             return Measured(OUTCOMES[code])
         if code:
-            raise refused(self, "M1", code, ERRORS)
+            raise self.refused("M1", code)
         return Measured(ReadingOutcome.MEASURED)
 
     def read(self) -> HeldResult:
         grid = self._ask("D120")
-        points, _, first, last, step = numbers(",".join(grid.split(",")[:5]), 5, self.line.name)
-        nm = stated_grid(points, first, last, step, self.line.name)
+        points, _, first, last, step = self.numbers(",".join(grid.split(",")[:5]), 5)
+        nm = self.grid(points, first, last, step)
         header = self._ask("D5")
         rows = [self.line.read_line(REPLY_S) for _ in range(nm.size)]
-        unit = numbers(header, 4, self.line.name)[0]
-        pairs = np.array([numbers(row, 2, self.line.name) for row in rows])
-        if not np.array_equal(pairs[:, 0], nm):
-            raise UntrustedReadingError(f"{self.line.name}: the spectrum's wavelengths are not "
-                                        f"those the instrument states ({first:g}-{last:g} nm, "
-                                        f"{points:g} points); measure again, and check the cable")
+        unit = self.numbers(header, 4)[0]
+        values = self.values_at(nm, rows)
         colour, exposure = self._ask("D2"), self._ask("D13")
+        exposures = re.findall(NUMBER, exposure)
+        milliseconds = float(exposures[-1]) if exposures else None
         quantity = self.quantity_of(unit, "mount an accessory for one of them")
-        if numbers(colour, 4, self.line.name)[0] != unit:
+        if self.numbers(colour, 4)[0] != unit:
             raise self.no_reply(colour, "D2")
-        stated = stated_by_xyz(xyz_cells(colour, self.line.name), printed(header.split(",")[2]))
-        return HeldResult(nm, pairs[:, 1], quantity, stated, _last_number(exposure),
+        stated = stated_by_xyz(self.xyz_cells(colour), printed(header.split(",")[2]))
+        return HeldResult(nm, values, quantity, stated, milliseconds,
                           (grid, header, *rows, colour, exposure))
 
     def obeyed(self, command: bytes) -> bool:
@@ -133,9 +119,6 @@ class Pr655(Instrument):
 
     def leave(self) -> None:
         self.line.send(b"Q")
-
-    def longest_measurement_s(self) -> float:
-        return 10 + self.averages * EXPOSURES * MAX_EXPOSURE_S
 
     def _enter(self) -> None:
         self.entered = True
@@ -156,23 +139,14 @@ class Pr655(Instrument):
 
     def _set(self, command: str, back: str) -> None:
         self.restore.append(back.encode() + b"\r")
-        code = self._exchange_codes(command)
-        if code:
-            raise refused(self, command, code, ERRORS)
+        self._ask(command, SETTING_REPLY)
 
-    def _exchange_codes(self, command: str) -> int:
-        return self._exchange(command, REPLY_S, SETTING_REPLY)[0]
-
-    def _ask(self, command: str) -> str:
-        code, result = self._exchange(command, REPLY_S)
-        if code:
-            raise refused(self, command, code, ERRORS)
-        return result
-
-    def _exchange(self, command: str, limit_s: float,
-                  form: str = REPORT_REPLY) -> tuple[int, str]:
+    def _ask(self, command: str, form: str = REPORT_REPLY) -> str:
         self.line.write(command.encode() + b"\r")
-        return self._code(command, limit_s, form)
+        code, result = self._code(command, REPLY_S, form)
+        if code:
+            raise self.refused(command, code)
+        return result
 
     def _code(self, command: str, limit_s: float, form: str = REPORT_REPLY) -> tuple[int, str]:
         """The code that a reply begins with, and the rest of the reply."""
@@ -196,8 +170,3 @@ def _leading_integer(text: str, line_name: str) -> int:
         raise LineFaultError(f"{line_name}: the setting {text!r} could not be put back; change it "
                              "on the instrument")
     return int(match[1])
-
-
-def _last_number(text: str) -> float | None:
-    stated = re.findall(NUMBER, text)
-    return float(stated[-1]) if stated else None

@@ -2,7 +2,7 @@
 
 Sources: Argyll's specbos driver, a Python driver for the 1211, CRS and JETI scripts; they agree.
 Not checked on an instrument yet. ``*CONF`` settings cannot be read; they last until the instrument
-is switched off, or until it is told to take its own again, which one source does (Argyll). Nothing
+is switched off, or until it is asked to take its own again, which one source does (Argyll). Nothing
 is saved in it.
 """
 from __future__ import annotations
@@ -12,46 +12,37 @@ from contextlib import suppress
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments import jeti
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError, RefusedError
 from spectrabox.capture.meter.instruments.interface import (
     HeldResult,
     Identity,
-    Instrument,
     Measured,
     MeterSettings,
-    numbers,
-    refused,
 )
+from spectrabox.capture.meter.instruments.jeti import SPECTRUM_S, Jeti
 from spectrabox.capture.meter.serial_line import LineSettings, ascii_text
 from spectrabox.capture.meter.stated import Stated, stated_by_xyz
 from spectrabox.radiometry.records import Quantity
 
-SPEEDS = (921600, 115200, 38400)
-MODELS = r"SB05|SB12|JETI_SB|SPECTROCAL"
 FIRST_NM, LAST_NM, STEP_NM = 380, 780, 1
-EXPOSURE_S = 60.0
-SPECTRUM_S = 10.0
 MAX_BLOCKS = 6              # header, unit label and values, each closed by an empty line
 UNKNOWN_COMMAND = 4
 DEFAULTS = b"*CONF:DEFAULT\r"
 
 
-class Specbos1211(Instrument):
+class Specbos1211(Jeti):
     """JETI specbos 1201 or 1211, CRS SpectroCAL."""
 
     name = "specbos1211"
     family = "JETI specbos 1211"
-    line_settings = LineSettings(SPEEDS[0])
-    averages = 1
-    integration_ms: float | None = None
+    speeds = (921600, 115200, 38400)
+    models = r"SB05|SB12|JETI_SB|SPECTROCAL"
+    line_settings = LineSettings(speeds[0])
 
-    def identify(self) -> Identity:
-        model = jeti.identified(self, SPEEDS, MODELS)
-        serial = jeti.ask(self, "*para:spnum?")
-        firmware = jeti.ask(self, "*vers?")
-        self.line.drain(0.1)  # old firmware says its version on two lines
-        return Identity(model, serial.rpartition(":")[2].strip(), firmware)
+    def _identity(self) -> Identity:
+        identity = super()._identity()
+        self.line.drain(0.1)  # old firmware states its version on two lines
+        return identity
 
     def settings(self, wanted: MeterSettings) -> None:
         self.integration_ms = wanted.integration_ms
@@ -64,16 +55,16 @@ class Specbos1211(Instrument):
         if wanted.sync_hz is not None:
             commands += ["*CONF:CYCMOD 1", f"*CONF:CYCTIM {round(1e6 / wanted.sync_hz)}"]
         with suppress(RefusedError):  # a 1201 has no laser
-            jeti.set_to(self, "*CONTR:LASER 0")
+            self._set_to("*CONTR:LASER 0")
         self.restore.append(DEFAULTS)
         for command in commands:
-            jeti.set_to(self, command)
+            self._set_to(command)
 
     def measure(self) -> Measured:
-        return jeti.measure(self, "*INIT", self.longest_measurement_s())
+        return self._measure("*INIT")
 
     def read(self) -> HeldResult:
-        head = jeti.ask(self, "*CONTR:MHEAD?")
+        head = self._ask("*CONTR:MHEAD?")
         match = re.fullmatch(r"mhead:\s*([01])", head)
         if match is None:
             raise LineFaultError(f"{self.line.name}: {head!r} does not say which head is mounted; "
@@ -83,50 +74,36 @@ class Specbos1211(Instrument):
         if irradiance != ("irradiance" in text.lower()):
             raise LineFaultError(f"{self.line.name}: the spectrum's header and the mounted head "
                                  "disagree on radiance or irradiance; measure again")
-        stated, colour = self._stated()
+        stated, colour = self._figures()
         return HeldResult(nm, values, Quantity.IRRADIANCE if irradiance else Quantity.RADIANCE,
                           stated, self.integration_ms, (head, text, colour))
-
-    def stop(self) -> None:
-        jeti.cancel(self.line)
-
-    def obeyed(self, command: bytes) -> bool:
-        return jeti.obeyed(self.line, command)
 
     def leave(self) -> None:
         self.line.send(b"*CONTR:LASER 0\r")
         self.line.drain(0.1)
 
-    def longest_measurement_s(self) -> float:
-        return 20 + self.averages * 2 * EXPOSURE_S
-
     def _spectrum(self) -> tuple[np.ndarray, np.ndarray, str]:
         self.line.write(b"*FETCH:SPRAD\r")
-        wanted = np.arange(FIRST_NM, LAST_NM + STEP_NM, STEP_NM, dtype=float)
+        nm = np.arange(FIRST_NM, LAST_NM + STEP_NM, STEP_NM, dtype=float)
         text = ""
         for _ in range(MAX_BLOCKS):
-            reply = self.line.read_until((b"\r\r", jeti.NAK), SPECTRUM_S).lstrip(jeti.ENQ)
-            if reply.endswith(jeti.NAK):
-                raise refused(self, "*FETCH:SPRAD", jeti.error_number(self), jeti.ERRORS)
+            reply = self._until(b"\r\r", "*FETCH:SPRAD", SPECTRUM_S)
             block = ascii_text(reply, self.line.name).strip("\r\n ")
             text += block + "\n\n"
             rows = block.split("\r")
-            if len(rows) == wanted.size:
-                pairs = np.array([numbers(row, 2, self.line.name, "\t") for row in rows])
-                if np.array_equal(pairs[:, 0], wanted):
-                    return wanted, pairs[:, 1], text
-                break
-        raise LineFaultError(f"{self.line.name}: no block of {wanted.size} values from {FIRST_NM} "
+            if len(rows) == nm.size:
+                return nm, self.values_at(nm, rows, "\t"), text
+        raise LineFaultError(f"{self.line.name}: no block of {nm.size} values from {FIRST_NM} "
                              f"to {LAST_NM} nm arrived; measure again, and check the cable")
 
-    def _stated(self) -> tuple[Stated, str]:
+    def _figures(self) -> tuple[Stated, str]:
+        """What the instrument computed from the spectrum, and its replies."""
         try:
-            text = jeti.ask_labelled(self, "*FETCH:XYZ", "Z")
+            text = self._ask_labelled("*FETCH:XYZ", "Z")
         except RefusedError as error:
             if f"error {UNKNOWN_COMMAND}:" not in str(error):
                 raise
-            luminance = jeti.ask(self, "*FETCH:PHOTO")  # old firmware
-            chromaticity = jeti.ask_labelled(self, "*FETCH:CHROMXY", "_y")
-            return (jeti.stated(luminance, chromaticity, self.line.name),
-                    luminance + chromaticity)
-        return stated_by_xyz([jeti.after(text, axis, self.line.name) for axis in "XYZ"]), text
+            luminance = self._ask("*FETCH:PHOTO")  # old firmware
+            chromaticity = self._ask_labelled("*FETCH:CHROMXY", "_y")
+            return self._stated(luminance, chromaticity), luminance + chromaticity
+        return stated_by_xyz([self._after(text, axis) for axis in "XYZ"]), text

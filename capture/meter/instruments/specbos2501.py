@@ -7,45 +7,26 @@ Nothing is saved in the instrument.
 from __future__ import annotations
 
 import re
-from functools import partial
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments import jeti
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
-from spectrabox.capture.meter.instruments.interface import (
-    HeldResult,
-    Identity,
-    Instrument,
-    Measured,
-    MeterSettings,
-    agreed,
-    numbers,
-    refused,
-)
+from spectrabox.capture.meter.instruments.interface import HeldResult, Measured, MeterSettings
+from spectrabox.capture.meter.instruments.jeti import ACK, BEL, ENQ, ETX, SPECTRUM_S, STX, Jeti
 from spectrabox.capture.meter.serial_line import LineSettings, ascii_text
 from spectrabox.radiometry.records import Quantity
 
-SPEEDS = (921600, 115200)
-EXPOSURE_S = 60.0
-SPECTRUM_S = 10.0
 TEXT_FORM = "2"
-MODELS = r"SDCM3|DCM3_JETI|PECFIRM_JETI|SB25"  # the first letter of SPECFIRM is sometimes lost
 
 
-class Specbos2501(Instrument):
+class Specbos2501(Jeti):
     """JETI spectraval 1501 or 1511, specbos 2501."""
 
     name = "specbos2501"
     family = "JETI specbos 2501"
-    line_settings = LineSettings(SPEEDS[0])
-    averages = 1
-    integration_ms: float | None = None
-
-    def identify(self) -> Identity:
-        model = jeti.identified(self, SPEEDS, MODELS)
-        return Identity(model, jeti.ask(self, "*para:spnum?").rpartition(":")[2].strip(),
-                        jeti.ask(self, "*vers?"))
+    speeds = (921600, 115200)
+    models = r"SDCM3|DCM3_JETI|PECFIRM_JETI|SB25"  # the first letter of SPECFIRM is sometimes lost
+    line_settings = LineSettings(speeds[0])
 
     def settings(self, wanted: MeterSettings) -> None:
         self.integration_ms = wanted.integration_ms
@@ -56,50 +37,32 @@ class Specbos2501(Instrument):
             self._set("syncfreq", f"{wanted.sync_hz:g}")
 
     def measure(self) -> Measured:
-        command = f"*MEAS:LIGHT {self.integration_ms or 0:g} {self.averages} 0"
-        return jeti.measure(self, command, self.longest_measurement_s())
+        return self._measure(f"*MEAS:LIGHT {self.integration_ms or 0:g} {self.averages} 0")
 
     def read(self) -> HeldResult:
-        grid = jeti.ask(self, "*para:wran?")
-        first, last, step = numbers(re.sub(r"\s+", " ", grid.rpartition(":")[2].strip()), 3,
-                                    self.line.name, " ")
+        grid = self._ask("*para:wran?")
+        first, last, step = self.numbers(re.sub(r"\s+", " ", grid.rpartition(":")[2].strip()), 3,
+                                         " ")
         if step <= 0 or not 100 <= first < last <= 3000 or (last - first) / step > 5000:
             raise LineFaultError(f"{self.line.name}: {grid!r} is no wavelength range; check the "
                                  "cable")
-        wanted = np.arange(first, last + step / 2, step)
+        nm = np.arange(first, last + step / 2, step)
         self.line.write(b"*CALC:SPRAD\r")
-        reply = self.line.read_until((jeti.ETX, jeti.NAK),
-                                     SPECTRUM_S).lstrip(jeti.ENQ + jeti.ACK + jeti.BEL)
-        if reply.endswith(jeti.NAK):
-            raise refused(self, "*CALC:SPRAD", jeti.error_number(self), jeti.ERRORS)
-        if not reply.startswith(jeti.STX):
+        reply = self._until(ETX, "*CALC:SPRAD", SPECTRUM_S).lstrip(ENQ + ACK + BEL)
+        if not reply.startswith(STX):
             raise LineFaultError(f"{self.line.name}: the spectrum does not begin with STX; measure "
                                  "again")
         rows = ascii_text(reply[1:-1], self.line.name).strip("\r\n").split("\r")
-        pairs = np.array([numbers(row.strip("\n"), 2, self.line.name, "\t") for row in rows])
-        if not np.array_equal(pairs[:, 0], wanted):
-            raise LineFaultError(f"{self.line.name}: {pairs.shape[0]} wavelengths arrived that are "
-                                 f"not the stated {first:g}-{last:g} nm in steps of {step:g} nm; "
-                                 "measure again")
-        luminance = jeti.ask(self, "*calc:PHOTOmetric")
-        chromaticity = jeti.ask_labelled(self, "*calc:CHROMXY", "_y")
-        return HeldResult(wanted, pairs[:, 1], Quantity.RADIANCE,
-                          jeti.stated(luminance, chromaticity, self.line.name),
+        values = self.values_at(nm, [row.strip("\n") for row in rows], "\t")
+        luminance = self._ask("*calc:PHOTOmetric")
+        chromaticity = self._ask_labelled("*calc:CHROMXY", "_y")
+        return HeldResult(nm, values, Quantity.RADIANCE, self._stated(luminance, chromaticity),
                           self.integration_ms, (grid, *rows, luminance, chromaticity))
 
-    def stop(self) -> None:
-        jeti.cancel(self.line)
-
-    def obeyed(self, command: bytes) -> bool:
-        return jeti.obeyed(self.line, command)
-
-    def longest_measurement_s(self) -> float:
-        return 20 + self.averages * 2 * EXPOSURE_S
-
     def _set(self, key: str, value: str) -> None:
-        before = agreed(partial(jeti.ask, self), f"*para:{key}?").rpartition(":")[2].strip()
+        before = self.agreed(f"*para:{key}?").rpartition(":")[2].strip()
         if not re.fullmatch(r"\d+(\.\d+)?", before):
             raise LineFaultError(f"{self.line.name}: {key} is {before!r}, which could not be put "
                                  "back afterwards")
         self.restore.append(f"*para:{key} {before}\r".encode())
-        jeti.set_to(self, f"*para:{key} {value}")
+        self._set_to(f"*para:{key} {value}")
