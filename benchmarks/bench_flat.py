@@ -43,7 +43,6 @@ from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import FinishedRun, run_stages
-from spectrabox.session.stages.stored_records import samples_of, signals_of
 
 from benchmarks.bench_unknown_makers import makers_of, prior_without
 
@@ -94,8 +93,8 @@ def regions_toml(width: int) -> str:
 
 def judged(finished: FinishedRun, surfaces: np.ndarray) -> dict[str, float]:
     """RMSE, coverage and width of the bands of one session that was run."""
-    return _figures((samples_of(finished.stored, name)[1], surfaces[int(name[1:])])
-                    for name in signals_of(finished.stored).names)
+    return _figures((finished.records.sample.spectra[name].summary, surfaces[int(name[1:])])
+                    for name in finished.records.signals.names)
 
 
 def judged_perfect(responses: np.ndarray, surfaces: np.ndarray) -> dict[str, float]:

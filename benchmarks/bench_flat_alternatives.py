@@ -34,10 +34,8 @@ from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz, tristimulu
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.colour_upsampling import upsampled
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import RegionSamples
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.stages.stored_records import chart_fit_of, chart_of, samples_of
 
 from benchmarks.bench_flat import KINDS, FlatCase, figures_of_case, flat_cases, summary
 
@@ -151,12 +149,11 @@ def figures(found: np.ndarray, truth: np.ndarray) -> dict[str, float]:
 
 def signals_of_run(run: FinishedRun) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Signals of patches (24, K) and regions (R, K), and the light on each that was found."""
-    chart = chart_of(run.stored)
-    assert chart is not None
-    regions = run.stored["photo"].record(RegionSamples, "regions")
-    field = chart_fit_of(run.stored)[1]
-    light = run.stored["signals"].record(np.ndarray, "light")[:, 0]
-    return chart[1].mean, regions.mean, field / np.exp(np.log(field).mean()), light
+    records = run.records
+    assert records.calibrate.chart is not None
+    field = records.calibrate.chart.irradiance
+    return (records.chart.charts[""].samples.mean, records.photo.regions[""].mean,
+            field / np.exp(np.log(field).mean()), records.flat.light[""].level)
 
 
 def judged(case: FlatCase) -> dict[str, dict[str, float]]:
@@ -178,7 +175,7 @@ def judged(case: FlatCase) -> dict[str, dict[str, float]]:
 
 
 def _mean(run: FinishedRun, name: str) -> tuple[np.ndarray, np.ndarray]:
-    summary = samples_of(run.stored, name)[1]
+    summary = run.records.sample.spectra[name].summary
     return summary.grid.nm, summary.mean
 
 

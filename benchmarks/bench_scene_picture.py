@@ -49,7 +49,6 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pictures import scene_stage
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.inputs import GRID as FINE
-from spectrabox.session.stages.stored_records import calibrations_of
 
 NM_10 = np.arange(400, 701, 10)
 SIGMAS_95 = 1.96
@@ -148,7 +147,7 @@ def flat_scores(folder: Path, finished: Any, pixels: LitPhoto, some: np.ndarray,
     signals = np.clip(signals, 1e-4, 1)
     kind = 0 if rows.light is None else int(np.bincount(rows.light[some]).argmax())
     covariance = noise[:, :, None] * np.eye(3) + pixels.errors.by_curves(signals, kind)
-    calibration = calibrations_of(read_session(folder), finished.stored)[0]
+    calibration = finished.records.calibrations(read_session(folder))[0]
     response = relative_response(calibration, FINE) @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
     made = uplift_signals(pixels.errors.prior, response, signals, covariance)
     at = np.searchsorted(PRIOR_GRID.nm, NM_10)
@@ -196,8 +195,8 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
             answers[light] = mean, spread
             if light == "as found":
                 seen = np.isfinite(mean[..., 0]) & np.isfinite(truth[..., 0])
-                reasons = finished.stored["picture"].record(np.ndarray, "unseen")
-                rounds = finished.stored["picture"].record(np.ndarray, "rounds")
+                reasons = finished.records.picture.flag_shares
+                rounds = finished.records.picture.rounds
                 flat = flat_scores(folder, finished, lit[0], np.flatnonzero(seen), truth[seen],
                                    seed)
     finally:

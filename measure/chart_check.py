@@ -16,6 +16,7 @@ from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 LEVEL = 0.95
 PASSES = 3              # errors of the calibration depend on the reflectance that is looked for
 START = 0.4             # reflectance of the first pass
+SHADED, BRIGHT = 0.06, 0.03     # darker than this is a shadow; of the brightest signal
 
 
 def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
@@ -75,3 +76,20 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
     exact = summarised(truth @ common.T, truth)
     return HeldOutPatches(PRIOR_GRID, each.mean, each.lower, each.upper, truth, excluded,
                           share_inside(exact.lower, exact.upper, truth), LEVEL)
+
+
+def shadow_depths(calibrated: ChartCalibration) -> np.ndarray:
+    """How much darker each patch (I,) is, in all bands alike, than the other patches predict: a
+    share of its signal where a shadow or dirt explains that, 0 elsewhere.
+
+    Parameters
+    ----------
+    calibrated : ChartCalibration
+    """
+    expected, residuals = calibrated.held_out, calibrated.calibration.sensitivity.residuals
+    assert residuals is not None
+    bright = expected.min(axis=1) > BRIGHT * expected.max()
+    measured = calibrated.predicted / (1 - residuals)
+    off = measured / np.where(bright[:, None], expected, np.inf) - 1
+    depth = -off.mean(axis=1)
+    return np.where(bright & (depth > SHADED) & (np.ptp(off, axis=1) < depth), depth, 0.0)

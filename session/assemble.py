@@ -1,7 +1,6 @@
 """Stored results of a finished run to what the report shows."""
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_cov
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
-from spectrabox.session.flat.region_stage import regions_of
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.results import (
@@ -36,21 +34,8 @@ from spectrabox.session.results import (
     ViewResult,
 )
 from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
-from spectrabox.session.stages.stored_records import (
-    calibrations_of,
-    chart_fit_of,
-    chart_of,
-    geometry_of,
-    joint_of,
-    left_out_of,
-    notes_of,
-    photo_of,
-    prior_influence_of,
-    signals_of,
-    spectrum_of,
-)
+from spectrabox.session.stages.records import SessionRecords
 from spectrabox.session.store.rehearsals import stored_rehearsal
-from spectrabox.session.store.store import StoredStage
 
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05
 
@@ -66,38 +51,41 @@ def assemble(config: SessionConfig, run: FinishedRun,
     provenance : dict
         As of ``store.program.provenance``.
     """
-    stored, signals = run.stored, signals_of(run.stored)
-    calibrations, photo = calibrations_of(config, stored), photo_of(stored)
-    joint = None if config.flat else joint_of(stored)
+    records, signals = run.records, run.records.signals
+    calibrations, photo = records.calibrations(config), records.photo.photos[""]
+    joint = None if config.flat else records.reconstruct.joint
     bands = band_names(config, photo.signal.shape[2])
     indices = [signals.names.index(name) for name in config.surfaces if name in signals.names]
-    materials = [_surface_result(config, signals, stored, index,
+    materials = [_surface_result(config, records, index,
                                  None if joint is None else joint.spectra[index])
                  for index in indices]
     folder = config.results_folder
-    warnings = notes_of(stored) + _warnings(config, calibrations[0], joint) + [
+    warnings = records.notes + _warnings(config, calibrations[0], joint) + [
         f"{material.name}: {material.samples.sentence}" for material in materials
         if material.doubtful and material.samples is not None]
     common = CommonResults(
         folder=config.folder, name=config.session.name, operator=config.session.operator,
         notes=config.session.notes, bands=bands, grid=signals.grid,
-        inputs=_input_files(config, run), chart=_chart_result(config, stored),
+        inputs=_input_files(config, run), chart=_chart_result(config, records),
         calibration=calibrations[0], sensitivity_truth=_sensitivity_truth(config), photo=photo,
-        previews={view.name: folder / "photo" / f"{view.record('preview')}.png"
+        previews={view.name: folder / "photo" / f"{view.label('preview')}.png"
                   for view in config.all_views},
         chart_overlay=folder / "chart" / "overlay.png",
         materials=materials, signal_bands=signals.bands if config.flat or config.views else bands,
         provenance=provenance, input_digests=run.input_digests(config), warnings=warnings,
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]}
-                for name, stage in stored.items()], picture=picture_of(config, stored))
+                for name, stage in run.stored.items()],
+        picture=picture_of(config, records.picture))
     if joint is None:
-        return FlatResults(**vars(common), photos=[_photo_of_regions(config, stored, view)
+        return FlatResults(**vars(common), photos=[_photo_of_regions(config, records, view)
                                                    for view in config.all_views])
+    geometry = records.reconstruct.geometry
     views = [ViewResult(view.name, bands, calibration, reconstruction)
              for view, calibration, reconstruction
              in zip(config.all_views, calibrations, joint.views, strict=True) if view.name]
     return SceneResults(**vars(common), reconstruction=joint.views[0], views=views,
-                        rehearsal=stored_rehearsal(config), geometry=geometry_of(stored))
+                        rehearsal=stored_rehearsal(config),
+                        geometry=geometry if geometry.placements else None)
 
 
 def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectrum | None,
@@ -134,15 +122,15 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
                           spectrum.variance_shares, families)
 
 
-def _surface_result(config: SessionConfig, signals: SurfaceSignals,
-                    stored: Mapping[str, StoredStage], index: int,
+def _surface_result(config: SessionConfig, records: SessionRecords, index: int,
                     inverse_rendering: np.ndarray | None) -> MaterialResult:
+    signals = records.signals
     name = signals.names[index]
     section = config.surfaces[name]
     truth = None if section.truth is None else read_reflectance(config, section.truth)
     if signals.known[index]:
         return surface_result(signals, index, None, truth)
-    spectrum = spectrum_of(stored, name)
+    spectrum = records.sample.spectra[name]
     families: tuple[FamilyCoverage, ...] = ()
     if spectrum.family_shares and spectrum.samples.outcome in VALID_OUTCOMES:
         prior = of_families(load_prior(), section.families)
@@ -150,33 +138,33 @@ def _surface_result(config: SessionConfig, signals: SurfaceSignals,
     return surface_result(signals, index, spectrum, truth, inverse_rendering, families)
 
 
-def _chart_result(config: SessionConfig, stored: Mapping[str, StoredStage]) -> ChartResult | None:
-    chart = chart_of(stored)
-    if chart is None:
+def _chart_result(config: SessionConfig, records: SessionRecords) -> ChartResult | None:
+    fit = records.calibrate.chart
+    if fit is None:
         return None
-    predicted, irradiance = chart_fit_of(stored)
-    return ChartResult(chart[0], chart[1], predicted, irradiance / np.fmax.reduce(irradiance),
-                       session_chart(config), left_out_of(stored), prior_influence_of(stored))
+    chart = records.chart.charts[""]
+    return ChartResult(chart.detection, chart.samples, fit.predicted,
+                       fit.irradiance / np.fmax.reduce(fit.irradiance), session_chart(config),
+                       fit.left_out, fit.prior)
 
 
-def _photo_of_regions(config: SessionConfig, stored: Mapping[str, StoredStage],
+def _photo_of_regions(config: SessionConfig, records: SessionRecords,
                       view: ViewInputs) -> PhotoOfRegions:
-    photo, chart = photo_of(stored, view), chart_of(stored, view)
+    photo, chart = records.photo.photos[view.name], records.chart.charts.get(view.name)
     height, width = photo.signal.shape[:2]
-    shown, signals = regions_of(config, view), stored["signals"]
-    known = [name for name, section in shown if section.known is not None]
-    light = signals.record(np.ndarray, view.record("light"))
-    misfits = signals.record(np.ndarray, view.record("level misfits"))
+    shown, light = config.regions_in(view), records.flat.light.get(view.name)
+    known = [name for name, section in shown.items() if section.known is not None]
     return PhotoOfRegions(
         view.name or FIRST_PHOTO,
-        {} if light is None else {name: (float(level), float(error)) for (name, _), (level, error)
-                                  in zip(shown, light, strict=True)},
-        {} if misfits is None else dict(zip(known, misfits.tolist(), strict=True)),
-        config.results_folder / "photo" / f"{view.record('preview')}.png",
+        {} if light is None else {
+            name: (level, error) for name, level, error
+            in zip(shown, light.level.tolist(), light.error.tolist(), strict=True)},
+        {} if light is None else dict(zip(known, light.level_misfits.tolist(), strict=True)),
+        config.results_folder / "photo" / f"{view.label('preview')}.png",
         (round(width * photo.sensor_step), round(height * photo.sensor_step)),
-        {name: np.array(region.outline()) for name, region in shown},
-        chart[0].corners_px if chart is not None and view.chart_files == view.photo_files else None,
-        signals.record(np.ndarray, view.record("light map")))
+        {name: np.array(region.outline()) for name, region in shown.items()},
+        None if chart is None or view.chart_files != view.photo_files
+        else chart.detection.corners_px, None if light is None else light.over_photo)
 
 
 def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
@@ -212,9 +200,9 @@ def _input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]
             roles.setdefault(section.known.file, f"known spectrum of {material}")
     hashes = {name: digest for stage in run.stored.values() for name,
               digest in stage.key.get("files", {}).items()}
-    facts = {view.photo_files[0]: photo_of(run.stored, view) for view in config.all_views}
-    facts |= {view.chart_files[0]: chart[2] for view in config.views_with_chart
-              if (chart := chart_of(run.stored, view)) is not None}
+    charts, photos = run.records.chart.charts, run.records.photo.photos
+    facts = {view.photo_files[0]: photos[view.name] for view in config.all_views}
+    facts |= {view.chart_files[0]: charts[view.name].thumbnail for view in config.views_with_chart}
     return [{"role": role, "file": name, "sha256": hashes[name],
              "bytes": config.path(name).stat().st_size}
             | ({} if (image := facts.get(name)) is None else

@@ -20,7 +20,7 @@ from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.config.curve_sources import SpectrumTable
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.stages.inputs import (
     GRID,
@@ -152,9 +152,8 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
         scene = None if config.flat else silent(read_session_scene, config, view)
         if (developed := attempt(read_photo, config, view.photo)) is not None:
             attempt(require_exposed, developed[0], view.photo_files[0])
-            for name, region in config.regions.items():
-                if not region.photos or (view.name or FIRST_PHOTO) in region.photos:
-                    attempt(sample_regions, developed[0], {name: region.outline()})
+            for name, region in config.regions_in(view).items():
+                attempt(sample_regions, developed[0], {name: region.outline()})
             if scene is not None:
                 attempt(require_same_shape, developed[0], scene, view.photo_files[0])
         light, chart_signals = silent(read_light, config, view.light), silent(read_chart_reference,
@@ -173,12 +172,12 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
     if load_stage(config.results_folder, long) is not None and any(
             state.name == long and state.state == "done" for state in stage_states(config)):
         return None
-    stored = run_stages(config, device=device, only=None, force=False,
-                        progress=lambda stage, done, what: None, before=long, shared=shared).stored
+    finished = run_stages(config, device=device, only=None, force=False,
+                          progress=lambda stage, done, what: None, before=long, shared=shared)
     if config.flat:
         return None
     from spectrabox.session.stages.reconstruct_stage import require_invertible
-    return require_invertible(config, stored, device)
+    return require_invertible(config, finished.records, device)
 
 
 def _reflectances(config: SessionConfig) -> list[SpectrumTable]:

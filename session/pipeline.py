@@ -4,6 +4,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from spectrabox.session.keys import Key, stage_keys
 from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.stages.order import stages_of
+from spectrabox.session.stages.records import SessionRecords
 from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.shared_stages import share_stage, shared_stage
@@ -50,6 +52,11 @@ class FinishedRun:
 
     stored: dict[str, StoredStage]
     states: dict[str, str]
+
+    @cached_property
+    def records(self) -> SessionRecords:
+        """What the stages stored, read when it is asked for."""
+        return SessionRecords(self.stored)
 
     def result_digests(self) -> dict[str, str]:
         """SHA-256 of the stored results of all stages, by their names below the results' folder."""
@@ -92,8 +99,8 @@ def stage_states(config: SessionConfig) -> list[StageState]:
         elif stored is None:
             states.append(StageState(name, "missing", (), None))
         else:
-            reasons = tuple(why_stale(stored.key, keys[name])) if not stored.damage \
-                else (f"its stored results are damaged ({stored.damage})",)
+            reasons = tuple(why_stale(stored.key, keys[name])) if stored.fault is None \
+                else (f"its stored results {stored.fault}",)
             states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
     return states
 
@@ -150,10 +157,10 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         if name == before:
             break
         stored = load_stage(config.results_folder, name)
-        fresh = stored is not None and not stored.damage and stored.key == key
+        fresh = stored is not None and not stored.fault and stored.key == key
         if only is not None and name != only:
             later = order.index(name) > order.index(only)
-            if stored is not None and not stored.damage and (fresh or later):
+            if stored is not None and not stored.fault and (fresh or later):
                 finished.stored[name] = stored
                 finished.states[name] = "kept" if fresh else "stale"
             elif not later:
@@ -164,12 +171,12 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
             finished.stored[name], finished.states[name] = stored, "kept"
             progress(name, 1.0, "up to date")
             continue
-        if stored is not None and stored.damage:
-            progress(name, 0.0, f"run again: its stored results are damaged ({stored.damage})")
+        if stored is not None and stored.fault:
+            progress(name, 0.0, f"run again: its stored results {stored.fault}")
         with shared_stage(shared, name, key) as other:
             if other is None:
                 finished.stored[name] = _run_stage(config, name, key, inputs, device,
-                                                   finished.stored, progress, photos)
+                                                   finished.records, progress, photos)
                 share_stage(shared, name, finished.stored[name])
             else:
                 finished.stored[name] = _copy_stage(config, name, key, inputs, other, progress)
@@ -192,24 +199,24 @@ def load_finished(config: SessionConfig) -> FinishedRun:
     if missing:
         raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")
     for name, stage in stored.items():
-        if stage is not None and stage.damage:
-            raise InputError(f"the stored results of stage {name!r} are damaged ({stage.damage}): "
-                             "'spectrabox run' makes them again")
+        if stage is not None and stage.fault:
+            raise InputError(f"the stored results of stage {name!r} {stage.fault}: 'spectrabox "
+                             "run' makes them again")
     return FinishedRun({name: stage for name, stage in stored.items() if stage is not None},
                        dict.fromkeys(stored, "kept"))
 
 
 def _run_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles, device: str,
-               stored: dict[str, StoredStage], progress: StageProgress,
+               records: SessionRecords, progress: StageProgress,
                photos: OpenPhotos) -> StoredStage:
     start = time.perf_counter()
     progress(name, 0.0, "")
     with stage_folder(config.results_folder, name) as folder:
-        task = StageTask(config, device, stored, folder,
+        task = StageTask(config, device, records, folder,
                          lambda done, message: progress(name, done, message), photos)
-        records = stages_of(config.flat)[name].run(task)
+        made = stages_of(config.flat)[name].run(task)
         inputs.require_unchanged(key.get("files", ()))
-        save_stage(folder, key, records, time.perf_counter() - start, {"stage": name})
+        save_stage(folder, key, made, time.perf_counter() - start, {"stage": name})
     finished = load_stage(config.results_folder, name)
     assert finished is not None
     progress(name, 1.0, f"{finished.seconds:.1f} s")

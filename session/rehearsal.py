@@ -19,12 +19,10 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished, stage_states
 from spectrabox.session.stages.reconstruct_stage import (
-    drift_of,
     glare_error,
     settings_of,
     views_of,
 )
-from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
 
 def rehearse(config: SessionConfig, times: int, seed: int, device: str,
@@ -66,14 +64,15 @@ def replays_of(config: SessionConfig, times: int, seed: int, device: str,
     Parameters and errors as of `rehearse`.
     """
     _require_replayable(config)
-    stored = load_finished(config).stored
+    records = load_finished(config).records
     start_mitsuba(device)
-    drift = drift_of(config, stored)
-    errors = StatedErrors(drift, glare_error(config, stored), config.stray_light.ambient)
+    drift = records.reconstruct.drift
+    errors = StatedErrors(drift, glare_error(config, records), config.stray_light.ambient)
     return prepare_replays(
-        views_of(config, stored, drift), settings_of(config), calibrations_of(config, stored),
-        joint_of(stored), {name: material.families for name, material in config.materials.items()},
-        errors, times=times, seed=seed, progress=progress)
+        views_of(config, records, drift), settings_of(config), records.calibrations(config),
+        records.reconstruct.joint,
+        {name: material.families for name, material in config.materials.items()}, errors,
+        times=times, seed=seed, progress=progress)
 
 
 def facts(rehearsals: Sequence[MaterialRehearsal], level: float, seed: int) -> dict[str, Any]:
@@ -95,7 +94,7 @@ def _require_replayable(config: SessionConfig) -> None:
     if config.sampling.method != "prior" or config.sampling.through != "surface":
         raise InputError("a rehearsal draws its truths from the learnt prior, one surface after "
                          "another: set [sampling] method = \"prior\" and through = \"surface\"")
-    joint = joint_of(load_finished(config).stored)
+    joint = load_finished(config).records.reconstruct.joint
     if not any("transport" in view.engine or "bounce" in view.engine for view in joint.views):
         raise InputError("a rehearsal needs the light transport, and this session was solved by "
                          f"the engine {joint.views[0].engine!r}")

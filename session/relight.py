@@ -9,7 +9,6 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.stages.scenes import read_session_scene
-from spectrabox.session.stages.stored_records import calibrations_of, joint_of, samples_of
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
@@ -43,11 +42,12 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
     InputError
         If light or observer are not known.
     """
-    joint, calibration = joint_of(run.stored), calibrations_of(config, run.stored)[0]
+    records = run.records
+    joint, calibration = records.reconstruct.joint, records.calibrations(config)[0]
     grid = joint.grid
     power = light_by_itself(calibration, grid) if light is None else named_light(light, grid)
     matching = named_observer(observer, grid)
-    spectra = {name: spectrum if known else samples_of(run.stored, name)[0]
+    spectra = {name: spectrum if known else records.sample.spectra[name].samples
                for name, known, spectrum in zip(joint.materials, joint.known, joint.spectra,
                                                 strict=True)}
     scene = read_session_scene(config)

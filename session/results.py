@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.scene.placements import SceneGeometry
 from spectrabox.measure.surface_spectra import Scores
 from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,

@@ -34,7 +34,7 @@ class RunOutputs:
 def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:
     """Answers of the files beside the results; None unless all of them are those of this run."""
     stored = load_stage(config.results_folder, STAGE)
-    if stored is None or stored.damage or set(finished.states.values()) != {"kept"} \
+    if stored is None or stored.fault or set(finished.states.values()) != {"kept"} \
             or stored.key != _key(config, finished, InputFiles(config)):
         return None
     for name, digest in stored.facts["outputs"].items():

@@ -235,7 +235,7 @@ def _stored(folder: Path) -> Rows:
     def read(path: Path) -> None:
         stage = load_stage(folder, "photo")
         if stage is not None:
-            stage.record(Spectrum, "light")
+            stage.read(Spectrum, "light")
 
     for name in ("facts.json", "arrays.npz"):
         yield f"stored {name}", folder / "photo" / name, read, name.endswith("json")

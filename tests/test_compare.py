@@ -274,7 +274,8 @@ def test_brightness_and_balance_of_a_chart_err_as_those_of_repeated_photos():
         samples = PatchSamples(truth + sigma * rng.standard_normal(truth.shape),
                                np.einsum("ik,kl->ikl", sigma**2, np.eye(3)), np.full(24, 100),
                                np.zeros((24, 3)), np.zeros((24, 3)))
-        quantities = of_chart(samples, image(np.ones((1, 1, 3))), config, {})
+        chart = SimpleNamespace(samples=samples, thumbnail=image(np.ones((1, 1, 3))))
+        quantities = of_chart(chart, None, config)
         found.append([one.value for one in quantities.values()])
         stated.append([one.standard_error for one in quantities.values()])
     # 400 photos know a deviation to 3.5 %; a band errs a little less beside the mean of all three

@@ -18,7 +18,6 @@ from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
 from spectrabox.session.flat.new_session import FlatOrder, session_of
-from spectrabox.session.stages.stored_records import samples_of, signals_of
 from spectrabox.session.store.locks import only_writer
 
 from tests.session_runs import run
@@ -60,7 +59,7 @@ def errors_and_cover(finished):
     """RMSE and the share inside the band, of every paint."""
     found = []
     for name in PAINTS:
-        _, summary = samples_of(finished.stored, name)
+        summary = finished.records.sample.spectra[name].summary
         truth = np.interp(summary.grid.nm, NM, paint(name)[1])
         found.append([np.sqrt(np.mean((summary.mean - truth)**2)),
                       np.mean((summary.lower <= truth) & (truth <= summary.upper)),
@@ -77,7 +76,7 @@ def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, o
     (folder / "session.toml").write_text(text + second_photo(folder, name, light),
                                          encoding="utf-8")
     finished = run(folder)
-    signals = signals_of(finished.stored)
+    signals = finished.records.signals
     assert signals.signal.shape == (len(PAINTS), 6)
     assert signals.bands[:1] == ("photo: R",) and signals.bands[3:4] == (f"{name}: R",)
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
@@ -98,7 +97,7 @@ def test_regions_are_measured_in_the_photos_that_show_them(tmp_path):
         f"[regions.{name}]\nrect = {rect_of(name)}\nphoto = {shown}\n" for name, shown
         in (("cube", '"photo"'), ("red_wall", '"warm"'), ("green_wall", '["photo", "warm"]')))
     (folder / "session.toml").write_text(text, encoding="utf-8")
-    signals = signals_of(run(folder).stored)
+    signals = run(folder).records.signals
     assert np.isfinite(signals.signal).tolist() == [[True] * 3 + [False] * 3,
                                                     [False] * 3 + [True] * 3, [True] * 6]
 
@@ -118,7 +117,7 @@ def two_photos(folder, *, stated=(Fraction(1, 60), Fraction(1, 125)),
 
 
 def test_rounded_exposure_times_are_brought_together_with_their_error(tmp_path):
-    signals = signals_of(run(two_photos(tmp_path / "session")).stored)
+    signals = run(two_photos(tmp_path / "session")).records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
     # the stated ratio is off by 64/60 x 125/128: as much as the error that is said of it
@@ -171,7 +170,7 @@ def test_a_photo_that_will_not_do_is_one_sentence_and_leaves_nothing(tmp_path, n
 def test_two_commands_do_not_work_in_one_session_at_once(tmp_path):
     write_raw()(tmp_path / "a.dng")
     with session_of(FlatOrder(tmp_path / "a.dng", {"a": [300, 50, 340, 90]}), None) as folder, \
-            only_writer(folder, (), "spectrabox run"):
+            only_writer(folder, "spectrabox run"):
         outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng"), "--region",
                                            "a=300,50,340,90"])
     assert outcome.exit_code != 0 and not (folder / "report.html").exists()

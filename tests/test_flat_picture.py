@@ -17,7 +17,6 @@ from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.progress_display import with_time_left
-from spectrabox.session.stages.stored_records import samples_of
 from spectrabox.session.write_outputs import write_outputs
 
 from tests.session_runs import run
@@ -103,8 +102,7 @@ def test_clipped_pixels_are_masked_and_shown(_finished_picture):
                  "unfamiliarity.png"):
         shown, _ = stored(folder, name)
         np.testing.assert_array_equal((shown == [1, 0, 1]).all(axis=2), clipped)
-    shares = finished.stored["picture"].record(np.ndarray, "shares")
-    assert shares[0] == pytest.approx(1 / CELLS**2)
+    assert finished.records.picture.masked == pytest.approx(1 / CELLS**2)
 
 
 def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(session,
@@ -115,9 +113,8 @@ def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(
     write_toml(session, SMALL, dot)
     finished = run(session)
     assert finished.states["calibrate"] == "kept" and finished.states["picture"] == "run"
-    once = {name: stored(session, name)[0] for name in finished.stored["picture"].record(
-        tuple[str, ...], "files")}
-    _, summary = samples_of(finished.stored, "dot")
+    once = {name: stored(session, name)[0] for name in finished.records.picture.files}
+    summary = finished.records.sample.spectra["dot"].summary
     # means of 1000 draws: 4 sigma are 0.13 of their spread; rounding of half floats adds to it
     nm = np.arange(400, 701, 10)
     mean, width = (np.interp(nm, summary.grid.nm, values)

@@ -29,7 +29,6 @@ from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.report.verdict import Status, judge
-from spectrabox.session.stages.stored_records import signals_of
 
 from tests.session_runs import run
 
@@ -59,7 +58,7 @@ def errors_of(signals):
 
 
 def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(_finished_flat):
-    signals = signals_of(_finished_flat[1].stored)
+    signals = _finished_flat[1].records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     # 12 signals, those of one region nearly one: 4 sigma would be a chance of 1 in 1000
     assert np.abs(off).max() < 4
@@ -71,11 +70,14 @@ def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(_finished_
     assert np.abs(signals.signal / true_signals(signals) - 1).max() < 0.04
 
 
+def light_errors(finished):
+    return dict(zip(PAINTS, finished.records.flat.light[""].error, strict=True))
+
+
 def test_the_light_is_known_worse_away_from_the_chart(_finished_flat):
-    light = dict(zip(PAINTS, _finished_flat[1].stored["signals"].record(np.ndarray, "light"),
-                     strict=True))
-    assert light["white_wall"][1] < light["green_wall"][1]
-    assert light["red_wall"][1] < light["cube"][1]
+    error = light_errors(_finished_flat[1])
+    assert error["white_wall"] < error["green_wall"]
+    assert error["red_wall"] < error["cube"]
 
 
 def test_a_known_region_narrows_the_light_on_its_neighbours(flat_session):
@@ -83,12 +85,9 @@ def test_a_known_region_narrows_the_light_on_its_neighbours(flat_session):
         HEAD + regions_toml(known=("green_wall",)), encoding="utf-8")
     finished = run(flat_session)
     assert finished.states["calibrate"] == "kept" and finished.states["signals"] == "run"
-    after = dict(zip(PAINTS, finished.stored["signals"].record(np.ndarray, "light"), strict=True))
-    folder = write_flat(flat_session.parent / "again")
-    before = dict(zip(PAINTS, run(folder).stored["signals"].record(np.ndarray, "light"),
-                      strict=True))
-    assert after["cube"][1] < 0.8 * before["cube"][1]
-    signals = signals_of(finished.stored)
+    before = light_errors(run(write_flat(flat_session.parent / "again")))
+    assert light_errors(finished)["cube"] < 0.8 * before["cube"]
+    signals = finished.records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
 
@@ -103,7 +102,7 @@ def test_running_again_keeps_everything_and_a_new_region_keeps_the_calibration(f
 
 
 def test_errors_of_a_signal_add_up_and_are_covariances(_finished_flat):
-    signals = signals_of(_finished_flat[1].stored)
+    signals = _finished_flat[1].records.signals
     assert {error.cause for error in signals.errors} <= CAUSES.keys()
     for error in signals.errors:
         for covariance in error.covariance:
@@ -120,7 +119,7 @@ def test_chart_and_samples_in_two_photos_differ_by_light_and_shutter(tmp_path):
                 Fraction(1, 120), np.random.default_rng(5), brightest=None, gain=gain)
     (folder / "session.toml").write_text(HEAD.replace(
         "[light]", 'chart = "photos/chart.dng"\n[light]') + regions_toml(), encoding="utf-8")
-    signals = signals_of(run(folder).stored)
+    signals = run(folder).records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
     causes = {error.cause: error.covariance for error in signals.errors}
@@ -136,10 +135,10 @@ def test_a_flat_field_under_the_same_light_leaves_it_even(flat_session):
     (flat_session / "session.toml").write_text(HEAD.replace(
         "[light]", 'flat = "photos/flat.dng"\n[light]') + regions_toml(), encoding="utf-8")
     finished = run(flat_session)
-    light = finished.stored["signals"].record(np.ndarray, "light")
-    np.testing.assert_allclose(light[:, 0], 1, atol=0.02)   # twice what a card is taken to leave
-    assert light[:, 1].max() < 0.012
-    signals = signals_of(finished.stored)
+    light = finished.records.flat.light[""]
+    np.testing.assert_allclose(light.level, 1, atol=0.02)   # twice what a card is taken to leave
+    assert light.error.max() < 0.012
+    signals = finished.records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
 
@@ -285,7 +284,7 @@ def test_a_card_stated_far_from_its_level_is_refused(flat_session):
 def test_a_card_stated_off_its_level_is_doubted(flat_session):
     with_card(flat_session, "white_wall", 1.1)      # the light is known to about 2.5 % there
     finished = run(flat_session)
-    notes = finished.stored["signals"].record(tuple[str, ...], "notes")
+    notes = finished.records.flat.notes
     assert any("standard errors darker than the chart's light" in note for note in notes)
     results = assemble(read_session(flat_session), finished, {})
     verdict = judge(results)
@@ -302,7 +301,7 @@ def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session
     write_photo(flat_session / "photos" / "sample.dng", picture(light=light / light.max()),
                 Fraction(1, 60), np.random.default_rng(10))
     with_card(flat_session, "green_wall", 1.0)
-    misfits = run(flat_session).stored["signals"].record(np.ndarray, "level misfits")
+    misfits = run(flat_session).records.flat.light[""].level_misfits
     assert np.abs(misfits).max() < 3
 
 
@@ -315,7 +314,7 @@ def test_a_shadow_across_the_chart_is_said(flat_session):
     write_photo(flat_session / "photos" / "sample.dng", picture(light=light), Fraction(1, 60),
                 np.random.default_rng(9))
     try:
-        notes = " ".join(run(flat_session).stored["calibrate"].record(tuple[str, ...], "notes"))
+        notes = " ".join(run(flat_session).records.calibrate.notes)
     except SpectraboxError as error:        # no camera explains it
         notes = str(error)
     assert "light skin" in notes and "a shadow lies across" in notes

@@ -46,4 +46,4 @@ def test_two_names_that_share_a_file_are_refused(tmp_path, table, pair):
 
 def test_no_name_of_a_view_replaces_the_record_of_another():
     first, named = (ViewInputs(name, {}, {}, None, "", {}) for name in ("", " "))
-    assert first.record("photo") != named.record("photo")
+    assert first.label("preview") != named.label("preview")

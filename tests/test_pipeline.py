@@ -21,7 +21,6 @@ from spectrabox.session.pipeline import (
 from spectrabox.session.stages.order import STAGES
 from spectrabox.session.stages.reconstruct_stage import read_materials, settings_of
 from spectrabox.session.stages.scenes import read_session_scene
-from spectrabox.session.stages.stored_records import calibrations_of, joint_of, samples_of
 
 from tests.session_runs import edit, run
 
@@ -125,8 +124,8 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
     from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
     from spectrabox.session.stages.inputs import read_reflectance
     config = read_session(finished)
-    stored = load_finished(config).stored
-    calibration, made = calibrations_of(config, stored)[0], joint_of(stored)
+    records = load_finished(config).records
+    calibration, made = records.calibrations(config)[0], records.reconstruct.joint
     light = spectrum_on_grid(calibration.light, made.grid)
     response = response_matrix(made.grid, calibration.sensitivity.curves, light)
     for index, name in enumerate(made.materials):
@@ -140,10 +139,11 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
 
 def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
     config = read_session(finished)
-    stored = load_finished(config).stored
-    calibration, made = calibrations_of(config, stored)[0], joint_of(stored)
+    records = load_finished(config).records
+    calibration, made = records.calibrations(config)[0], records.reconstruct.joint
     for index, name in enumerate(made.materials):
-        samples, summary = samples_of(stored, name)
+        samples, summary = (records.sample.spectra[name].samples,
+                            records.sample.spectra[name].summary)
         operator = measurement(scene_signals(made, [calibration]), index)
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
         residual = samples.spectra @ response_on(operator, samples.grid).T - operator.signal

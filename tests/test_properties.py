@@ -104,7 +104,7 @@ def test_stored_records_come_back_or_are_known_as_damaged(records, at):
         assert stored.damage is None
         for name, value in records.items():
             kind = np.ndarray if isinstance(value, np.ndarray) else tuple[str, ...]
-            back = stored.record(kind if not isinstance(value, int) else int, name)
+            back = stored.read(kind if not isinstance(value, int) else int, name)
             np.testing.assert_equal(back, value)
         path = Path(folder) / "photo" / ("arrays.npz" if at % 2 else "facts.json")
         content = bytearray(path.read_bytes())

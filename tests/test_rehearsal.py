@@ -15,7 +15,6 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.rehearsal import facts, rehearse
 from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
-from spectrabox.session.stages.stored_records import joint_of
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
 
 from tests.session_runs import silent
@@ -27,9 +26,9 @@ TIMES, FEW = 20, 6
 
 def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished):
     config = read_session(finished)
-    stored = load_finished(config).stored
-    joint = joint_of(stored)
-    stage = set_stage(views_of(config, stored, None), settings_of(config), silent)
+    records = load_finished(config).records
+    joint = records.reconstruct.joint
+    stage = set_stage(views_of(config, records, None), settings_of(config), silent)
     view = stage.views[0].view
     truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
                   (view.response[None] * joint.views[0].light_scale.value,),
@@ -63,7 +62,7 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
 
 def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished):
     config = read_session(finished)
-    stage = set_stage(views_of(config, load_finished(config).stored, None), settings_of(config),
+    stage = set_stage(views_of(config, load_finished(config).records, None), settings_of(config),
                       silent)
     traced = dataclasses.replace(stage.views[0], nuisances=dataclasses.replace(
         stage.views[0].nuisances, block_error=0.02))
@@ -80,8 +79,8 @@ def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished
             np.testing.assert_allclose(own.mean(axis=1), 0, atol=1e-12)
     # another scene's light makes another photo
     moved = dataclasses.replace(traced.traced, passes=2 * traced.traced.passes)
-    spectra = dict(zip((joint := joint_of(load_finished(config).stored)).materials, joint.spectra,
-                       strict=True))
+    joint = load_finished(config).records.reconstruct.joint
+    spectra = dict(zip(joint.materials, joint.spectra, strict=True))
     truth = Truth(spectra, (traced.view.response[None],), (np.zeros(3),), (0.0,))
     error = np.zeros_like(traced.traced.coefficients)
     dim, bright = (_photographed(traced, dataclasses.replace(truth, transports=transports), 0,

@@ -9,7 +9,7 @@ from test_box_scene import FAR, rewritten, template_box
 from test_colmap import with_model
 from typer.testing import CliRunner
 
-from spectrabox.measure.scene.placements import MarkedView, Placement, SceneGeometry
+from spectrabox.radiometry.placements import MarkedView, Placement, SceneGeometry
 from spectrabox.reconstruct.scene.box_scene import box_xml, chart_xml
 from spectrabox.reconstruct.scene.edit_scene import scene_with_camera, scene_with_light_moved
 from spectrabox.reconstruct.scene.refinements import Refinement, refinements

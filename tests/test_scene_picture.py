@@ -70,7 +70,7 @@ def scene(finished):
     folder, made = finished
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pixel_light, "PATHS_OF_NODE", 400)
-        return scene_stage.traced_photo(StageTask(read_session(folder), "cpu", made.stored, folder,
+        return scene_stage.traced_photo(StageTask(read_session(folder), "cpu", made.records, folder,
                                               lambda *_: None, OpenPhotos()))
 
 
@@ -117,11 +117,11 @@ def test_the_bands_of_pixels_hold_their_paints(finished, truth):
     rmse, held = scores((mean[some][:, ::2], spread[some]), at_step(truth[some]))
     # twelve surfaces and errors that all pixels share: few independent cases, so one-sided bounds
     assert rmse < 0.06 and held > 0.9
-    changes = made.stored["picture"].record(np.ndarray, "rounds")
+    changes = made.records.picture.rounds
     assert changes[-1] <= scene_light.TOLERANCE
     # a patterned wall sends on other light than one of a single spectrum
     assert changes[0] > scene_light.TOLERANCE
-    assert "has converged" in made.stored["picture"].record(tuple[str, ...], "notes")[0]
+    assert "has converged" in made.records.picture.notes[0]
 
 
 def near_the_walls(lit, truth):
@@ -208,7 +208,7 @@ def test_what_leaves_a_node_is_its_reflectance_times_its_light(scene):
 def test_pixels_at_edges_and_in_penumbra_have_no_spectrum(finished, scene):
     folder, made = finished
     mean = stored(folder, "mean.exr")
-    shares = made.stored["picture"].record(np.ndarray, "unseen")
+    shares = made.records.picture.flag_shares
     assert shares[SEEN] == pytest.approx(np.isfinite(mean[..., 0]).mean())
     assert shares[EDGE] > 0 and shares[PENUMBRA] > 0
     assert np.isnan(mean[scene.edges]).all()
@@ -275,7 +275,7 @@ def test_what_a_picture_of_a_scene_cannot_do_is_said_at_once(finished, tmp_path,
 
 def test_rendering_the_textures_gives_back_the_photo(finished, scene, lighting, truth):
     folder, made = finished
-    files = made.stored["picture"].record(tuple[str, ...], "files")
+    files = made.records.picture.files
     assert {"texture-left_wall.exr", "texture-right_wall.exr", "textures.xml"} <= set(files)
     results = folder / "results" / "picture"
     root = ET.fromstring((results / "textures.xml").read_text(encoding="utf-8"))

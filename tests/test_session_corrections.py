@@ -22,12 +22,6 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.reconstruct_stage import scale_of_view
-from spectrabox.session.stages.stored_records import (
-    calibrations_of,
-    chart_of,
-    joint_of,
-    reconstruction_of,
-)
 
 pytestmark = pytest.mark.usefixtures("light_as_stated")
 
@@ -37,7 +31,8 @@ CARD = [[[100, 60], [200, 60], [200, 120], [100, 120]]]
 
 
 def run(config):
-    return run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None).stored
+    return run_stages(config, device="cpu", only=None, force=False,
+                      progress=lambda *_: None).records
 
 
 def append(folder, text):
@@ -72,10 +67,10 @@ def test_a_photo_through_a_distorting_lens_is_undistorted(captured, finished):
     (captured / "photos" / "box.dng").unlink()
     take_photo(captured / "photos" / "box.dng", bent, exposure_for(box, 0.7),
                np.random.default_rng(6))
-    crooked = reconstruction_of(run(read_session(captured)))
+    crooked = run(read_session(captured)).reconstruct.joint.views[0]
     write_lens(captured / "lens.json", lens)
-    mended = reconstruction_of(run(append(captured, '\n[camera]\nlens = "lens.json"\n')))
-    whole = reconstruction_of(load_finished(read_session(finished)).stored)
+    mended = run(append(captured, '\n[camera]\nlens = "lens.json"\n')).reconstruct.joint.views[0]
+    whole = load_finished(read_session(finished)).records.reconstruct.joint.views[0]
     off = [np.abs(made.signal / whole.signal - 1).max() for made in (crooked, mended)]
     assert off[1] < off[0] / 2, off
     # the two photos differ in noise and in pixels near edges; one of twelve signals beyond three
@@ -106,19 +101,19 @@ def test_a_lamp_that_dimmed_between_the_photos_is_found_by_a_reference_in_both(c
     """
     drift = f"\n[drift]\nchart_px = {CARD}\nobject_px = {CARD}\nrelative_error = 0.002\n"
     before = run(append(captured, drift))
-    found = joint_of(before).views[0].light_scale
+    found = before.reconstruct.joint.views[0].light_scale
     # The reference says how the photos compare, and to what: nothing needs to be assumed.
     assert [error.cause for error in found.common_errors] == [LAMP_AT_CHART, DRIFT]
     assert found.common_errors[1].relative == pytest.approx(np.sqrt(2) * 0.002, rel=1e-6)
     dim(captured, 0.9)
-    after = joint_of(run(read_session(captured))).views[0]
+    after = run(read_session(captured)).reconstruct.joint.views[0]
     assert after.light_scale.value / found.value == pytest.approx(0.9, abs=0.005)
     assert any("in the object photo than in the chart photo" in note for note in after.notes)
 
 
 def test_without_a_reference_light_and_shutter_are_taken_to_repeat_as_stated(finished):
     config = read_session(finished)
-    scale = joint_of(load_finished(config).stored).views[0].light_scale
+    scale = load_finished(config).records.reconstruct.joint.views[0].light_scale
     errors = {error.cause: error.relative for error in scale.common_errors}
     # Round-off: 1.2 % of the light and 0.9 % of the shutter.
     assert errors[REPEATABILITY] == pytest.approx(0.015, rel=1e-12)
@@ -126,13 +121,13 @@ def test_without_a_reference_light_and_shutter_are_taken_to_repeat_as_stated(fin
 
 
 def test_a_chart_in_the_object_photo_itself_has_seen_the_same_light(captured, finished):
-    stored = load_finished(read_session(finished)).stored
-    calibration, = calibrations_of(read_session(captured), stored)
+    records = load_finished(read_session(finished)).records
+    calibration, = records.calibrations(read_session(captured))
     path = captured / "session.toml"
     path.write_text(path.read_text().replace("photos/box.dng", "photos/chart.dng"))
     config = read_session(captured)
-    scale = scale_of_view(config, config.all_views[0], chart_of(stored)[2], calibration, stored,
-                          None)
+    scale = scale_of_view(config, config.all_views[0], records.chart.charts[""].thumbnail,
+                          calibration, records, None)
     assert REPEATABILITY not in [error.cause for error in scale.common_errors]
 
 

@@ -34,12 +34,12 @@ CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) 
 
 # ---- light scales and stray light of several photos ----------------------------------------------
 
-def test_glare_as_stated_and_as_the_chart_shows_are_independent(monkeypatch):
-    monkeypatch.setattr(reconstruct_stage, "chart_glare_of",
-                        lambda _: np.array([0.0, 0.004, 0.0225]))
+def test_glare_as_stated_and_as_the_chart_shows_are_independent():
+    shown = np.array([0.0, 0.004, 0.0225])
+    records = SimpleNamespace(calibrate=SimpleNamespace(chart=SimpleNamespace(glare=shown)))
     config = SimpleNamespace(stray_light=SimpleNamespace(glare=0.003))
-    found = reconstruct_stage.glare_error(config, {})
-    np.testing.assert_allclose(found**2, 0.003**2 + np.array([0.0, 0.004, 0.0225]) ** 2)
+    found = reconstruct_stage.glare_error(config, records)
+    np.testing.assert_allclose(found**2, 0.003**2 + shown**2)
 
 
 def test_a_photo_without_a_chart_takes_that_under_its_own_light():
@@ -56,7 +56,7 @@ def test_a_photo_without_a_chart_takes_that_under_its_own_light():
 def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, measured, causes):
     """A photo of chart and box in one has nothing to repeat, and a measured drift says it all."""
     scale = LightScale(5.0, 0.1, None, "chart photo")
-    monkeypatch.setattr(reconstruct_stage, "chart_of", lambda *_: (None, None, None))
+    charts = {"": SimpleNamespace(thumbnail=None)}
     told = []       # whether exposure and lamp are measured: then nothing is said of their rounding
     monkeypatch.setattr(reconstruct_stage, "scale_for_photo",
                         lambda found, before, after, known: told.append(known) or found)
@@ -65,7 +65,8 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, 
     config = SimpleNamespace(all_views=(view,), scale=SimpleNamespace(source="chart"),
                              repeatability=SimpleNamespace(relative_error=0.02))
     found = reconstruct_stage.scale_of_view(config, view, None, SimpleNamespace(light_scale=scale),
-                                            {}, drift(False) if measured else None)
+                                            SimpleNamespace(chart=SimpleNamespace(charts=charts)),
+                                            drift(False) if measured else None)
     stated = [(error.cause, error.relative) for error in found.common_errors]
     assert [cause for cause, _ in stated if cause == REPEATABILITY] == list(causes)
     assert told == [measured]

@@ -81,7 +81,7 @@ def test_damaged_results_are_made_again_with_a_note(stale, whole):
 
 
 def test_of_two_runs_one_works_and_the_other_says_who_does(stale, whole):
-    with only_writer(stale, (), "spectrabox run"), only_writer(whole[0], (), "spectrabox run"):
+    with only_writer(stale, "spectrabox run"), only_writer(whole[0], "spectrabox run"):
         second = started("run", str(stale), *RUN, "--json")
         answer, _ = second.communicate(timeout=60)
         assert second.returncode == 7
@@ -94,7 +94,7 @@ def test_of_two_runs_one_works_and_the_other_says_who_does(stale, whole):
 def test_the_lock_of_a_process_that_was_killed_is_free(stale):
     assert was_killed(killed_at(1, "run", str(stale), *RUN))
     assert "spectrabox run" in (stale / "results" / ".run.lock").read_text()
-    with only_writer(stale, (), "spectrabox run"):
+    with only_writer(stale, "spectrabox run"):
         pass
 
 
@@ -106,7 +106,7 @@ def test_a_session_whose_folders_lead_elsewhere_is_not_written(stale, tmp_path, 
     (stale / name).symlink_to(elsewhere)
     (stale / "comparison.part.png").symlink_to(tmp_path / "other")
     with pytest.raises(EnvironmentProblem, match=f"{name} is a symbolic link"), \
-            only_writer(stale, (), "spectrabox run"):
+            only_writer(stale, "spectrabox run"):
         pass
     assert call("run", stale, *RUN).exit_code == 7
     assert not list(elsewhere.iterdir()) and not (tmp_path / "other").exists()

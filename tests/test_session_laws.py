@@ -24,7 +24,7 @@ def drift(changed):
 
 def views(*names):
     return [SimpleNamespace(name=name, light="lamp", scene="box.xml", lights_by_id={}, turn_deg=0.0,
-                            record=lambda kind, name=name: f"{kind} {name}".strip())
+                )
             for name in names]
 
 
@@ -33,35 +33,69 @@ def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_char
     camera = calibration(np.ones(61), COEFFICIENTS, COVARIANCE)
     every = views("", "second", "third", "fourth")
     scales = {number: 10.0 + number for number in with_chart}
-    charts = {name: (None, f"samples {number}", None) if number in with_chart else None
-              for number, name in enumerate(view.name for view in every)}
+    charts = {}
+    for number, view in enumerate(every):
+        view.light, view.chart = SimpleNamespace(stated=True), number in with_chart
+        if view.chart:
+            charts[view.name] = SimpleNamespace(samples=number, thumbnail=None)
 
     def calibrated(photos, *_):
         # charts in the order of the photos that were given, each by what it shows
-        states = [SimpleNamespace(light_scale=LightScale(
-            scales[int(photo.samples.split()[1])], 0.1, None, "chart photo")) for photo in photos]
+        states = [SimpleNamespace(light_scale=LightScale(scales[photo.samples], 0.1, None,
+                                                         "chart photo"), white=None)
+                  for photo in photos]
         return SimpleNamespace(calibration=dataclasses.replace(
             camera, light_scale=states[0].light_scale),
-            prior_fit=SimpleNamespace(photos=states, sensitivity=camera.sensitivity),
-            predicted=np.ones((24, 3)), white=None, prior_influence=None)
+            prior_fit=SimpleNamespace(photos=states, sensitivity=camera.sensitivity))
 
     for name, replacement in (
             ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
-            ("chart_of", lambda stored, view: charts[view.name]),
-            ("_irradiance", lambda *_: np.ones(24)), ("certain_glare", lambda *_: np.zeros(3)),
-            ("held_out_patches", lambda *_: None), ("read_chart_reference", lambda *_: None),
-            ("excluded_patches", lambda *_: None), ("session_chart", lambda *_: None),
-            ("_widen_by_lamp_position", lambda *_: None), ("_uneven_notes", lambda *_: ()),
-            ("ChartPhoto", lambda samples, *_, **__: SimpleNamespace(samples=samples))):
+            ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
+            ("_with_lamp_error", lambda _, calibrations: calibrations),
+            ("_uneven_notes", lambda *_: ()),
+            ("_chart_photo", lambda _, view, chart, irradiance: SimpleNamespace(
+                samples=chart.samples, irradiance=irradiance))):
         monkeypatch.setattr(calibrate_stage, name, replacement)
-    config = SimpleNamespace(all_views=every, sensitivity=SimpleNamespace(
-        from_chart=True, method=None, prior=None, coefficients=None))
+    config = SimpleNamespace(
+        all_views=every, views_with_chart=[view for view in every if view.chart], flat=False,
+        sensitivity=SimpleNamespace(from_chart=True, method=None, prior=None, coefficients=None))
     records = calibrate_stage.calibrate_views(SimpleNamespace(
-        config=config, stored=None, device="cpu", progress=lambda *_: None))
+        config=config, records=SimpleNamespace(chart=SimpleNamespace(charts=charts)), device="cpu",
+        progress=lambda *_: None))
     for number, view in enumerate(every):
-        found = records[view.record("calibration")].light_scale.value
+        found = records.calibrations[view.name].light_scale.value
         # without a chart of its own, under the first photo's light: that of the first
         assert found == scales.get(number, scales[0]), view.name
+
+
+def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(monkeypatch):
+    camera = calibration(np.ones(61), COEFFICIENTS, COVARIANCE)
+    soiled, excluded = np.arange(24) == 3, []
+    first, second = views("", "second")
+    for view in (first, second):
+        view.light, view.chart = SimpleNamespace(stated=True), True
+
+    def calibrated(photos, *_):
+        excluded.extend(photo.excluded for photo in photos)
+        return SimpleNamespace(calibration=camera, prior_fit=None, scale=camera.light_scale)
+
+    for name, replacement in (
+            ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
+            ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
+            ("_with_lamp_error", lambda _, calibrations: calibrations),
+            ("_uneven_notes", lambda *_: ()), ("excluded_patches", lambda _: soiled),
+            ("read_chart_reference", lambda _: None), ("session_chart", lambda _: None),
+            ("ChartPhoto", lambda _, reference, light, irradiance, excluded, chart:
+             SimpleNamespace(irradiance=irradiance, excluded=excluded))):
+        monkeypatch.setattr(calibrate_stage, name, replacement)
+    chart = SimpleNamespace(samples=None, thumbnail=None)
+    records = SimpleNamespace(chart=SimpleNamespace(charts={"": chart, "second": chart}))
+    config = SimpleNamespace(
+        all_views=[first, second], views_with_chart=[first, second], flat=False,
+        sensitivity=SimpleNamespace(from_chart=True, method="smooth", prior=None, coefficients=10))
+    calibrate_stage.calibrate_views(SimpleNamespace(
+        config=config, records=records, device="cpu", progress=lambda *_: None))
+    assert len(excluded) == 2 and all(each is soiled for each in excluded)
 
 
 def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(monkeypatch):
@@ -72,13 +106,13 @@ def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(m
         drifts[view.name] = drift
     photo = SimpleNamespace(signal=np.ones((4, 5, 3)))
     for name, replacement in (
-            ("scale_of_view", scale), ("photo_of", lambda *_: photo), ("View", lambda *_: None),
-            ("calibrations_of", lambda *_: [camera] * 3), ("read_materials", lambda *_: ()),
+            ("scale_of_view", scale), ("View", lambda *_: None), ("read_materials", lambda *_: ()),
             ("band_names", lambda *_: ("R", "G", "B")), ("read_session_scene", lambda *_: None)):
         monkeypatch.setattr(reconstruct_stage, name, replacement)
-    measured = drift(True)
-    reconstruct_stage.views_of(SimpleNamespace(all_views=views("", "second", "third")), {},
-                               measured)
+    measured, names = drift(True), ("", "second", "third")
+    records = SimpleNamespace(photo=SimpleNamespace(photos=dict.fromkeys(names, photo)),
+                              calibrations=lambda _: [camera] * 3)
+    reconstruct_stage.views_of(SimpleNamespace(all_views=views(*names)), records, measured)
     assert drifts == {"": measured, "second": None, "third": None}
 
 

@@ -63,7 +63,7 @@ def test_a_stage_is_replaced_whole(tmp_path):
     save(tmp_path, 1)
     save(tmp_path, 2)
     assert load_stage(tmp_path, "photo").key == {"settings": {"v": 2}}
-    assert same(load_stage(tmp_path, "photo").record(Calibration, "calibration"), calibration())
+    assert same(load_stage(tmp_path, "photo").read(Calibration, "calibration"), calibration())
     assert [path.name for path in tmp_path.iterdir()] == ["photo"]
 
 
@@ -94,7 +94,7 @@ def test_damaged_arrays_get_a_sentence(tmp_path):
     save(tmp_path, 1)
     (tmp_path / "photo" / "arrays.npz").write_bytes(b"PK\x03\x04 not a zip")
     with pytest.raises(InputError, match="'spectrabox run' makes it again"):
-        load_stage(tmp_path, "photo").record(Calibration, "calibration")
+        load_stage(tmp_path, "photo").read(Calibration, "calibration")
 
 
 def test_stored_arrays_cannot_carry_code(tmp_path):
@@ -102,7 +102,23 @@ def test_stored_arrays_cannot_carry_code(tmp_path):
     np.savez(tmp_path / "photo" / "arrays.npz",
              **{"calibration.sensitivity.curves": np.array([{}], dtype=object)})
     with pytest.raises(InputError, match="damaged"):
-        load_stage(tmp_path, "photo").record(Calibration, "calibration")
+        load_stage(tmp_path, "photo").read(Calibration, "calibration")
+
+
+def test_results_of_another_format_are_told_from_damaged_ones(tmp_path):
+    with stage_folder(tmp_path, "photo") as folder:
+        save_stage(folder, {"settings": {}}, {"calibration": calibration()}, 1.0, {})
+        facts = json.loads((folder / "facts.json").read_text())
+        (folder / "facts.json").write_text(json.dumps(facts | {"format": 1}))
+    assert load_stage(tmp_path, "photo").fault == "are of another version of spectrabox"
+
+
+def test_records_of_a_surface_that_was_not_stored_get_a_sentence(tmp_path):
+    save(tmp_path, 1)
+    stored = load_stage(tmp_path, "photo").read(dict[str, Calibration])
+    assert same(stored["calibration"], calibration())
+    with pytest.raises(InputError, match="hold nothing of 'wall': 'spectrabox run'"):
+        stored["wall"]
 
 
 def test_why_a_stage_is_stale_is_said_in_words():

@@ -14,7 +14,6 @@ from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
-from spectrabox.session.stages.stored_records import calibrations_of
 
 
 def through(folder, how, more=""):
@@ -55,9 +54,9 @@ def test_what_cannot_be_drawn_through_the_transport_is_said(captured):
 
 def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finished):
     config = read_session(finished)
-    stored = load_finished(config).stored
+    records = load_finished(config).records
     start_mitsuba("cpu")
-    view, = views_of(config, stored, None)
+    view, = views_of(config, records, None)
     shapes, materials = list(view.scene_file.surfaces), np.array(view.surface_materials)
     hidden = 0
     saturated = np.array(view.photo.saturated)
@@ -74,7 +73,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     np.testing.assert_array_equal(of_region, materials[regions.surface])
     # an error of one material's signal befalls the regions of that material and no other
     relative = np.ones(regions.signal.shape)
-    of_brightest = calibrations_of(config, stored)[0].relative_covariance
+    of_brightest = records.calibrations(config)[0].relative_covariance
     for error in _of_tails(of_brightest, regions, relative):
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
     stray = with_stray_light(joint, np.full(3, 0.01), 0.0)

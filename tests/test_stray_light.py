@@ -18,7 +18,6 @@ from spectrabox.reconstruct.scene.edit_scene import with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
-from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
 GRID = visible_grid(50)
 SIGNAL = np.array([[0.8, 0.7, 0.6], [0.1, 0.05, 0.2]])     # a white and a dark paint
@@ -84,9 +83,8 @@ def test_the_lamps_position_moves_the_light_on_the_chart_as_a_moved_lamp_does(tm
 
 def test_a_session_names_each_cause_in_its_budget(finished):
     config = read_session(finished)
-    stored = load_finished(config).stored
-    made = joint_of(stored)
-    calibrations = calibrations_of(config, stored)
+    records = load_finished(config).records
+    made, calibrations = records.reconstruct.joint, records.calibrations(config)
     parts = errors_by_cause(scene_signals(made, calibrations), 0)
     assert parts.keys() <= CAUSES.keys()
     assert {GLARE, STRAY_LIGHT, LAMP_AT_CHART} <= set(parts)

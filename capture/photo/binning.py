@@ -53,6 +53,19 @@ def bin_image(image: LinearImage, width: int, height: int) -> LinearImage:
                                sensor_step=image.sensor_step * image.signal.shape[1] / width)
 
 
+def thumbnail(image: LinearImage, width: int) -> LinearImage:
+    """The photo binned to a width, in its own proportions.
+
+    Parameters
+    ----------
+    image : LinearImage
+    width : int
+        At most that of the image.
+    """
+    rows, columns = image.signal.shape[:2]
+    return bin_image(image, width, max(round(width * rows / columns), 1))
+
+
 def area_weights(source: int, target: int) -> np.ndarray:
     """Weights (target, source) of the mean over each target pixel; every row sums to 1.
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from spectrabox.measure.scene.box_camera import BoxCamera, undistorted_shares, visible_corners
-from spectrabox.measure.scene.placements import MM, SCENE_UNIT, MarkedView, Placement
+from spectrabox.radiometry.placements import MM, SCENE_UNIT, MarkedView, Placement
 from spectrabox.reconstruct.scene.box_scene import box_edges
 from spectrabox.reconstruct.scene.box_tables import BoxTable, LampTable
 from spectrabox.reconstruct.scene.refinements import Refinement

@@ -15,7 +15,6 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.run_outputs import outputs_of_run
-from spectrabox.session.stages.order import all_stages
 from spectrabox.session.store.locks import only_writer
 
 SHARED = "shared"       # in the batch's folder: calibrations that sessions have in common
@@ -91,7 +90,7 @@ def failed(task: Task, sentence: str, exit_code: int) -> Outcome:
 
 def _check(task: Task) -> Outcome:
     order = task.order
-    with only_writer(task.folder, all_stages(), "spectrabox batch"):
+    with only_writer(task.folder, "spectrabox batch"):
         result = preflight_check(task.folder, order.allow_outside, order.device,
                                  order.out / SHARED)
     if result.problems:
@@ -107,7 +106,7 @@ def _run(task: Task) -> Outcome:
 
     order = task.order
     config = read_session(task.folder, order.allow_outside)
-    with only_writer(config.folder, all_stages(), "spectrabox batch"):
+    with only_writer(config.folder, "spectrabox batch"):
         finished = run_stages(config, device=order.device, only=None, force=False, progress=quiet,
                               shared=order.out / SHARED)
         # as 'run' has it: the command that makes these results again

@@ -7,7 +7,7 @@ from spectrabox.measure.scene.geometry import (
     marked_view,
     refined_placements,
 )
-from spectrabox.measure.scene.placements import SceneGeometry
+from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.reconstruct.scene.refinements import refinements
 from spectrabox.session.box.box_camera import box_camera
 from spectrabox.session.box.scene_files import box_views

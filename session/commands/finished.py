@@ -118,7 +118,7 @@ def draws(request: DrawsRequest) -> Answer:
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     config = read_session(request.folder, request.allow_outside)
-    drawn = stored_draws(load_finished(config).stored, request.step, request.count)
+    drawn = stored_draws(load_finished(config).records.sample, request.step, request.count)
     stale = warn_of_stale_stages(config, tell)
     write_draws(request.out, drawn)
     numbers = {name: len(values) for name, (_, values) in drawn.items()}
@@ -147,11 +147,10 @@ def rehearse(request: RehearseRequest) -> Answer:
     from spectrabox.session.progress_display import progress_display
     from spectrabox.session.rehearsal import facts
     from spectrabox.session.rehearsal import rehearse as replay
-    from spectrabox.session.stages.order import all_stages
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.store.rehearsals import rehearsal_text, save_rehearsal
     config = read_session(request.folder, request.allow_outside)
-    with only_writer(config.folder, all_stages(), "spectrabox rehearse"), \
+    with only_writer(config.folder, "spectrabox rehearse"), \
             progress_display(request.quiet) as progress:
         rehearsals = replay(config, request.times, request.seed, request.device,
                             lambda done, what: progress("rehearse", done, what))

@@ -104,10 +104,9 @@ def _run(folder: Path, quiet: bool) -> RunOutputs:
     from spectrabox.session.pipeline import run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
     from spectrabox.session.run_outputs import outputs_of_run
-    from spectrabox.session.stages.order import all_stages
     from spectrabox.session.store.locks import only_writer
     config = read_session(folder)
-    with only_writer(config.folder, all_stages(), "spectrabox flat"), \
+    with only_writer(config.folder, "spectrabox flat"), \
             progress_display(quiet) as show:
         progress = with_time_left(show)
         finished = run_stages(config, device="cpu", only=None, force=False, progress=progress)

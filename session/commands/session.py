@@ -236,12 +236,12 @@ def run_session(request: RunRequest) -> Answer:
     from spectrabox.session.pipeline import load_finished, run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
     from spectrabox.session.run_outputs import outputs_of_run
-    from spectrabox.session.stages.order import all_stages, stages_in_order, stages_of
+    from spectrabox.session.stages.order import stages_in_order, stages_of
     from spectrabox.session.store.locks import only_writer
 
     config = read_session(request.folder, request.allow_outside)
     wanted = stages_in_order(request.only, list(stages_of(config.flat)))
-    with only_writer(config.folder, all_stages(), "spectrabox run"), \
+    with only_writer(config.folder, "spectrabox run"), \
             progress_display(request.quiet) as show:
         progress = with_time_left(show)
         for stage in wanted:

@@ -1,26 +1,19 @@
 """Numbers of finished sessions to follow over months, read from their folders."""
 from __future__ import annotations
 
-import contextlib
 import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from spectrabox.measure.comparison import Quantity, SessionQuantities
-from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.radiometry.records import (
-    JointReconstruction,
-    LinearImage,
-    PatchSamples,
-    SpectrumSummary,
-)
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LightScale, LinearImage, SpectrumSummary
 from spectrabox.session.config.curve_sources import LightTable
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.order import stages_of
-from spectrabox.session.stages.stored_records import chart_of, left_out_of
+from spectrabox.session.stages.records import ChartFit, MeasuredChart, SessionRecords
 from spectrabox.session.store.store import FACTS, StoredStage, load_stage
 
 MIN_PATCH = 0.03        # of the brightest patch: darker ones are glare and noise
@@ -44,23 +37,22 @@ def session_quantities(folder: Path, allow_outside: bool = False) -> SessionQuan
     config = read_session(folder, allow_outside)
     stored = {name: stage for name in stages_of(config.flat)
               if (stage := load_stage(config.results_folder, name)) is not None
-              and not stage.damage}
+              and not stage.fault}
     if not stored:
-        raise InputError(f"{folder} has no results: run 'spectrabox run {folder}' first")
-    chart = chart_of(stored)
+        raise InputError(f"{folder} has no results of this version: run 'spectrabox run {folder}' "
+                         "first")
+    records = SessionRecords(stored)
+    chart = records.chart.charts.get("")
     quantities: dict[str, Quantity] = {}
-    camera = ""
     if chart is not None:
-        _, samples, photo = chart
-        camera = photo.camera
-        quantities |= _of_chart(samples, photo, config, stored)
-    if "reconstruct" in stored:
-        # results of another version may lack what this one asks for
-        with contextlib.suppress(SpectraboxError, KeyError):
-            quantities |= _of_scale(stored["reconstruct"], chart, config)
+        fit = records.calibrate.chart if "calibrate" in stored else None
+        quantities |= _of_chart(chart, fit, config)
+    if chart is not None and "reconstruct" in stored:
+        quantities |= _of_scale(records.reconstruct.joint.views[0].light_scale, chart, config)
     newest = max((stage.folder / FACTS).stat().st_mtime for stage in stored.values())
     finished = datetime.datetime.fromtimestamp(newest, datetime.UTC).isoformat(timespec="seconds")
-    return SessionQuantities(folder, config.session.name, camera,
+    return SessionQuantities(folder, config.session.name,
+                             "" if chart is None else chart.thumbnail.camera,
                              _light_words(config.light.spectrum), finished, quantities,
                              _spectra(config, stored))
 
@@ -97,9 +89,10 @@ def _folders(folder: Path) -> list[Path]:
         return []
 
 
-def _of_chart(samples: PatchSamples, photo: LinearImage, config: SessionConfig,
-              stored: dict[str, StoredStage]) -> dict[str, Quantity]:
+def _of_chart(chart: MeasuredChart, fit: ChartFit | None,
+              config: SessionConfig) -> dict[str, Quantity]:
     """Brightness and colour balance of the chart photo, at one exposure, and how well it fits."""
+    samples, photo = chart.samples, chart.thumbnail
     logs, variance = np.log(np.maximum(samples.mean, 1e-12)), np.diagonal(
         samples.covariance_of_mean, axis1=1, axis2=2) / np.maximum(samples.mean, 1e-12) ** 2
     bright = samples.mean.min(axis=1) > MIN_PATCH * samples.mean.max()
@@ -111,24 +104,18 @@ def _of_chart(samples: PatchSamples, photo: LinearImage, config: SessionConfig,
     for band, (value, error) in enumerate(zip(by_band - by_band.mean(), errors, strict=True)):
         found[f"band {band + 1} against the others"] = Quantity(float(value), float(error),
                                                                  repeats / 3)
-    # results of another version may lack what this one asks for
-    with contextlib.suppress(SpectraboxError, KeyError):
-        predicted = stored["calibrate"].record(np.ndarray, "predicted")
-        off = (samples.mean - predicted) / samples.mean
+    if fit is not None:
+        off = (samples.mean - fit.predicted) / samples.mean
         residual = float(np.sqrt(np.nanmean(off[bright] ** 2)))
         found[RESIDUAL] = Quantity(residual, 0.0, max(residual / 3, 0.002))
-        if (left_out := left_out_of(stored)) is not None:
-            found[LEFT_OUT] = Quantity(float(left_out.rmse.mean()), 0.0, 0.005)
+        found[LEFT_OUT] = Quantity(float(fit.left_out.rmse.mean()), 0.0, 0.005)
     return found
 
 
-def _of_scale(stage: StoredStage, chart: Any, config: SessionConfig) -> dict[str, Quantity]:
+def _of_scale(scale: LightScale, chart: MeasuredChart,
+              config: SessionConfig) -> dict[str, Quantity]:
     """The light's brightness that the scene was rendered with."""
-    joint = stage.record(JointReconstruction, "joint")
-    scale = joint.views[0].light_scale
-    if scale is None or chart is None:
-        return {}
-    exposure = _exposure(chart[2])
+    exposure = _exposure(chart.thumbnail)
     return {SCALE: Quantity(float(np.log(scale.value / exposure)),
                             float((scale.standard_error or 0.0) / scale.value),
                             config.repeatability.relative_error)}
@@ -141,15 +128,11 @@ def _exposure(photo: LinearImage) -> float:
 
 
 def _spectra(config: SessionConfig, stored: dict[str, StoredStage]) -> dict[str, SpectrumSummary]:
-    found = {}
-    for name in config.surfaces if "sample" in stored else ():
-        try:
-            summary = stored["sample"].record(SpectrumSummary, f"summary {name}")
-        except (SpectraboxError, KeyError):
-            continue
-        if summary is not None:
-            found[name] = summary
-    return found
+    if "sample" not in stored:
+        return {}
+    drawn = stored["sample"].facts["records"]["spectra"]
+    return {name: stored["sample"].read(SpectrumSummary, "spectra", name, "summary")
+            for name in config.surfaces if name in drawn}
 
 
 def _light_words(light: LightTable) -> str:

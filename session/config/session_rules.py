@@ -111,8 +111,7 @@ def _picture(config: SessionConfig) -> list[str]:
         problems.append(f"{place}.family: {wrong}")
     if not config.flat:
         return problems + _scene_picture(config)
-    if not any(not region.photos or FIRST_PHOTO in region.photos
-               for region in config.regions.values()):
+    if not config.regions_in(config.all_views[0]):
         problems.append(f"{FILE_NAME}: [picture] shows the photo of [photos], in which no region "
                         "lies; outline one there")
     return problems

@@ -386,8 +386,8 @@ class ViewInputs:
     def all_lights(self) -> tuple[LightTable, ...]:
         return (self.light, *self.lights_by_id.values())
 
-    def record(self, kind: str) -> str:
-        """The name under which a stage stores what it makes of this view."""
+    def label(self, kind: str) -> str:
+        """The name of a picture of this view among a stage's results."""
         return f"{kind} {self.name}" if self.name else kind
 
 
@@ -456,6 +456,11 @@ class SessionConfig(SessionTables):
     def views_with_chart(self) -> tuple[ViewInputs, ...]:
         """Views that have a chart photo under their light."""
         return tuple(view for view in self.all_views if view.chart)
+
+    def regions_in(self, view: ViewInputs) -> dict[str, RegionSection]:
+        """The regions that the photo of a view shows."""
+        return {name: region for name, region in self.regions.items()
+                if not region.photos or (view.name or FIRST_PHOTO) in region.photos}
 
     @property
     def results_folder(self) -> Path:

@@ -1,8 +1,6 @@
 """The stage that makes a picture of spectra of a flat sample."""
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from spectrabox.measure.pictures.crop import Crop, crop_of, crop_photo, node_grid
@@ -13,21 +11,21 @@ from spectrabox.measure.white import white_at_regions
 from spectrabox.radiometry.error_model import drift_covariance, glare_signal
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
-from spectrabox.session.flat.signals_stage import flat_errors, flat_photos, known_spectra
 from spectrabox.session.pictures.picture_files import write_picture
 from spectrabox.session.stages.inputs import GRID
+from spectrabox.session.stages.records import PictureRecords
+from spectrabox.session.stages.signals_stage import flat_errors, flat_photos, known_spectra
 from spectrabox.session.stages.stage_task import StageTask
 
 COLUMNS = 24                # of the nodes at which white and its errors are computed
 
 
-def picture_of_spectra(task: StageTask) -> dict[str, Any]:
+def picture_of_spectra(task: StageTask) -> PictureRecords:
     """Spectra of every pixel of the first photo, or of a part of it.
 
-    Returns
-    -------
-    dict
-        As of ``write_picture``, and "notes".
+    Parameters
+    ----------
+    task : StageTask
 
     Raises
     ------
@@ -42,15 +40,16 @@ def picture_of_spectra(task: StageTask) -> dict[str, Any]:
     crop = crop_of(photo, section.rect)
     prior = of_families(load_prior(), section.families)
     errors = pixel_errors(task, crop, prior)
-    return {"notes": ()} | write_picture(LitPhoto(crop_photo(photo, crop), errors), section,
-                                         task.folder, lambda share: task.progress(share, ""))
+    return write_picture(LitPhoto(crop_photo(photo, crop), errors), section, task.folder,
+                         lambda share: task.progress(share, ""))
 
 
 def pixel_errors(task: StageTask, crop: Crop, prior: LogitMixture) -> PixelErrors:
     """White and errors over a rectangle of the first photo, which shows a region."""
-    photo, errors = flat_photos(task)[0], flat_errors(task)
+    config, records = task.config, task.records
+    photo, errors = flat_photos(config, records)[0], flat_errors(config, records)
     nodes_px, between = node_grid(crop, COLUMNS)
-    white = white_at_regions(photo, known_spectra(task.config), errors, nodes_px)
+    white = white_at_regions(photo, known_spectra(config), errors, nodes_px)
     assert white is not None
     response, bands, count = photo.response, white.glare.size, len(nodes_px)
     first = len(white.samples.names) - count        # the nodes stand after the regions

@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
 from spectrabox.session.config.session_schema import PictureSection
 from spectrabox.session.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
 from spectrabox.session.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
+from spectrabox.session.stages.records import PictureRecords
 
 PIXELS_A_POINT = 500        # a point of the table takes as long as how many pixels looked up
 
@@ -28,7 +28,7 @@ PIXELS_A_POINT = 500        # a point of the table takes as long as how many pix
 def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
                   progress: Callable[[float], None],
                   also: Callable[[int, int, PhotoSpectra], None] = lambda first, last, spectra: None
-                  ) -> dict[str, Any]:
+                  ) -> PictureRecords:
     """Write the spectra of all pixels and maps of them.
 
     Parameters
@@ -39,13 +39,6 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
     progress : function of the share that is done
     also : function of (first row, last row, spectra), optional
         Takes the spectra of some rows, from the top to the bottom.
-
-    Returns
-    -------
-    dict
-        The "files" in the folder; "titles" and "previews", reduced pictures, of the maps; the
-        "shares" of pixels without a spectrum, beyond white, and unlike what the prior knows; those
-        of each reason for having none as "unseen"; the "mean spread"; the "size" of the picture.
     """
     layout = layout_of(section)
     height, width, _ = photo.size
@@ -81,12 +74,11 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
     for each in maps:
         write_png(folder / f"preview-{each.file}", reduced_picture(reduced, each))
     total = height * width
-    return {"files": (*layout.files(), *(each.file for each in maps)),
-            "titles": tuple(each.title for each in maps),
-            "shares": np.array([total - reasons[SEEN], *counts[:2]]) / total,
-            "unseen": reasons / total,
-            "mean spread": counts[2:] / max(reasons[SEEN], 1), "size": np.array([width, height]),
-            "previews": tuple(f"preview-{each.file}" for each in maps)}
+    masked, beyond, novel = (np.array([total - reasons[SEEN], *counts[:2]]) / total).tolist()
+    return PictureRecords(
+        (*layout.files(), *(each.file for each in maps)), tuple(each.title for each in maps),
+        tuple(f"preview-{each.file}" for each in maps), (width, height), masked, beyond, novel,
+        reasons / total, float(counts[2] / max(reasons[SEEN], 1)))
 
 
 def layout_of(section: PictureSection) -> PictureLayout:

@@ -1,18 +1,13 @@
 """The spectra of every pixel as report and command line show them."""
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
 from spectrabox.session.config.session_schema import SessionConfig
-
-if TYPE_CHECKING:
-    from spectrabox.session.store.store import StoredStage
+from spectrabox.session.stages.records import PictureRecords
 
 
 @dataclass(frozen=True)
@@ -43,22 +38,18 @@ class PictureOfSpectra:
                 if code != SEEN and share > 0]
 
 
-def picture_of(config: SessionConfig,
-               stored: Mapping[str, StoredStage]) -> PictureOfSpectra | None:
+def picture_of(config: SessionConfig, picture: PictureRecords | None) -> PictureOfSpectra | None:
     """The picture of a finished session; None where it asks for none."""
-    if "picture" not in stored:
+    if picture is None:
         return None
-    stage, words = stored["picture"], tuple[str, ...]
-    masked, beyond, novel = stage.record(np.ndarray, "shares").tolist()
-    width, height = stage.record(np.ndarray, "size").tolist()
     folder = config.results_folder / "picture"
-    names = [(folder / file).relative_to(config.folder).as_posix()
-             for file in stage.record(words, "files")]
-    previews = [folder / file for file in stage.record(words, "previews")]
+    names = [(folder / file).relative_to(config.folder).as_posix() for file in picture.files]
+    previews = [folder / file for file in picture.previews]
+    width, height = picture.size_px
     return PictureOfSpectra(
-        tuple(names), tuple(zip(stage.record(words, "titles"), previews, strict=True)),
-        (width, height), masked, tuple(stage.record(np.ndarray, "unseen").tolist()), beyond, novel,
-        float(stage.record(np.ndarray, "mean spread")[0]), stage.record(words, "notes"))
+        tuple(names), tuple(zip(picture.titles, previews, strict=True)), (width, height),
+        picture.masked, tuple(picture.flag_shares.tolist()), picture.beyond_white, picture.novel,
+        picture.standard_deviation, picture.notes)
 
 
 def picture_facts(picture: PictureOfSpectra) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
@@ -19,23 +18,21 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.pictures.picture_files import layout_of, write_picture
 from spectrabox.session.pictures.texture_files import write_textures
-from spectrabox.session.stages.reconstruct_stage import drift_of, glare_error, views_of
+from spectrabox.session.stages.reconstruct_stage import glare_error, views_of
+from spectrabox.session.stages.records import PictureRecords
 from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.stages.stored_records import calibrations_of, joint_of
 
 TRACED, LIT = 0.4, 0.6      # shares of the time
 TRACE = ".picture-trace.npz"    # in the results, while a trace goes on and where it was stopped
 NEAR_EDGE = 3               # pixels: within as many across, only one surface may lie
 
 
-def picture_of_scene(task: StageTask) -> dict[str, Any]:
+def picture_of_scene(task: StageTask) -> PictureRecords:
     """Spectra of every pixel of the first photo of a scene, or of a part of it.
 
-    Returns
-    -------
-    dict
-        As of ``write_picture``, and "notes"; the largest relative change of the light in each of
-        the "rounds" in which light and spectra converged.
+    Parameters
+    ----------
+    task : StageTask
 
     Raises
     ------
@@ -54,22 +51,21 @@ def picture_of_scene(task: StageTask) -> dict[str, Any]:
     written = write_picture(light.photo, section, task.folder,
                             lambda share: task.progress(LIT + (1 - LIT) * share, ""),
                             sums.add)
-    files = (*written["files"],
-             *write_textures(sums.textures(), layout_of(section), task.folder))
-    return written | {"notes": (light.sentence, *sums.notes), "files": files,
-                      "rounds": np.array(light.changes)}
+    textures = write_textures(sums.textures(), layout_of(section), task.folder)
+    return replace(written, files=(*written.files, *textures), rounds=np.array(light.changes),
+                   notes=(light.sentence, *sums.notes))
 
 
 def traced_photo(task: StageTask) -> TracedPhoto:
     """The first photo in full, as the renderer's pinhole sees it, with the light on it traced."""
-    config, stored, section = task.config, task.stored, task.config.picture
+    config, records, section = task.config, task.records, task.config.picture
     assert section is not None
     task.progress(0.0, f"reading {config.all_views[0].photo_files[0]}")
     photo, _ = task.photos.developed(config, config.all_views[0].photo)
     if config.camera.lens is not None:
         photo = undistorted(photo, read_lens(config.path(config.camera.lens)))
-    drift = drift_of(config, stored)
-    view = replace(views_of(config, stored, drift)[0], photo=photo)
+    drift = records.reconstruct.drift
+    view = replace(views_of(config, records, drift)[0], photo=photo)
     crop = crop_of(photo, section.rect)
     task.progress(0.02, "tracing light")
     direct = config.reconstruct.engine == "single-bounce"
@@ -82,10 +78,10 @@ def traced_photo(task: StageTask) -> TracedPhoto:
                                                                    "tracing light"),
                                checkpoint=config.results_folder / TRACE)
     edges = maximum_filter(view.surface, NEAR_EDGE) != minimum_filter(view.surface, NEAR_EDGE)
-    joint, settings = joint_of(stored), config.reconstruct
+    joint, settings = records.reconstruct.joint, config.reconstruct
     return TracedPhoto(
         view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
-        calibrations_of(config, stored)[0], drift,
-        glare_error(config, stored) * joint.views[0].measured.mean(axis=(0, 1)),
+        records.calibrations(config)[0], drift,
+        glare_error(config, records) * joint.views[0].measured.mean(axis=(0, 1)),
         config.stray_light.ambient,
         float(np.hypot(settings.surface_error, settings.brightness_error)), config.session.seed)

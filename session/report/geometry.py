@@ -9,7 +9,7 @@ from markupsafe import Markup
 from matplotlib import image as raster
 from matplotlib.collections import LineCollection
 
-from spectrabox.measure.scene.placements import MarkedView, SceneGeometry
+from spectrabox.radiometry.placements import MarkedView, SceneGeometry
 from spectrabox.session.report.svg import figure, inline_svg, plain_line
 
 WIDTH_IN = 4.7

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.scene.placements import SceneGeometry
+from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import PatchSamples, SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.calibration_facts import left_out_facts, light_facts

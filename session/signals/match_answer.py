@@ -15,7 +15,6 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.json_values import to_json
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.spectral_library import read_spectral_libraries
-from spectrabox.session.stages.stored_records import signals_of
 
 SHOWN, NAMED = 10, 3    # rows of a table, and sentences on spectra left out
 
@@ -34,7 +33,7 @@ def match_answer(request: MatchRequest) -> tuple[dict[str, Any], str]:
         raise InputError(f"an evidence ratio of {request.ratio:g} was given; a number "
                          "above 1 is needed, such as 100")
     config = read_session(request.folder, request.allow_outside)
-    signals = signals_of(load_finished(config).stored)
+    signals = load_finished(config).records.signals
     unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]
     for name in request.surface:
         if name not in unknown:

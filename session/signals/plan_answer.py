@@ -27,7 +27,6 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import numbers, optional_numbers, response_of_names
-from spectrabox.session.stages.stored_records import calibrations_of, samples_of, signals_of
 
 COMMON = ("D65", "A", "LED-B1", "LED-B5", "LED-RGB1", "LED-V1", "FL11")
 
@@ -84,13 +83,13 @@ def _plan_session(request: PlanRequest) -> tuple[dict[str, Any], str]:
     assert request.folder is not None
     second = read_lamps_at_hand(request.lamps, request.filters)
     config = read_session(request.folder, request.allow_outside)
-    stored = load_finished(config).stored
-    signals = signals_of(stored)
-    curves, present = curves_and_light(calibrations_of(config, stored)[0])
+    records = load_finished(config).records
+    signals = records.signals
+    curves, present = curves_and_light(records.calibrations(config)[0])
     rankings: dict[str, list[PlannedStep]] = {}
     for index, name in enumerate(signals.names):
         if not signals.known[index]:
-            draws = samples_of(stored, name)[0]
+            draws = records.sample.spectra[name].samples
             rankings[name] = rank_second_photos(draws.spectra, draws.grid,
                                                 measurement(signals, index), curves, present,
                                                 second)

@@ -1,9 +1,12 @@
-"""The stage that fits one camera to all chart photos, and a light with its scale to every view."""
+"""The stage that fits one camera to all chart photos, and a light with its scale to every view.
+
+Where the session says how light and chart stood, the irradiance of the chart is rendered; elsewhere
+the fit estimates a smooth field over the chart, and there is no light scale.
+"""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -15,182 +18,200 @@ from spectrabox.calibrate.chart_calibration import (
     calibration_from_curves,
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.calibrate.prior.plain_priors import prior_of_curves
+from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
-from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.chart_check import held_out_patches, shadow_depths
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.records import (
     Calibration,
+    ChartWhite,
     LightScale,
-    PatchSamples,
-    Progress,
-    Spectrum,
+    LinearImage,
     UnknownLight,
 )
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.stages.chart_stage import light_on_chart
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     GRID,
     excluded_patches,
     read_chart_reference,
+    read_known_light,
     read_light,
     read_sensitivities,
 )
+from spectrabox.session.stages.records import CalibrationRecords, ChartFit, MeasuredChart
 from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.stages.stored_records import chart_of
-from spectrabox.session.store.store import StoredStage
+
+MAX_NAMED = 6           # patches in a note
 
 
-def calibrate_views(task: StageTask) -> dict[str, Any]:
+def calibrate_views(task: StageTask) -> CalibrationRecords:
     """Patch statistics and lights to one camera, and to the light and its scale of every view.
 
     With the method ``prior`` the charts under all lights are one fit; other methods fit the camera
-    to the first. Where a light is unknown, every chart has a fit of its own.
+    to the first.
 
-    Returns
-    -------
-    dict
-        The "calibration" of every view, and of the first chart the "irradiance" (I,), the
-        "predicted" signals (I, K), its "white" (ChartWhite, by methods that fit one), what is the
-        "prior"'s (PriorInfluence) and its patches "left out" (HeldOutPatches); None where there is
-        no chart.
+    Parameters
+    ----------
+    task : StageTask
     """
-    config = task.config
-    lights = [read_light(config, view.light) for view in config.all_views]
-    charts = [chart_of(task.stored, view) for view in config.all_views]
-    shown = {number: chart[1] for number, chart in enumerate(charts) if chart is not None}
-    irradiance = _irradiance(config, task.device, task.progress) if shown else None
+    config, charts = task.config, task.records.chart.charts
+    irradiance = _irradiance(task) if charts else None
     task.progress(0.6, "fitting sensitivities")
     curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
-    first = _first_chart(config, shown, lights, irradiance, curves) if 0 in shown else None
-    if first is not None:
-        camera = first.calibration
-    else:
-        assert curves is not None
-        camera = calibration_from_curves(GRID, curves, _stated(lights[0]),
-                                         config.sensitivity.relative_error)
-    on_patches = None
-    if first is not None:   # pi where the scene does not say: a reflectance of 1 has signal 1
-        on_patches = np.full(len(first.predicted), np.pi) if irradiance is None else irradiance
-    records: dict[str, Any] = {"calibration": camera, "irradiance": on_patches,
-               "predicted": None if first is None else first.predicted,
-               "white": None if first is None else first.white,
-               "prior": None if first is None else first.prior_influence}
-    records |= _other_calibrations(config, shown, lights, irradiance, curves, first, camera)
-    records["glare"] = np.zeros(1) if first is None or charts[0] is None else certain_glare(
-        first.prior_fit, charts[0][2])
-    if irradiance is not None:
-        _widen_by_lamp_position(config, records)
-    records["notes"] = () if irradiance is None else _uneven_notes(config, task.stored, irradiance)
-    records["left out"] = None if first is None else held_out_patches(
-        first, read_chart_reference(config))
-    return records
-
-
-def _other_calibrations(config: SessionConfig, shown: Mapping[int, PatchSamples],
-                        lights: Sequence[Spectrum | UnknownLight], irradiance: np.ndarray | None,
-                        curves: np.ndarray | None, first: ChartCalibration | None,
-                        camera: Calibration) -> dict[str, Any]:
-    """Of every view but the first."""
-    records, vague = {}, any(isinstance(light, UnknownLight) for light in lights)
-    for number, view in enumerate(config.all_views[1:], start=1):
-        if number in shown and vague:
-            own = calibrate_chart([_chart_photo(config, number, shown, lights, irradiance)], GRID,
-                                  _options(config, curves))
-            records[view.record("calibration")] = own.calibration
-            continue
-        if number in shown:
-            scale = _scale_under(config, number, shown, _stated(lights[number]), irradiance, first,
-                                 camera.sensitivity.curves)
+    options = _options(config, curves)
+    several = options.method == "prior" and options.curves is None
+    photos = {view.name: _chart_photo(config, view, charts[view.name], irradiance)
+              for view in config.views_with_chart}
+    calibrations: dict[str, Calibration] = {}
+    whites: dict[str, ChartWhite] = {}
+    chart, notes = None, _uneven_notes(config, charts, irradiance)
+    for first, *others in _one_fit_each(config):
+        fitted = [view.name for view in (first, *others) if view.chart and (several
+                                                                            or view == first)]
+        fit = None
+        if first.chart:
+            fit = calibrate_chart([photos[name] for name in fitted], GRID, options)
+            camera = fit.calibration
+            notes += _shadow_notes(config, first, fit) if config.flat else ()
+            if fit.prior_fit is not None:
+                whites |= {name: state.white for name, state
+                           in zip(fitted, fit.prior_fit.photos, strict=True)}
+            if not first.name:
+                chart = _chart_fit(config, fit, photos[""], charts[""].thumbnail)
         else:
-            scale = camera.light_scale if view.light == config.all_views[0].light else None
-        light = camera.light if vague else _stated(lights[number])
-        records[view.record("calibration")] = dataclasses.replace(camera, light=light,
-                                                                  light_scale=scale)
-    return records
+            assert curves is not None       # session_rules asks for a chart photo otherwise
+            camera = calibration_from_curves(GRID, curves, read_known_light(config, first.light),
+                                             config.sensitivity.relative_error)
+        calibrations[first.name] = camera
+        for view in others:
+            scale = camera.light_scale if view.light == first.light else None
+            if view.chart:
+                scale = _own_scale(photos[view.name], camera, None if fit is None
+                                   else fit.prior_fit, fitted.index(view.name) if several else 0)
+            light = read_light(config, view.light)
+            calibrations[view.name] = dataclasses.replace(
+                camera, light_scale=scale,
+                light=camera.light if isinstance(light, UnknownLight) else light)
+    if irradiance is not None:
+        calibrations = _with_lamp_error(config, calibrations)
+    return CalibrationRecords(calibrations, whites, chart, notes)
 
 
-def _widen_by_lamp_position(config: SessionConfig, records: dict[str, Any]) -> None:
-    """Add to every light scale from a chart what the lamp's position in the chart scene leaves
-    open.
+def _one_fit_each(config: SessionConfig) -> list[list[ViewInputs]]:
+    """Views whose charts are one fit: all, or where a light is unknown those of flat samples under
+    each light, and each chart of a scene with the views that have none.
     """
-    scene = read_chart_scene(config)
-    assert scene is not None
-    chart = session_chart(config)
-    error = lamp_position_error(scene, chart.centres_uv, chart.sizes_uv,
-                                config.repeatability.lamp_position, config.session.seed)
-    for view in config.all_views:
-        calibration = records[view.record("calibration")]
-        if calibration.light_scale is not None:
-            records[view.record("calibration")] = dataclasses.replace(
-                calibration, light_scale=with_common_error(calibration.light_scale, LAMP_AT_CHART,
-                                                           error))
-
-
-def _uneven_notes(config: SessionConfig, stored: Mapping[str, StoredStage],
-                  irradiance: np.ndarray) -> tuple[str, ...]:
-    """Chart photos whose light changes by more than lamp and chart in their places explain."""
-    return tuple(f"{view.chart_files[0]} should be shot again: {reason}"
-                 for view in config.views_with_chart
-                 for reason in uneven_light_reasons(light_on_chart(stored, view), irradiance))
-
-
-def _irradiance(config: SessionConfig, device: str, progress: Progress) -> np.ndarray | None:
-    """On each patch for a light spectrum of 1; None where the geometry is not known."""
-    scene = read_chart_scene(config)
-    if scene is None:
-        return None
-    progress(0.2, "irradiance on the chart")
-    start_mitsuba(device)
-    chart = session_chart(config)
-    return patch_irradiance(scene, chart.centres_uv, chart.sizes_uv, config.session.seed)
-
-
-def _stated(light: Spectrum | UnknownLight) -> Spectrum:
-    assert isinstance(light, Spectrum)      # session_rules refuses what would need it
-    return light
-
-
-def _first_chart(config: SessionConfig, shown: Mapping[int, PatchSamples],
-                 lights: Sequence[Spectrum | UnknownLight], irradiance: np.ndarray | None,
-                 curves: np.ndarray | None) -> ChartCalibration:
-    """The first view's chart, together with those under other lights where the method takes
-    several and all are known.
-    """
-    known = not any(isinstance(light, UnknownLight) for light in lights)
-    several = curves is None and config.sensitivity.method in (None, "prior") and known
-    photos = [_chart_photo(config, number, shown, lights, irradiance) for number in shown
-              if several or number == 0]
-    return calibrate_chart(photos, GRID, _options(config, curves))
-
-
-def _chart_photo(config: SessionConfig, number: int, shown: Mapping[int, PatchSamples],
-                 lights: Sequence[Spectrum | UnknownLight],
-                 irradiance: np.ndarray | None) -> ChartPhoto:
-    return ChartPhoto(shown[number], read_chart_reference(config), lights[number], irradiance,
-                      excluded_patches(config), chart=session_chart(config))
+    views = list(config.all_views)
+    if all(view.light.stated for view in views):
+        return [views]
+    if config.flat:
+        return [[view for view in views if view.light == light]
+                for light in dict.fromkeys(view.light for view in views)]
+    first = [view for view in views if not view.name or not view.chart]
+    return [first, *([view] for view in views[1:] if view.chart)]
 
 
 def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOptions:
+    """Options of every fit.
+
+    Parameters
+    ----------
+    curves : (K, P) array or None
+        Measured sensitivities; those of a camera before flat samples are the middle of a prior,
+        since only a fit gives the field over the chart.
+    """
     chosen = config.sensitivity
     prior = None if chosen.prior is None else load_camera_prior(config.path(chosen.prior))
+    if config.flat and curves is not None:
+        prior, curves = prior_of_curves(GRID, curves, chosen.relative_error), None
     return CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients, curves)
 
 
-def _scale_under(config: SessionConfig, number: int, shown: Mapping[int, PatchSamples],
-                 light: Spectrum, irradiance: np.ndarray | None, first: ChartCalibration | None,
-                 curves: np.ndarray) -> LightScale | None:
-    """Scale of the light of one view from its own chart photo; None where the geometry is not
-    known.
+def _chart_photo(config: SessionConfig, view: ViewInputs, chart: MeasuredChart,
+                 irradiance: np.ndarray | None) -> ChartPhoto:
+    return ChartPhoto(chart.samples, read_chart_reference(config), read_light(config, view.light),
+                      irradiance, excluded_patches(config), session_chart(config))
+
+
+def _chart_fit(config: SessionConfig, fit: ChartCalibration, photo: ChartPhoto,
+               thumbnail: LinearImage) -> ChartFit:
+    """How the fit explains the first chart photo."""
+    irradiance, patch_error = photo.irradiance_or_pi, None
+    if fit.prior_fit is not None:
+        patch_error = np.array(fit.prior_fit.patch_error)
+        if config.flat:
+            irradiance = np.full(len(fit.predicted), np.nan)    # not known of excluded patches
+            irradiance[photo.used] = fit.prior_fit.photos[0].field
+    return ChartFit(fit.predicted, irradiance, certain_glare(fit.prior_fit, thumbnail), patch_error,
+                    fit.prior_influence, held_out_patches(fit, photo.reflectances))
+
+
+def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,
+               index: int) -> LightScale | None:
+    """Scale of the light of a further view from its own chart photo; None where the irradiance of
+    the chart is not known.
+
+    Parameters
+    ----------
+    index : int
+        Of the photo in the prior's fit.
     """
-    if irradiance is None:
+    if photo.irradiance is None:
         return None
-    if first is not None and first.prior_fit is not None:
-        return first.prior_fit.photos[list(shown).index(number)].light_scale
-    photo = ChartPhoto(shown[number], read_chart_reference(config), light, irradiance,
-                       chart=session_chart(config))
-    return calibrate_chart([photo], GRID, CalibrationOptions(curves=curves)).scale
+    if prior_fit is not None:
+        return prior_fit.photos[index].light_scale
+    options = CalibrationOptions(curves=camera.sensitivity.curves)
+    return calibrate_chart([photo], GRID, options).scale
+
+
+def _irradiance(task: StageTask) -> np.ndarray | None:
+    """On each patch for a light spectrum of 1; None where the geometry is not known."""
+    scene = read_chart_scene(task.config)
+    if scene is None:
+        return None
+    task.progress(0.2, "irradiance on the chart")
+    start_mitsuba(task.device)
+    chart = session_chart(task.config)
+    return patch_irradiance(scene, chart.centres_uv, chart.sizes_uv, task.config.session.seed)
+
+
+def _with_lamp_error(config: SessionConfig,
+                     calibrations: Mapping[str, Calibration]) -> dict[str, Calibration]:
+    """With what the lamp's position in the chart scene leaves open in every light scale from a
+    chart.
+    """
+    scene, chart = read_chart_scene(config), session_chart(config)
+    assert scene is not None
+    error = lamp_position_error(scene, chart.centres_uv, chart.sizes_uv,
+                                config.repeatability.lamp_position, config.session.seed)
+    return {name: calibration if calibration.light_scale is None else dataclasses.replace(
+                calibration,
+                light_scale=with_common_error(calibration.light_scale, LAMP_AT_CHART, error))
+            for name, calibration in calibrations.items()}
+
+
+def _uneven_notes(config: SessionConfig, charts: Mapping[str, MeasuredChart],
+                  irradiance: np.ndarray | None) -> tuple[str, ...]:
+    """Chart photos whose light changes by more than lamp and chart in their places explain."""
+    return () if irradiance is None else tuple(
+        f"{view.chart_files[0]} should be shot again: {reason}" for view in config.views_with_chart
+        for reason in uneven_light_reasons(charts[view.name].light, irradiance))
+
+
+def _shadow_notes(config: SessionConfig, view: ViewInputs,
+                  fit: ChartCalibration) -> tuple[str, ...]:
+    """Patches that are darker in all bands alike than the rest of the chart makes them."""
+    shade, names = shadow_depths(fit), session_chart(config).names
+    if not shade.any():
+        return ()
+    return (f"{view.chart_files[0]}: "
+            f"{', '.join(names[patch] for patch in np.flatnonzero(shade)[:MAX_NAMED])} read up to "
+            f"{shade.max():.0%} darker in all bands than the rest of the chart makes them: a "
+            "shadow lies across it, or they are soiled; photograph it again without, or leave "
+            "them out (chart.leave_out)",)

@@ -3,9 +3,10 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from spectrabox.radiometry.shaped import Record
     from spectrabox.session.stages.stage_task import StageTask
 
 
@@ -17,46 +18,38 @@ class Stage:
     function: str
     rooms: tuple[str, ...]      # whose code and models its records depend on
 
-    def run(self, task: StageTask) -> dict[str, Any]:
-        """Records of the stage by name, the same to the last bit on any number of cores."""
+    def run(self, task: StageTask) -> Record:
+        """The stage's record, the same to the last bit on any number of cores."""
         from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
         function = getattr(importlib.import_module(self.module), self.function)
         # BLAS splits its sums by the cores; SciPy's own, where it is loaded later, asks `main`
         with threadpool_limits(1, user_api="blas"):
-            records: dict[str, Any] = function(task)
-        return records
+            record: Record = function(task)
+        return record
 
 
-ROOM, FLAT_ROOM = "spectrabox.session.stages", "spectrabox.session.flat"
-PICTURE_ROOM = "spectrabox.session.pictures"
+ROOM, PICTURE_ROOM = "spectrabox.session.stages", "spectrabox.session.pictures"
 # An edit in one of these rooms makes the results of a stage stale.
 CHART_ROOMS = ("radiometry", "capture", "reconstruct", "session/stages")
-PHOTO_ROOMS = (*CHART_ROOMS, "calibrate", "measure", "session/box", "session/flat")
+PHOTO_ROOMS = (*CHART_ROOMS, "calibrate", "measure", "session/box")
 FIT_ROOMS = (*PHOTO_ROOMS, "sampling")
 PICTURE_ROOMS = (*FIT_ROOMS, "session/pictures")
-STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_ROOMS),
-          "photo": Stage(f"{ROOM}.photo_stage", "bin_object_photos", PHOTO_ROOMS),
-          "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views", FIT_ROOMS),
-          "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos", FIT_ROOMS),
-          "sample": Stage(f"{ROOM}.sample_stage", "draw_surfaces", FIT_ROOMS)}
+FIRST = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_ROOMS),
+         "photo": Stage(f"{ROOM}.photo_stage", "measure_photos", PHOTO_ROOMS),
+         "calibrate": Stage(f"{ROOM}.calibrate_stage", "calibrate_views", FIT_ROOMS)}
+SAMPLE = {"sample": Stage(f"{ROOM}.sample_stage", "draw_surfaces", FIT_ROOMS)}
+STAGES = {**FIRST, "reconstruct": Stage(f"{ROOM}.reconstruct_stage", "invert_photos", FIT_ROOMS),
+          **SAMPLE}
 # where the session asks for one
 SCENE_PICTURE = {"picture": Stage(f"{PICTURE_ROOM}.scene_stage", "picture_of_scene", PICTURE_ROOMS)}
-FLAT_STAGES = {"chart": Stage(f"{ROOM}.chart_stage", "find_and_sample_charts", CHART_ROOMS),
-               "photo": Stage(f"{FLAT_ROOM}.region_stage", "measure_regions", PHOTO_ROOMS),
-               "calibrate": Stage(f"{FLAT_ROOM}.calibrate_stage", "calibrate_photos", FIT_ROOMS),
-               "signals": Stage(f"{FLAT_ROOM}.signals_stage", "find_signals", FIT_ROOMS),
-               "sample": Stage(f"{ROOM}.sample_stage", "draw_surfaces", FIT_ROOMS),
+FLAT_STAGES = {**FIRST, "signals": Stage(f"{ROOM}.signals_stage", "find_signals", FIT_ROOMS),
+               **SAMPLE,
                "picture": Stage(f"{PICTURE_ROOM}.flat_stage", "picture_of_spectra", PICTURE_ROOMS)}
 
 
 def stages_of(flat: bool) -> dict[str, Stage]:
     """The stages of a session of flat samples, or of a scene."""
     return FLAT_STAGES if flat else STAGES | SCENE_PICTURE
-
-
-def all_stages() -> tuple[str, ...]:
-    """Names of the stages of any session, each once."""
-    return tuple(STAGES | FLAT_STAGES)
 
 
 def stages_in_order(only: str | None, order: list[str]) -> list[str | None]:

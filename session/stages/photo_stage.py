@@ -1,53 +1,87 @@
-"""The stage that decodes object photos, to the render's size."""
+"""The stage that decodes object photos: to the render's size, or to the signals of regions."""
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from spectrabox.calibrate.geometry.projection import undistorted
-from spectrabox.capture.photo.binning import bin_image, render_size
+from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import signal_rgb8
-from spectrabox.capture.photo.regions import region_signals
+from spectrabox.capture.photo.regions import region_signals, sample_regions
+from spectrabox.radiometry.records import LinearImage, RegionSamples
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.box.box_camera import lens_of_view
-from spectrabox.session.stages.inputs import read_photo, require_exposed
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
+from spectrabox.session.stages.inputs import require_exposed
+from spectrabox.session.stages.records import PhotoRecords
 from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
 
+PREVIEW_WIDTH = 800          # pixels of the picture of flat samples in the report, at most
+THUMBNAIL_WIDTH = 96         # of what is kept of them as numbers: exposure, clipping, mean signal
+UNEVEN = 0.05                # scatter of pixels beyond noise, relative, above which to say so
 
-def bin_object_photos(task: StageTask) -> dict[str, Any]:
-    """Object photos to linear signal at the render's size.
 
-    Returns
-    -------
-    dict
-        "notes", and the "photo" of every view; of the first also the signals of the "references"
-        where the session names some.
+def measure_photos(task: StageTask) -> PhotoRecords:
+    """Object photos to linear signal: of a scene at the render's size, of flat samples by region.
+
+    Parameters
+    ----------
+    task : StageTask
 
     Raises
     ------
     ClippedPhotoError
-        If most of a photo is saturated.
+        If most of a photo of a scene, or a region of flat samples, is saturated.
     InputError
-        If its shape is not that of its scene.
+        If a photo's shape is not that of its scene, or a region leaves its photo.
     """
     config = task.config
-    records: dict[str, Any] = {"notes": ()}
+    photos: dict[str, LinearImage] = {}
+    regions: dict[str, RegionSamples] = {}
+    notes: tuple[str, ...] = ()
+    references = None
     for index, view in enumerate(config.all_views):
-        name = view.photo_files[0]
-        task.progress((index + 0.1) / len(config.all_views), f"decoding {name}")
-        photo, notes = read_photo(config, view.photo)
-        require_exposed(photo, name)
+        task.progress((index + 0.1) / len(config.all_views), f"reading {view.photo_files[0]}")
+        photo, own_notes = task.photos.developed(config, view.photo)
+        notes += own_notes
         if config.drift.object_px and not view.name:
-            records["references"] = region_signals(photo, np.array(config.drift.object_px))
-        if (lens := lens_of_view(config, view)) is not None:
-            photo = undistorted(photo, lens)
-        require_same_shape(photo, read_session_scene(config, view), name)
-        height, width = photo.signal.shape[:2]
-        size = render_size(width, height, config.reconstruct.width)
-        write_png(task.folder / f"{view.record('preview')}.png", signal_rgb8(photo.signal))
-        records[view.record("photo")] = bin_image(photo, *size)
-        records["notes"] += notes
-    return records
+            references = region_signals(photo, np.array(config.drift.object_px))
+        if config.flat:
+            if (samples := _regions(config, view, photo)) is not None:
+                regions[view.name] = samples
+                notes += _uneven_notes(samples)
+            photos[view.name] = thumbnail(photo, THUMBNAIL_WIDTH)
+            preview = signal_rgb8(photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH))
+        else:
+            photo = _as_rendered(config, view, photo)
+            height, width = photo.signal.shape[:2]
+            photos[view.name] = bin_image(photo, *render_size(width, height,
+                                                              config.reconstruct.width))
+            preview = signal_rgb8(photo.signal)
+        write_png(task.folder / f"{view.label('preview')}.png", preview)
+    return PhotoRecords(photos, regions, references, notes)
+
+
+def _as_rendered(config: SessionConfig, view: ViewInputs, photo: LinearImage) -> LinearImage:
+    """The photo as a pinhole takes it, of the shape of its scene."""
+    name = view.photo_files[0]
+    require_exposed(photo, name)
+    if (lens := lens_of_view(config, view)) is not None:
+        photo = undistorted(photo, lens)
+    require_same_shape(photo, read_session_scene(config, view), name)
+    return photo
+
+
+def _regions(config: SessionConfig, view: ViewInputs, photo: LinearImage) -> RegionSamples | None:
+    """The regions that the photo shows; None where it shows none."""
+    shown = {name: section.outline() for name, section in config.regions_in(view).items()}
+    return sample_regions(photo, shown) if shown else None
+
+
+def _uneven_notes(samples: RegionSamples) -> tuple[str, ...]:
+    return tuple(
+        f"region {name!r} is uneven: its pixels scatter by {scatter:.0%} beyond noise and even "
+        "light, and its spectrum is the mean of what lies in it; outline a smaller part for one "
+        "paint" for name, scatter in zip(samples.names, samples.scatter.max(axis=1), strict=True)
+        if scatter > UNEVEN)

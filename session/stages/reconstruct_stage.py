@@ -1,8 +1,7 @@
 """The stage that finds spectra: photos, scenes and calibrations to one reconstruction."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from spectrabox.measure.scene.reconstruction import learnt_spectra
 from spectrabox.measure.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import drift_between, scale_after_drift, scale_for_photo
+from spectrabox.radiometry.light_scale import scale_after_drift, scale_for_photo
 from spectrabox.radiometry.records import (
     Calibration,
     LightDrift,
@@ -34,58 +33,52 @@ from spectrabox.session.stages.inputs import (
     read_known_light,
     read_reflectance,
 )
+from spectrabox.session.stages.records import ReconstructionRecords, SessionRecords
 from spectrabox.session.stages.scenes import read_session_scene, require_materials
 from spectrabox.session.stages.stage_task import StageTask
-from spectrabox.session.stages.stored_records import (
-    calibrations_of,
-    chart_glare_of,
-    chart_of,
-    photo_of,
-    reference_signals,
-)
-from spectrabox.session.store.store import StoredStage
 
 FIRST_VIEW = "photo"
 TRACE = ".trace.npz"      # in the results, while a trace goes on and where it was stopped
 
 
-def invert_photos(task: StageTask) -> dict[str, Any]:
+def invert_photos(task: StageTask) -> ReconstructionRecords:
     """Photos, scenes and calibrations to spectra.
 
     A drift of the light between the first view's chart and photo corrects its scale and widens its
     errors. A trace that was stopped goes on from its checkpoint among the results.
 
-    Returns
-    -------
-    dict
-        "joint", a JointReconstruction, the "signals" of its materials, the "drift" of the light, a
-        LightDrift or None, and the "geometry" that was estimated, a SceneGeometry.
+    Parameters
+    ----------
+    task : StageTask
     """
-    config, stored = task.config, task.stored
+    config, records = task.config, task.records
     start_mitsuba(task.device)
-    drift = drift_of(config, stored)
-    views = views_of(config, stored, drift)
+    drift = records.drift(config)
+    views = views_of(config, records, drift)
     _require_picture(config, views)
     joint = reconstruct_views(views, settings_of(config), task.progress,
                               config.results_folder / TRACE)
-    joint = with_photo_errors(joint, drift, glare_error(config, stored),
+    joint = with_photo_errors(joint, drift, glare_error(config, records),
                               config.stray_light.ambient)
-    return {"drift": drift, "joint": joint, "geometry": scene_geometry(config),
-            "signals": scene_signals(joint, calibrations_of(config, stored))}
+    return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(config)), drift,
+                                 scene_geometry(config))
 
 
-def glare_error(config: SessionConfig, stored: Mapping[str, StoredStage]) -> np.ndarray:
-    """Standard error (K,) of veiling glare, of the mean signal of an object photo."""
-    return np.hypot(config.stray_light.glare, chart_glare_of(stored))
+def glare_error(config: SessionConfig, records: SessionRecords) -> np.ndarray:
+    """Standard error (K,) of veiling glare, of the mean signal of an object photo; (1,) for all
+    bands where no chart photo was used.
+    """
+    chart = records.calibrate.chart
+    return np.hypot(config.stray_light.glare, np.zeros(1) if chart is None else chart.glare)
 
 
-def require_invertible(config: SessionConfig, stored: Mapping[str, StoredStage],
-                       device: str) -> int | None:
+def require_invertible(config: SessionConfig, records: SessionRecords, device: str) -> int | None:
     """Refuse a session that the stage would refuse, before more than a first, short trace.
 
     Parameters
     ----------
-    stored : of the stages before
+    records : SessionRecords
+        Of the stages before.
     device : {"auto", "cpu", "cuda"}
 
     Returns
@@ -98,7 +91,7 @@ def require_invertible(config: SessionConfig, stored: Mapping[str, StoredStage],
     InputError
     """
     start_mitsuba(device)
-    views = views_of(config, stored, drift_of(config, stored))
+    views = views_of(config, records, records.drift(config))
     _require_picture(config, views)
     settings, _ = settings_for(views, settings_of(config))
     if config.sampling.through == "transport":
@@ -118,7 +111,7 @@ def _require_picture(config: SessionConfig, views: Sequence[View]) -> None:
                          "them diffuse and expect their highlights to be masked")
 
 
-def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
+def views_of(config: SessionConfig, records: SessionRecords,
              drift: LightDrift | None) -> list[View]:
     """Every photo with all that explains it.
 
@@ -132,14 +125,13 @@ def views_of(config: SessionConfig, stored: Mapping[str, StoredStage],
     InputError
         If scene and session do not name the same materials, or an input cannot be read.
     """
-    photos = [photo_of(stored, view) for view in config.all_views]
-    bands = band_names(config, photos[0].signal.shape[2])
+    photos = records.photo.photos
+    bands = band_names(config, photos[""].signal.shape[2])
     views: list[View] = []
-    for inputs, photo, calibration in zip(config.all_views, photos,
-                                          calibrations_of(config, stored), strict=True):
-        scene = read_session_scene(config, inputs)
+    for inputs, calibration in zip(config.all_views, records.calibrations(config), strict=True):
+        scene, photo = read_session_scene(config, inputs), photos[inputs.name]
         drifted = drift if not inputs.name else None
-        scale = scale_of_view(config, inputs, photo, calibration, stored, drifted)
+        scale = scale_of_view(config, inputs, photo, calibration, records, drifted)
         lights = {light: read_known_light(config, spectrum)
                   for light, spectrum in inputs.lights_by_id.items()}
         views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands,
@@ -174,18 +166,6 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
     return tuple(specs)
 
 
-def drift_of(config: SessionConfig, stored: Mapping[str, StoredStage]) -> LightDrift | None:
-    """Change of the light between the first chart photo and object photo, where both show
-    references.
-    """
-    if not config.drift.chart_px:
-        return None
-    chart = chart_of(stored)
-    assert chart is not None
-    return drift_between(chart[2], reference_signals(stored["chart"]), photo_of(stored),
-                         reference_signals(stored["photo"]), config.drift.relative_error)
-
-
 def view_of_chart(config: SessionConfig, view: ViewInputs) -> ViewInputs | None:
     """The view whose chart photo sets a view's light scale: its own, else the first where the light
     is the same.
@@ -195,19 +175,29 @@ def view_of_chart(config: SessionConfig, view: ViewInputs) -> ViewInputs | None:
 
 
 def scale_of_view(config: SessionConfig, view: ViewInputs, photo: LinearImage,
-              calibration: Calibration, stored: Mapping[str, StoredStage],
-              drift: LightDrift | None) -> LightScale | None:
+                  calibration: Calibration, records: SessionRecords,
+                  drift: LightDrift | None) -> LightScale | None:
     """Light scale of a photo from the chart under its light, corrected by the drift between them;
     None leaves it to the materials.
+
+    Parameters
+    ----------
+    photo : LinearImage
+        Of the view.
+    calibration : Calibration
+        Of the view.
+    records : SessionRecords
+    drift : LightDrift or None
+        Of the light between chart and photo.
     """
     with_chart = view_of_chart(config, view)
-    chart = None if with_chart is None else chart_of(stored, with_chart)
-    if chart is None or calibration.light_scale is None or config.scale.source != "chart":
+    chart = None if with_chart is None else records.chart.charts.get(with_chart.name)
+    if with_chart is None or chart is None or calibration.light_scale is None \
+            or config.scale.source != "chart":
         return None
-    scale = scale_for_photo(calibration.light_scale, chart[2], photo, drift is not None)
+    scale = scale_for_photo(calibration.light_scale, chart.thumbnail, photo, drift is not None)
     if drift is not None:
         return scale_after_drift(scale, drift)
-    assert with_chart is not None
     if with_chart.chart_files == view.photo_files:
         return scale
     return with_common_error(scale, REPEATABILITY, config.repeatability.relative_error)

@@ -1,14 +1,13 @@
 """What a stage is given to work on."""
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from spectrabox.radiometry.records import Progress
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.inputs import OpenPhotos
-from spectrabox.session.store.store import StoredStage
+from spectrabox.session.stages.records import SessionRecords
 
 
 @dataclass(frozen=True)
@@ -17,7 +16,7 @@ class StageTask:
 
     config: SessionConfig
     device: str                       # "auto", "cpu" or "cuda": where Mitsuba renders
-    stored: Mapping[str, StoredStage]  # results of the stages before
+    records: SessionRecords           # results of the stages before
     folder: Path                      # an empty folder that takes the stage's pictures
     progress: Progress
     photos: OpenPhotos = field(default_factory=OpenPhotos)  # of the run, shared by its stages

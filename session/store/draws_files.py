@@ -4,7 +4,6 @@ each surface, draw and wavelength (.csv, .parquet).
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,8 @@ import numpy as np
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.system.words import cell
-from spectrabox.session.stages.stored_records import samples_of
-from spectrabox.session.store.store import StoredStage
+from spectrabox.session.stages.records import SampleRecords
 
-SAMPLES = "samples "        # begins the names of the stored draws
 FORMS = {".npz": "wavelengths and one array of draws a surface",
          ".csv": "a row for each surface, draw and wavelength",
          ".parquet": "the same as a Parquet table"}
@@ -25,13 +22,13 @@ NM_ROUNDING = 1e-6
 MAX_ROWS = 50_000_000       # of a long form
 
 
-def stored_draws(stored: Mapping[str, StoredStage], step_nm: int,
+def stored_draws(records: SampleRecords, step_nm: int,
                  draws: int | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Wavelengths (P,) and draws (n, P) of every surface whose spectrum was not given.
 
     Parameters
     ----------
-    stored : dict
+    records : SampleRecords
         Of a finished session.
     step_nm : int
         Between wavelengths: those that are whole steps from the first are kept.
@@ -43,16 +40,13 @@ def stored_draws(stored: Mapping[str, StoredStage], step_nm: int,
     InputError
         If there are none.
     """
-    names = [name.removeprefix(SAMPLES) for name in stored["sample"].facts["records"]
-             if name.startswith(SAMPLES)]
-    if not names:
+    if not records.spectra:
         raise InputError("every spectrum of this session was given; there are no draws to write")
-    records = {name: samples_of(stored, name)[0] for name in names}
     draws_of = {}
-    for name, record in records.items():
-        nm = record.grid.nm
+    for name, spectrum in records.spectra.items():
+        nm = spectrum.samples.grid.nm
         kept = np.abs(np.remainder(nm - nm[0] + step_nm / 2, step_nm) - step_nm / 2) < NM_ROUNDING
-        draws_of[name] = nm[kept], record.spectra[:draws, kept]
+        draws_of[name] = nm[kept], spectrum.samples.spectra[:draws, kept]
     return draws_of
 
 

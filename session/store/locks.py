@@ -11,6 +11,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writable
+from spectrabox.session.stages.order import FLAT_STAGES, SCENE_PICTURE, STAGES
 from spectrabox.session.store.store import sweep_stage
 
 try:
@@ -23,15 +24,13 @@ USERS = {"batch": ".batch.lock", "uplift": ".picture.lock"}     # in their outpu
 
 
 @contextlib.contextmanager
-def only_writer(folder: Path, stages: tuple[str, ...], command: str) -> Iterator[None]:
+def only_writer(folder: Path, command: str) -> Iterator[None]:
     """Be the only run of a session, and begin with what a killed one left swept away.
 
     Parameters
     ----------
     folder : Path
         The session.
-    stages : tuple of str
-        Names of all that have results.
     command : str
         Of this process, for those that find the session taken.
 
@@ -45,7 +44,7 @@ def only_writer(folder: Path, stages: tuple[str, ...], command: str) -> Iterator
     for name in ("results", "spdx"):
         require_no_link(folder / name)
     with held_lock(results / RUN, wait=False, command=command):
-        for stage in stages:
+        for stage in STAGES | FLAT_STAGES | SCENE_PICTURE:
             sweep_stage(results, stage)
         for inside in (folder, folder / "spdx", results):
             sweep_unfinished(inside)

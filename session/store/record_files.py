@@ -19,20 +19,31 @@ from spectrabox.radiometry.shaped import Record, array_fields
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
 
+class StoredByName(dict[str, Any]):
+    """Records by the names of photos or surfaces, as an earlier session.toml may have had them."""
+
+    def __missing__(self, name: str) -> Any:
+        raise InputError("the stored results are of other photos or surfaces than session.toml "
+                         f"names, and hold nothing of {name!r}: 'spectrabox run' makes them again")
+
+
 def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
     """JSON-able form of a record; its arrays are put into ``arrays`` under dotted names.
 
     Parameters
     ----------
-    value : record, array, enumeration, tuple, or what JSON holds
+    value : record, array, enumeration, tuple or dictionary of these, or what JSON holds
     name : str
-        Of the value; parts of a record add theirs after a dot.
+        Of the value, empty of the whole; parts of a record add theirs after a dot.
     arrays : dict
         Takes the arrays; the only argument that is changed.
     """
     if isinstance(value, Record):
-        return {f.name: pack(getattr(value, f.name), f"{name}.{f.name}", arrays)
-                for f in dataclasses.fields(value)}  # type: ignore[arg-type]
+        value = {f.name: getattr(value, f.name)
+                 for f in dataclasses.fields(value)}  # type: ignore[arg-type]
+    if isinstance(value, dict):
+        return {key: pack(item, f"{name}.{key}" if name else key, arrays)
+                for key, item in value.items()}
     if isinstance(value, np.ndarray):
         arrays[name] = value
         return {"array": name}
@@ -58,6 +69,9 @@ def unpack(kind: Any, node: Any, arrays: Mapping[str, np.ndarray]) -> Any:
         return None
     if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
         kind = next(option for option in typing.get_args(kind) if option is not types.NoneType)
+    if typing.get_origin(kind) is dict:
+        return StoredByName({key: unpack(typing.get_args(kind)[1], item, arrays)
+                             for key, item in node.items()})
     if isinstance(node, dict) and set(node) == {"array"}:
         return arrays[node["array"]]
     if isinstance(kind, type) and issubclass(kind, Record):

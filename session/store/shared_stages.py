@@ -44,7 +44,7 @@ def shared_stage(shared: Path | None, stage: str,
     require_no_link(shared)
     with held_lock(shared / f".{shared_name(stage, key)}.lock"):
         stored = load_stage(shared, shared_name(stage, key))
-        yield stored if stored is not None and not stored.damage and stored.key == key else None
+        yield stored if stored is not None and not stored.fault and stored.key == key else None
 
 
 def share_stage(shared: Path | None, stage: str, stored: StoredStage) -> None:

@@ -13,12 +13,15 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_no_link, sha256_of, sync, writable
+from spectrabox.session.store.record_files import opened_arrays, pack, save_arrays, unpack
 
 FACTS, ARRAYS, SUMS = "facts.json", "arrays.npz", "SHA256SUMS"
+FORMAT = 2      # of the stored records; a stage of another is made again
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -37,18 +40,36 @@ class StoredStage:
     def seconds(self) -> float:
         return float(self.facts["seconds"])
 
-    def record(self, kind: Any, name: str) -> Any:
-        """A record of the stage by name, or None where it was stored as None.
+    @property
+    def fault(self) -> str | None:
+        """Why its results cannot be used, to end a sentence on them; None where they can."""
+        if self.damage is not None:
+            return f"are damaged ({self.damage})"
+        return None if self.facts.get("format") == FORMAT \
+            else "are of another version of spectrabox"
+
+    def read(self, kind: type[T], *path: str) -> T:
+        """The stage's record, or a part of it.
+
+        Parameters
+        ----------
+        kind : type
+            Of the result.
+        path : str
+            Names that lead to the part.
 
         Raises
         ------
         InputError
             If the stored files are damaged.
         """
-        from spectrabox.session.store.record_files import opened_arrays, unpack
         try:
+            node = self.facts["records"]
+            for name in path:
+                node = node[name]
             with opened_arrays(self.folder / ARRAYS) as arrays:
-                return unpack(kind, self.facts["records"][name], arrays)
+                record: T = unpack(kind, node, arrays)
+                return record
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the stored results of stage {self.folder.name} are damaged "
                              f"({error!r}); 'spectrabox run' makes them again") from None
@@ -136,7 +157,7 @@ def _seal(folder: Path) -> None:
     sync(folder)
 
 
-def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], seconds: float,
+def save_stage(folder: Path, key: dict[str, Any], records: Any, seconds: float,
                more: dict[str, Any]) -> None:
     """Write a stage's records and facts into its (temporary) folder.
 
@@ -146,15 +167,14 @@ def save_stage(folder: Path, key: dict[str, Any], records: dict[str, Any], secon
         From ``stage_folder``.
     key : dict
         What the results are made from, as JSON gives it back.
-    records : dict
-        Records, arrays, tuples of words and None, by name.
+    records : record or dict
+        As ``record_files.pack`` takes it.
     more : dict
         Further facts to keep beside them.
     """
-    from spectrabox.session.store.record_files import pack, save_arrays
     arrays: dict[str, Any] = {}
-    packed = {name: pack(record, name, arrays) for name, record in records.items()}
-    facts = {"key": key, "seconds": round(seconds, 3), **more, "records": packed}
+    facts = {"format": FORMAT, "key": key, "seconds": round(seconds, 3), **more,
+             "records": pack(records, "", arrays)}
     with writable(folder.parent):
         save_arrays(folder / ARRAYS, arrays)
         (folder / FACTS).write_text(json.dumps(facts, indent=1, sort_keys=True), encoding="utf-8")

@@ -35,7 +35,7 @@ from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
-from spectrabox.capture.photo.binning import bin_image
+from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.measure.flat import flat_signals
@@ -219,9 +219,9 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         calibration = calibrated.calibration if isinstance(stated, UnknownLight) else replace(
             calibrated.calibration, light=stated)
         own_chart = with_chart is opened
-        thumbnail = _thumbnail(opened.image, THUMBNAIL_PX)
-        shown = FlatPhoto("photo", samples, thumbnail,
-                          _thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
+        small = thumbnail(opened.image, THUMBNAIL_PX)
+        shown = FlatPhoto("photo", samples, small,
+                          thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
                           detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
                           calibration)
         errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, seed=seed)
@@ -241,7 +241,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                          chart, held_out_patches(calibrated, reflectances),
                          calibrated.prior_influence)
     return FlatSpectra([_estimate(signals, index, spectra, named) for index in range(len(regions))],
-                       signals, white, thumbnail, result,
+                       signals, white, small, result,
                        replace(calibrated, calibration=calibration), spectra,
                        (*opened.notes, *far_notes(white), *level_notes(white)))
 
@@ -275,8 +275,3 @@ def _outline(region: Outline) -> list[tuple[float, float]]:
         x0, y0, x1, y1 = points.tolist()
         return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
     return [(x, y) for x, y in points.tolist()]
-
-
-def _thumbnail(photo: LinearImage, width_px: int) -> LinearImage:
-    height, width = photo.signal.shape[:2]
-    return bin_image(photo, width_px, max(round(width_px * height / width), 1))

@@ -19,8 +19,6 @@ from spectrabox.session.pipeline import FinishedRun, load_finished, run_stages
 from spectrabox.session.report.verdict import judge
 from spectrabox.session.results import SessionResults
 from spectrabox.session.run_outputs import outputs_of_run
-from spectrabox.session.stages.order import all_stages
-from spectrabox.session.stages.stored_records import joint_of, signals_of, spectrum_of
 from spectrabox.session.store.locks import only_writer
 
 
@@ -93,7 +91,7 @@ class Session(Mapping[str, SpectrumEstimate]):
             With the sentences of ``spectrabox run``.
         """
         self.config = read_session(self.folder, self._allow_outside)
-        with only_writer(self.config.folder, all_stages(), "Session.run"), \
+        with only_writer(self.config.folder, "Session.run"), \
                 progress_steps(progress, "session") as step:
             def show(stage: str, share: float, message: str) -> None:
                 step(share, f"{stage} {message}")
@@ -134,16 +132,16 @@ class Session(Mapping[str, SpectrumEstimate]):
         return load_finished(self.config)
 
     def __getitem__(self, name: str) -> SpectrumEstimate:
-        stored = self._finished.stored
-        signals = signals_of(stored)
+        records = self._finished.records
+        signals = records.signals
         if name not in signals.names:
             raise KeyError(f"there is no surface {name!r}; there are {', '.join(signals.names)}")
         index = signals.names.index(name)
         if signals.known[index]:
             return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
-        spectrum, fitted = spectrum_of(stored, name), None
+        spectrum, fitted = records.sample.spectra[name], None
         if not self.config.flat:
-            joint = joint_of(stored)
+            joint = records.reconstruct.joint
             fitted = np.interp(spectrum.summary.grid.nm, joint.grid.nm,
                                joint.spectra[joint.materials.index(name)])
         prior = of_families(load_prior(), self.config.surfaces[name].families) \

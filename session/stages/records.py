@@ -1,0 +1,208 @@
+"""What each stage of a session makes: one record a stage, which is stored and read as a whole."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.light_scale import drift_between
+from spectrabox.radiometry.placements import SceneGeometry
+from spectrabox.radiometry.records import (
+    Calibration,
+    ChartDetection,
+    ChartWhite,
+    HeldOutPatches,
+    JointReconstruction,
+    LightDrift,
+    LinearImage,
+    PatchSamples,
+    PriorInfluence,
+    RegionSamples,
+    SurfaceSignals,
+    SurfaceSpectrum,
+)
+from spectrabox.radiometry.shaped import Record
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.store.store import StoredStage
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredChart(Record):
+    """The chart in one photo."""
+
+    detection: ChartDetection
+    samples: PatchSamples
+    thumbnail: LinearImage                      # of the photo, for its exposure and source
+    light: Annotated[np.ndarray, "I"]           # on the patches, as it changes evenly over them
+
+
+@dataclass(frozen=True, eq=False)
+class ChartRecords(Record):
+    """What the stage "chart" makes."""
+
+    charts: dict[str, MeasuredChart]            # by view
+    references: Annotated[np.ndarray, "Q K"] | None     # signals in the first chart photo
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoRecords(Record):
+    """What the stage "photo" makes."""
+
+    photos: dict[str, LinearImage]              # by view, at the render's size or thumbnails
+    regions: dict[str, RegionSamples]           # of flat samples, by view, where some are shown
+    references: Annotated[np.ndarray, "Q K"] | None     # signals in the first photo
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ChartFit(Record):
+    """How the calibration explains the first chart photo."""
+
+    predicted: Annotated[np.ndarray, "I K"]     # signals
+    irradiance: Annotated[np.ndarray, "I"]      # NaN on patches of which it is not known
+    glare: Annotated[np.ndarray, "J"]           # certain veiling glare, of the mean signal; K or 1
+    patch_error: Annotated[np.ndarray, "2"] | None      # a PatchError; None without a prior's fit
+    prior: PriorInfluence | None                # None of curves that no prior was used for
+    left_out: HeldOutPatches                    # each patch by a calibration without it
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationRecords(Record):
+    """What the stage "calibrate" makes."""
+
+    calibrations: dict[str, Calibration]        # by view, every one
+    whites: dict[str, ChartWhite]               # by view with a chart, where a prior was fitted
+    chart: ChartFit | None                      # None where the first view has no chart
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ReconstructionRecords(Record):
+    """What the stage "reconstruct" makes of a scene."""
+
+    joint: JointReconstruction
+    signals: SurfaceSignals
+    drift: LightDrift | None                    # of the light between the first chart and photo
+    geometry: SceneGeometry                     # that was estimated
+
+
+@dataclass(frozen=True, eq=False)
+class RegionLight(Record):
+    """The light on the regions of one photo of flat samples."""
+
+    level: Annotated[np.ndarray, "R"]           # relative to the chart's mean
+    error: Annotated[np.ndarray, "R"]           # relative
+    level_misfits: Annotated[np.ndarray, "M"]   # of known regions, in standard errors
+    over_photo: Annotated[np.ndarray, "2 H W"]  # level and error
+
+
+@dataclass(frozen=True, eq=False)
+class SignalRecords(Record):
+    """What the stage "signals" makes of flat samples."""
+
+    signals: SurfaceSignals
+    light: dict[str, RegionLight]               # by view, where it shows regions
+    drift: LightDrift | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SampleRecords(Record):
+    """What the stage "sample" makes."""
+
+    spectra: dict[str, SurfaceSpectrum]         # by surface, those that are not known
+
+
+@dataclass(frozen=True, eq=False)
+class PictureRecords(Record):
+    """What the stage "picture" makes beside its files; shares are of the pixels."""
+
+    files: tuple[str, ...]                      # names in the stage's folder
+    titles: tuple[str, ...]                     # of the maps
+    previews: tuple[str, ...]                   # reduced PNGs of the maps
+    size_px: tuple[int, ...]                    # width and height
+    masked: float                               # without a spectrum
+    beyond_white: float                         # brighter than white for certain
+    novel: float                                # that the prior does not explain
+    flag_shares: Annotated[np.ndarray, "F"]     # by measure.pictures.pixel_flags
+    standard_deviation: float                   # mean over wavelengths and pixels
+    # largest relative change of the light in each round in which light and spectra converged
+    rounds: Annotated[np.ndarray, "I"] | None = None
+    notes: tuple[str, ...] = ()
+
+
+class SessionRecords:
+    """What the stages of a session have stored, each read from disk once, when it is asked for.
+
+    Parameters
+    ----------
+    stages : mapping
+        Stored stages by name; more may come while a session runs.
+    """
+
+    def __init__(self, stages: Mapping[str, StoredStage]) -> None:
+        self._stages = stages
+
+    @cached_property
+    def chart(self) -> ChartRecords:
+        """Without charts where the session needs none."""
+        if "chart" not in self._stages:
+            return ChartRecords({}, None, ())
+        return self._stages["chart"].read(ChartRecords)
+
+    @cached_property
+    def photo(self) -> PhotoRecords:
+        return self._stages["photo"].read(PhotoRecords)
+
+    @cached_property
+    def calibrate(self) -> CalibrationRecords:
+        return self._stages["calibrate"].read(CalibrationRecords)
+
+    @cached_property
+    def reconstruct(self) -> ReconstructionRecords:
+        """Of a scene."""
+        return self._stages["reconstruct"].read(ReconstructionRecords)
+
+    @cached_property
+    def flat(self) -> SignalRecords:
+        """Of flat samples."""
+        return self._stages["signals"].read(SignalRecords)
+
+    @cached_property
+    def sample(self) -> SampleRecords:
+        return self._stages["sample"].read(SampleRecords)
+
+    @cached_property
+    def picture(self) -> PictureRecords | None:
+        """None where the session asks for no picture."""
+        return self._stages["picture"].read(PictureRecords) if "picture" in self._stages else None
+
+    @property
+    def signals(self) -> SurfaceSignals:
+        """Of all surfaces, with their errors."""
+        return self.flat.signals if "signals" in self._stages else self.reconstruct.signals
+
+    @property
+    def notes(self) -> list[str]:
+        """What the stages noted, each note once."""
+        of_signals = self.flat.notes if "signals" in self._stages else ()
+        return [*dict.fromkeys((*self.chart.notes, *self.photo.notes, *self.calibrate.notes,
+                                *of_signals))]
+
+    def drift(self, config: SessionConfig) -> LightDrift | None:
+        """Change of the light between the first chart photo and object photo, where both show
+        references.
+        """
+        references = self.chart.references, self.photo.references
+        if references[0] is None or references[1] is None:
+            return None
+        return drift_between(self.chart.charts[""].thumbnail, references[0], self.photo.photos[""],
+                             references[1], config.drift.relative_error)
+
+    def calibrations(self, config: SessionConfig) -> list[Calibration]:
+        """The calibration of every view, in their order."""
+        return [self.calibrate.calibrations[view.name] for view in config.all_views]
