@@ -26,7 +26,7 @@ from spectrabox.calibrate.products.lamps import (
     daylights,
     lamps_like,
 )
-from spectrabox.calibrate.products.light_posterior import light_posterior
+from spectrabox.calibrate.products.light_posterior import EVIDENCE_POWER, light_posterior
 from spectrabox.calibrate.products.product_fit import _prior_share, fit_products
 from spectrabox.calibrate.products.product_posterior import (
     ERRORS,
@@ -218,8 +218,12 @@ def test_kinds_of_lamps_are_as_probable_as_all_their_components_together(found):
     logs = before(posterior)[:, None] + np.array(
         [dense(photo, posterior, h, np.arange(72))[2] for h in posterior.hypotheses])
     mass = np.exp(logs - logs.max()).sum(axis=0)
-    expected = np.bincount(posterior.prior.lamps.kind[posterior.prior.lamp], mass,
-                           minlength=len(LIGHT_KINDS)) / mass.sum()
+    after, prior = (np.bincount(posterior.prior.lamps.kind[posterior.prior.lamp], each,
+                                minlength=len(LIGHT_KINDS))
+                    for each in (mass, posterior.prior.weights))
+    # evidence of a kind counts by a power below 1: after = prior x evidence
+    expected = prior * (after / np.where(prior > 0, prior, 1))**EVIDENCE_POWER
+    expected /= expected.sum()
     np.testing.assert_allclose(light_posterior(posterior, GRID).probabilities, expected, atol=1e-6)
     # the test can tell: hypotheses differ in what they say of the kinds
     own = [h.weights @ (posterior.prior.lamps.kind[posterior.prior.lamp] == 1)

@@ -2,7 +2,9 @@
 
 Published are the illuminants and light sources of colour-science. By formula come
 
-    daylight     CIE daylights of 4000 to 12000 K [CIE 15:2004, Eqs. 3.3, 3.4], blackbodies above
+    daylight     CIE daylights of 4000 to 12000 K [CIE 15:2004, Eqs. 3.3, 3.4], blackbodies above,
+                 and daylights of 5000 to 20000 K through more air (a low sun: Angstrom's law),
+                 and by glass and surroundings off the CIE locus
     halogen      blackbodies of 2300 to 3700 K, bare and through tinted glass
     led          a blue or violet pump with one or two phosphors, three to five narrow bands, and
                  a phosphor lamp with an added red or cyan diode
@@ -41,7 +43,7 @@ LED_WORDS = ("LED", "PHOS", "Luxeon")
 DARK_SHARE = 0.05           # of the largest value
 MIN_BRIGHT = 0.45           # of the wavelengths above it, to take colours by
 SEED = 20                   # of the formulas' parameters
-DAYLIGHTS, HOT_BODIES, FILAMENTS, TINTED = 30, 10, 20, 20
+DAYLIGHTS, HOT_BODIES, SKIES, FILAMENTS, TINTED = 30, 10, 60, 20, 20
 PHOSPHORS, HYBRIDS, NARROW, BLENDS = 120, 40, 60, 80
 CCT_MIRED_SD = 12.0         # of a stated temperature: labels are nominal
 SECOND_RADIATION = 1.4388e7         # nm K
@@ -88,7 +90,8 @@ def all_lamps() -> Lamps:
     first, second = (tubes[rng.integers(len(tubes), size=BLENDS)] for _ in range(2))
     share = rng.uniform(0, 1, BLENDS)[:, None]
     computed = {"daylight": np.vstack([daylights(np.linspace(4000, 12000, DAYLIGHTS)),
-                                       blackbodies(np.linspace(4000, 7500, HOT_BODIES))]),
+                                       blackbodies(np.linspace(4000, 7500, HOT_BODIES)),
+                                       _skies(np.random.default_rng([SEED, 1]))]),
                 "halogen": np.vstack([blackbodies(np.linspace(2300, 3700, FILAMENTS)), tinted]),
                 "led": leds,
                 "fluorescent": share * first + (1 - share) * second}
@@ -181,6 +184,17 @@ def _published() -> list[tuple[str, str, np.ndarray]]:
 def _bump(peak: np.ndarray, sd: np.ndarray) -> np.ndarray:
     """Gaussians (n, P)."""
     return np.asarray(np.exp(-0.5 * ((GRID.nm - peak[:, None]) / sd[:, None]) ** 2))
+
+
+def _skies(rng: np.random.Generator) -> np.ndarray:
+    """Daylights through more air, by its optical depth at 550 nm, and tinted by what stands near:
+    a straight line and a bow in wavelength, on the logarithm.
+    """
+    depth, power = rng.exponential(0.25, SKIES)[:, None], rng.uniform(1.0, 4.0, SKIES)[:, None]
+    along = (GRID.nm - 550) / 150
+    slope, bow = 0.08 * rng.standard_normal((2, SKIES, 1))
+    return daylights(1e6 / rng.uniform(50, 200, SKIES)) * np.exp(
+        -depth * (550 / GRID.nm) ** power + slope * along + bow * along**2)
 
 
 def _phosphor_leds(rng: np.random.Generator, count: int = PHOSPHORS) -> np.ndarray:

@@ -22,7 +22,7 @@ from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.shaped import Record
 
 CAMERAS = 400               # draws of the camera prior
-COMPONENTS = 6000
+COMPONENTS = 6600
 LEAST_CURVE = 1e-4          # of the largest: below it a drawn curve is round-off of its floor
 
 
