@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.prior.camera_database import read_camera_database
-from spectrabox.calibrate.prior.camera_prior import save_prior
+from spectrabox.calibrate.prior.camera_prior import save_camera_prior
 from spectrabox.fixtures.flat_sample import (
     box,
     chart_corners,
@@ -224,7 +224,7 @@ def _known(folder: Path, kind: str, curves: np.ndarray, light: np.ndarray, datab
            makers: np.ndarray, camera: int) -> str:
     if kind == "unknown":
         left_out = np.asarray(makers) == np.asarray(makers)[camera]
-        save_prior(folder / "spectra" / "prior.npz", prior_without(database, left_out))
+        save_camera_prior(folder / "spectra" / "prior.npz", prior_without(database, left_out))
         return ('[light]\nspectrum = "unknown"\n[sensitivity]\nprior = "spectra/prior.npz"\n')
     tables = {"light": {"value": light}, "camera": dict(zip("RGB", curves, strict=True))}
     for name, columns in tables.items():

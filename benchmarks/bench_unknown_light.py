@@ -57,15 +57,20 @@ class Case:
 
 
 def simulated(curves: np.ndarray, lamp: np.ndarray, surfaces: np.ndarray,
-              rng: np.random.Generator) -> Case:
-    """A photo by curves (K, P) under a lamp (P,)."""
+              rng: np.random.Generator, own: float = NOISE, common: float = 0.0) -> Case:
+    """A photo by curves (K, P) under a lamp (P,); patches are off by ``own`` in each band, and by
+    ``common`` in all.
+    """
     product = curves * lamp * GRID.weights_nm
     level = product.sum(axis=1) / product.sum(axis=1).max()
     products = product / product.sum(axis=1, keepdims=True)
     reflectances = chart_reflectances("BabelColor Average", GRID)
     field = np.exp(field_terms(CLASSIC.centres_uv) @ (rng.standard_normal(5) * FIELD_SD))
     signal = reflectances @ products.T * level * field[:, None]
-    signal = signal * (1 + NOISE * rng.standard_normal(signal.shape)) + rng.uniform(0, MAX_GLARE)
+    off = own * rng.standard_normal(signal.shape)
+    if common:
+        off = off + common * rng.standard_normal((24, 1))
+    signal = signal * (1 + off) + rng.uniform(0, MAX_GLARE)
     zero = np.zeros(signal.shape)
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), zero, zero)
     photo = chart_equations(samples, reflectances, np.ones_like(GRID.nm), np.full(24, np.pi), GRID,

@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
+from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.photo_checks import light_power, refuse_disagreement
@@ -316,6 +317,13 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         if fit.disagrees:
             refuse_disagreement("no camera under any lamp explains the chart photo", used[0].signal,
                                 fit.held_out[0], fit.chi_square, None)
+    for number in range(len(used)):
+        drift = colour_drift(fit.posterior, used, number)
+        if drift is not None and drift.two_lights:
+            doubts = (*dict.fromkeys((*doubts, CalibrationDoubt.TWO_LIGHTS)),)
+            notes = (*notes, f"{f'photo {number + 1}: ' * (len(used) > 1)}the colour of the light "
+                     f"drifts by {drift.size:.1%} over the chart (probability by chance "
+                     f"{drift.chance:.0e})")
     without = in_chart_order(fit.without, first.used)
     held_out = without.predicted(first.reflectances)
     predicted = held_out.copy()     # excluded patches: what the fit without them predicts

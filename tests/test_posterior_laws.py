@@ -171,7 +171,7 @@ def a_posterior(rng, apart, spread, exposure):
     step = apart * np.array([1.0, -0.5, 0.3, 0.5, -0.2, 0.4, 0.0])
     means = np.array([np.r_[centre, 0.1] - 0.4 * step, np.r_[centre, 0.1] + 0.6 * step])
     return CurvePosterior(basis, np.array([0.6, 0.4]), means, np.array(covariances), np.ones(1),
-                          0.01, 0.0, 0, 0.05, 0.01)
+                          0.01, 0.0, 0, 0.05, 0.01, 1.0)
 
 
 def states_of(made, rng, count):

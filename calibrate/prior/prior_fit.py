@@ -73,6 +73,7 @@ class CurvePosterior(Record):
     best_family: int                                # of the component that weighs most
     best_gain_sd: float
     best_error: PatchError
+    widening: float                                 # factor in the standard errors of the best
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,4 +398,5 @@ def _mixture(candidates: list[Candidate], noises: dict[PatchError, np.ndarray], 
     covariances = np.array([covariance for _, covariance in solved]) * widening[:, None, None] ** 2
     return CurvePosterior(basis, weights[kept] / weights[kept].sum(),
                           np.array([mean for mean, _ in solved]), covariances, by_family, error,
-                          log_evidence, best.family, best.gain_sd, best.error)
+                          log_evidence, best.family, best.gain_sd, best.error,
+                          float(prior.widening[prior.level[best.family]]))

@@ -113,7 +113,7 @@ def _as_curves(posterior: ProductPosterior, photos: list[ChartEquations],
     best = posterior.hypotheses[int(np.argmax(shares))]
     error = mean_error(shares, [hypothesis.error for hypothesis in posterior.hypotheses])
     return CurvePosterior(basis, shares, np.array(means), np.array(covariances), shares, error,
-                          posterior.log_evidence, 0, best.gain_sd, best.error)
+                          posterior.log_evidence, 0, best.gain_sd, best.error, WIDENING)
 
 
 def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,

@@ -36,7 +36,8 @@ LEFT_OUT_SHORT = 0.03
 LIGHT_LIMITS = (0.05, 0.15)           # relative error of the light on a region of a flat sample
 DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured cameras",
           CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
-          CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file"}
+          CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file",
+          CalibrationDoubt.TWO_LIGHTS: "Colour of the light over the chart"}
 MAX_NAMED = 3                         # surfaces that the verdict names
 # of sessions with a picture, whose surfaces may have as many spectra as pixels
 PATTERNS = ("One spectrum for each material does not fit every surface. It cannot fit those with "
@@ -229,17 +230,22 @@ def _misfits(made: Reconstruction, where: str) -> Criterion:
 
 
 def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
-    """Whether the calibration was made with doubts, each a criterion of its own; none under an
-    unknown light, whose products with a camera nothing is known to contradict.
+    """Whether the calibration was made with doubts, each a criterion of its own.
+
+    Nothing is known to contradict products of an unknown light with a camera, and where the light
+    on each patch is given no drift over the chart is looked for.
     """
-    if evidence.calibration.light_posterior is not None:
-        return []
-    rows = []
+    calibration, rows = evidence.calibration, []
     for doubt, name in DOUBTS.items():
-        doubtful = doubt in evidence.calibration.doubts
+        doubtful = doubt in calibration.doubts
+        given = (calibration.light_scale if doubt is CalibrationDoubt.TWO_LIGHTS
+                 else calibration.light_posterior)
+        if given is not None and not doubtful:
+            continue
         rows.append(Criterion(
             name, None, "doubtful" if doubtful else "no doubt", "no doubt",
             Status.WARN if doubtful else Status.PASS, f"Calibration: {doubt.value}." if doubtful
+            else "No sign of two kinds of light." if doubt is CalibrationDoubt.TWO_LIGHTS
             else "No sign of a wrong light spectrum."))
     return rows
 
