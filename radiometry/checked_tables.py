@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.system.words import shortened
 
 
@@ -53,7 +54,7 @@ def read_toml(path: Path, advice: str) -> dict[str, Any]:
         If it cannot be read or is not TOML; ``advice`` says what to give instead.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tomllib.loads(read_text(path))
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
     except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting

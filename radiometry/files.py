@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 import secrets
 import shutil
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 
+MAX_TEXT_BYTES = 200_000_000      # a table of two million signals
 UNFINISHED = ".spectrabox-"      # begins the name of a file that is being written
 
 
@@ -34,6 +36,54 @@ def is_there(path: Path) -> bool:
         return path.exists()
     except OSError:
         return False
+
+
+def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
+    """The text of a file, its lines ended by a line feed each.
+
+    Parameters
+    ----------
+    path : Path
+    encoding : str
+
+    Raises
+    ------
+    InputError, OSError
+        As ``read_bytes_of_text``.
+    UnicodeDecodeError
+        If it is in another encoding.
+    """
+    return io.StringIO(read_bytes_of_text(path).decode(encoding), newline=None).read()
+
+
+def read_bytes_of_text(path: Path) -> bytes:
+    """What a text file holds, whose size is one that texts have.
+
+    Not ``Path.read_bytes``, which reads whatever there is: a disk image, or /dev/zero for ever.
+
+    Parameters
+    ----------
+    path : Path
+        A file, a pipe or a device.
+
+    Raises
+    ------
+    InputError
+        If it holds zero bytes, as no text does, or more than 200 MB.
+    OSError
+        If it cannot be read.
+    """
+    content = bytearray()
+    with path.open("rb") as file:
+        while part := file.read(1_000_000):
+            content += part
+            if 0 in part:
+                raise InputError(f"{path.name} is not a text file: it holds zero bytes; give a "
+                                 "text file")
+            if len(content) > MAX_TEXT_BYTES:
+                raise InputError(f"{path.name} is larger than {MAX_TEXT_BYTES // 1_000_000} MB, "
+                                 "which no text file is that is read here")
+    return bytes(content)
 
 
 @dataclass(frozen=True)
@@ -242,5 +292,5 @@ def writable(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         yield
     except OSError as error:
-        raise EnvironmentProblem(f"{folder} cannot be written ({error.strerror}): free space or "
-                                 "change its permissions, then run again") from None
+        raise EnvironmentProblem(f"{folder} cannot be written ({error.strerror or error}): free "
+                                 "space or change its permissions, then run again") from None

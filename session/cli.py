@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import copy
-import io
 import os
 import sys
 import warnings
@@ -12,10 +11,13 @@ import typer
 from typer.main import get_command
 
 import spectrabox
+from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.command_line import (
+    NO_OUTPUT,
     CommandGroup,
     flushed_output,
     last_resort,
+    open_streams,
 )
 from spectrabox.session.commands import (
     batch,
@@ -80,11 +82,11 @@ def main() -> None:
     debug = "--debug" in sys.argv
     if not debug:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")   # names that no locale can write
+    has_output = open_streams()
     stop_on_signals()
     with last_resort("--json" in sys.argv, debug), flushed_output():
+        if not has_output:
+            raise EnvironmentProblem(NO_OUTPUT)
         # Not the Typer object itself: it would put its own hook in place of ours.
         get_command(with_only("".join(sys.argv[1:2])))(prog_name="spectrabox")
 

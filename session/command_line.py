@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import inspect
+import io
 import json
 import os
 import sys
@@ -51,8 +52,14 @@ STOPPED = "interrupted: finished stages are kept, run the same command again to 
 
 NO_MEMORY = ("memory ran out: close other programs, or give smaller pictures, fewer draws or fewer "
              "regions")
+NO_OUTPUT = ("standard output is closed, and the answer goes there: send it to a file, or to "
+             "/dev/null")
 NOT_WRITTEN = "the output cannot be written: free space, then run again"
-DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
+# how pathlib's and the system's errors of names begin that no file can have
+BAD_NAMES = {"Symlink loop": "a symbolic link leads back to itself: remove it, or name another "
+             "file or folder",
+             "embedded null": "the name of a file holds a zero byte: correct it"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,8 +189,6 @@ def reported_errors(as_json: bool, debug: bool) -> Iterator[None]:
         if debug:
             raise
         fail(as_json, str(error), error.exit_code)
-    except BrokenPipeError:
-        raise typer.Exit(1) from None
     except OSError as error:
         if debug or error.filename is None or error.strerror is None:
             raise
@@ -226,13 +231,66 @@ def describe_error(error: BaseException) -> tuple[str, int]:
         return NO_MEMORY, EnvironmentProblem.exit_code
     if isinstance(error, OSError) and error.errno in DISK_TROUBLE:
         return f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
+    for begins, sentence in BAD_NAMES.items():
+        if isinstance(error, RuntimeError | ValueError) and str(error).startswith(begins):
+            return f"{sentence} ({error})", InputError.exit_code
     return (f"unexpected {type(error).__name__}: {error}; run again with --debug and report what "
             "it shows"), 1
 
 
+class Output(io.TextIOWrapper):
+    """Standard output or error. What a reader no longer reads is dropped, and is no error; names
+    that no locale can write are escaped.
+    """
+
+    def write(self, text: str) -> int:
+        """Write text."""
+        try:
+            return super().write(text)
+        except BrokenPipeError:
+            self.drop()
+            return len(text)
+
+    def flush(self) -> None:
+        """Write out what was printed."""
+        try:
+            super().flush()
+        except BrokenPipeError:
+            self.drop()
+
+    def drop(self) -> None:
+        """Drop what cannot be written, and all that follows: Python would try again at its end."""
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+
+
+def open_streams() -> bool:
+    """Make standard output and error ``Output``, and open /dev/null for streams that are closed.
+
+    Files that the command opens would otherwise take their numbers, and get what is printed.
+
+    Returns
+    -------
+    bool
+        Whether there is a standard output.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)      # takes the lowest free number
+    there = sys.stdout is not None
+    sys.stdin = sys.stdin or os.fdopen(0)
+    for name, number in (("stdout", 1), ("stderr", 2)):
+        stream = getattr(sys, name) or os.fdopen(number, "w")
+        if isinstance(stream, io.TextIOWrapper):
+            setattr(sys, name, Output(stream.detach(), stream.encoding, "backslashreplace",
+                                      line_buffering=stream.line_buffering))
+    return there
+
+
 @contextlib.contextmanager
 def flushed_output() -> Iterator[None]:
-    """Write out what was printed before leaving; a reader that has gone is no error.
+    """Write out what was printed before leaving.
 
     Raises
     ------
@@ -245,10 +303,9 @@ def flushed_output() -> Iterator[None]:
         try:
             sys.stdout.flush()
         except OSError as error:
-            # else Python tries again when it ends, and complains
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            if not isinstance(error, BrokenPipeError):
-                raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
+            if isinstance(sys.stdout, Output):
+                sys.stdout.drop()
+            raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
 
 
 def interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:

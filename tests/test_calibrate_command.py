@@ -16,7 +16,9 @@ from spectrabox.calibrate.chart_calibration import (
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
 from spectrabox.session.camera.patch_files import read_patches
 from spectrabox.session.cli import app
@@ -54,7 +56,7 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert not set(CONTRACT) - set(facts)
-    samples, _ = read_patches(chart / "patches.csv")
+    samples = read_patches(chart / "patches.csv")[0]
     light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
     photo = ChartPhoto(samples, chart_reflectances("BabelColor Average", GRID), light)
     made = calibrate_chart([photo], GRID, CalibrationOptions(method))
@@ -65,6 +67,16 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     _, names, curves = read_curves(tmp_path / "curves.csv")
     assert names == ("R", "G", "B")
     np.testing.assert_allclose(curves, curves_fitted, atol=1e-8)  # nine digits
+
+
+def test_noise_free_signals_that_were_simulated_at_5_nm_are_fitted(tmp_path):
+    coarse = visible_grid(5.0)
+    curves = sensitivities("CIE 1931 2 Degree Standard Observer", coarse) * light("D65", coarse)
+    np.savetxt(tmp_path / "p.csv", chart_reflectances("BabelColor Average", coarse) @ curves.T,
+               delimiter=",", header="X,Y,Z", comments="")
+    result = run("camera", "fit", "--patches", tmp_path / "p.csv", "--light", "D65", "--json")
+    assert result.exit_code == 0, result.output      # as exact ones no camera explains them
+    assert any("0.4% is assumed" in check for check in json.loads(result.stdout)["checks"])
 
 
 def test_draws_can_be_kept(chart, tmp_path):

@@ -85,8 +85,11 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
     first = "p," if header.startswith("patch") else ""
     (tmp_path / "p.csv").write_text(header + "\n".join(f"{first}{i + 1},2,3" for i in range(24)),
                                     encoding="utf-8")
-    found, names = read_patches(tmp_path / "p.csv")
+    found, names, (note,) = read_patches(tmp_path / "p.csv")
     assert found.mean.shape == (24, 3) and found.mean[23, 0] == 24 and len(names) == 3
+    np.testing.assert_allclose(found.covariance_of_mean[[0, 23], 0, 0], [0.004**2, 0.096**2],
+                               rtol=1e-12)
+    assert "0.4% is assumed" in note
 
 
 @pytest.mark.parametrize("names, errors", [
@@ -96,8 +99,9 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
                          ids=["in order", "in another order", "unnamed"])
 def test_standard_errors_become_the_covariance(tmp_path, names, errors):
     (tmp_path / "p.csv").write_text(f"R,G,B,{names}\n" + f"1,2,3,{errors}\n" * 24, encoding="utf-8")
-    found, _ = read_patches(tmp_path / "p.csv")
+    found, _, notes = read_patches(tmp_path / "p.csv")
     np.testing.assert_allclose(found.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]), rtol=1e-12)
+    assert notes == ()
 
 
 @pytest.mark.parametrize("text, message", [

@@ -1,3 +1,6 @@
+import os
+import time
+
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -16,6 +19,7 @@ from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.chart_scene import mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 
 BLACK = np.array([512, 510, 514, 516])
@@ -322,6 +326,19 @@ def test_files_that_cannot_be_opened_are_named(tmp_path, name, content, message)
         (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=message):
         open_photo(tmp_path / name)
+
+
+def test_gigabytes_that_are_no_picture_are_refused_by_their_first_bytes(tmp_path):
+    for name in ("disk.tif", "disk.exr"):
+        (tmp_path / name).touch()
+        os.truncate(tmp_path / name, 3 << 30)       # zeros that take no room
+        started = time.process_time()
+        with pytest.raises(InputError, match="no readable image"):
+            open_photo(tmp_path / name)
+        with pytest.raises(InputError, match="zero bytes"):
+            read_text(tmp_path / name)
+        # to their end it would be minutes
+        assert time.process_time() - started < 2
 
 
 def test_an_exr_cut_short_is_refused(tmp_path):

@@ -1,6 +1,7 @@
 """Sessions over months: a planted drift is found, and nothing else is claimed."""
 import dataclasses
 import json
+import resource
 import shutil
 import sqlite3
 from fractions import Fraction
@@ -13,6 +14,7 @@ from flat_example import picture, write_flat
 from test_error_laws import image
 from typer.testing import CliRunner
 
+from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.measure.comparison import (
     Quantity,
@@ -22,7 +24,7 @@ from spectrabox.measure.comparison import (
     shift_sentence,
     surface_pairs,
 )
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples, SpectrumSummary
 from spectrabox.session.cli import app
@@ -225,6 +227,19 @@ def test_the_catalogue_is_made_anew_from_the_folders(lab, tmp_path):
         file.close()
         assert [one for one, in sessions] == ["a-0", "a-1", "a-2", "a-3", "more/a-4", "more/a-5"]
         assert bad == [("more/a-4",)]
+
+
+def test_a_full_disk_under_the_catalogue_is_one_sentence(lab, tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))    # no file grows beyond
+    try:
+        said = CliRunner().invoke(app, ["catalogue", str(lab), "-o", str(tmp_path / "a.sqlite")])
+        with pytest.raises(EnvironmentProblem, match=r"a\.exr cannot be written"):
+            write_exr(tmp_path / "a.exr", np.random.default_rng(1).random((40, 40, 3)), "RGB")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert said.exit_code == 7 and "cannot be written (File too large)" in said.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("words", "said"), [

@@ -167,6 +167,13 @@ def test_a_photo_that_will_not_do_is_one_sentence_and_leaves_nothing(tmp_path, n
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+def test_a_card_in_per_cent_is_asked_back(tmp_path):
+    write_raw()(tmp_path / "a.dng")
+    outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng"), "--region",
+                                       "a=300,50,340,90", "--white-card", "300,10,340,40=94"])
+    assert outcome.exit_code == 3 and "outside 0 to 1 (0.94?)" in outcome.stderr
+
+
 def test_two_commands_do_not_work_in_one_session_at_once(tmp_path):
     write_raw()(tmp_path / "a.dng")
     with session_of(FlatOrder(tmp_path / "a.dng", {"a": [300, 50, 340, 90]}), None) as folder, \

@@ -76,6 +76,7 @@ def test_what_passed_before_a_crash_is_kept(tmp_path):
     (START + '> 0.0 "D111\\q"\n> 0.0 "x"\n', "line 4: .* is no event"),
     (START + '? 0.0 "D111"\n> 0.0 "x"\n', "line 4"),
     (START.replace("# instrument: pr655\n", "") + '> 0.0 "x"\n', "names no instrument"),
+    (START.replace("# line: 9600\n", "") + '> 0.0 "x"\n', "'# line: 9600' is needed"),
     (START.replace("pr655", "pr999") + '> 0.0 "x"\n', "no driver for 'pr999'"),
     (START + '# settings: colour=red\n> 0.0 "Q"\n> 0.0 "PHOTO"\n', "no complete reply"),
     (START + '# readings: many\n> 0.0 "Q"\n', "states 'many' readings")])

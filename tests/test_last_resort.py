@@ -65,12 +65,35 @@ def test_debug_shows_the_traceback_of_an_unforeseen_error(session):
     assert "Traceback" in ended.stderr and "ZeroDivisionError: 1" in ended.stderr
 
 
-def test_a_reader_that_left_is_no_error(session):
-    with (session / "log").open("w") as log:
-        command = f"'{COMMAND}' --help | true"
-        subprocess.run(["bash", "-c", command], stderr=log, check=True, timeout=60,
-                       env=os.environ | {"PYTHONPATH": str(ROOT)})
-    assert (session / "log").read_text() == ""
+def by_shell(words):
+    """What a shell's line of words after the command's name gives."""
+    return subprocess.run(["bash", "-c", f"'{COMMAND}' {words}"], capture_output=True, text=True,
+                          check=False, timeout=60, env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+@pytest.mark.parametrize("words, code, lines", [
+    ("--help", 0, 0), ("camera names --json", 0, 0), ("status /nowhere --json", 3, 1)])
+def test_a_reader_that_left_changes_no_exit_code(words, code, lines):
+    ended = by_shell(f"{words} | true; exit ${{PIPESTATUS[0]}}")
+    assert ended.returncode == code and len(ended.stderr.splitlines()) == lines, ended.stderr
+
+
+@pytest.mark.parametrize("closed, code, shown", [
+    (">&-", 7, "standard output is closed"), ("2>&-", 3, '{"error": "'),
+    ("<&-", 3, '{"error": "'), ("<&- >&- 2>&-", 7, "")])
+def test_closed_streams_have_their_sentence_and_code(session, closed, code, shown):
+    (session / "session.toml").unlink()
+    ended = by_shell(f"status {session} --json {closed}")
+    assert ended.returncode == code and "unexpected" not in ended.stderr
+    assert shown in ended.stdout + ended.stderr and len(ended.stdout.splitlines()) <= 1
+
+
+def test_names_that_no_file_can_have_are_inputs_that_are_wrong(session):
+    (session / "list").write_bytes(b"a\0b\n")
+    (session / "loop").symlink_to("loop")
+    for words in (("--list", session / "list"), ("--list", "/dev/zero"), (session / "loop",)):
+        ended = installed("batch", *words)
+        assert ended.returncode == 3 and "unexpected" not in ended.stderr, ended.stderr
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")

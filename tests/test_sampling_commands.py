@@ -67,6 +67,8 @@ def test_signals_of_a_file_give_one_result_each(tmp_path):
     facts = sample("--signals", path, "--samples", 1000, "--method", "uniform", "--coefficients", 7)
     assert len(facts["results"]) == 2
     assert set(facts["results"][0]) >= KEYS
+    path.write_text("0.2,0.3,0.15\n0.5,0.5,0.5\n")     # the first would be lost as a header
+    assert "its first row must name the bands" in sample("--signals", path, code=3)["error"]
 
 
 def test_white_and_noise_are_in_the_signals_unit():

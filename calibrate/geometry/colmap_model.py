@@ -16,6 +16,7 @@ import numpy as np
 
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.shaped import Record
 
 CAMERAS_NAME, IMAGES_NAME = "cameras.txt", "images.txt"
@@ -157,7 +158,7 @@ def _rotation(quaternion: np.ndarray) -> np.ndarray:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
+        return [line.strip() for line in read_text(path).splitlines()]
     except FileNotFoundError:
         binary = path.with_suffix(".bin").is_file()
         raise InputError(f"{path} is missing{' and its binary form is there' if binary else ''}; "

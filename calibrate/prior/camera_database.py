@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
@@ -114,7 +115,7 @@ def _checked(nm: np.ndarray, curves: np.ndarray, name: str) -> np.ndarray:
 
 def _read_rawtoaces(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(read_text(path, "utf-8"))
         rows = stored["spectral_data"]["data"]["main"]
         header = stored["header"]
         name = f"{header['manufacturer']} {header['model']}"
@@ -129,7 +130,7 @@ def _read_rawtoaces(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 def _read_camspec(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     try:
-        lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines()
+        lines = [line.strip() for line in read_text(path, "utf-8").splitlines()
                  if line.strip()]
         rows = {lines[start]: np.array([[float(cell) for cell in line.split()]
                                         for line in lines[start + 1:start + 4]])

@@ -14,11 +14,14 @@ import OpenImageIO as oiio
 
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.radiometry.appearance import decode_srgb
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import sha256_of, whole_file
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 from spectrabox.radiometry.system.words import reason_of
 
+# Not of TIFF: those may begin a camera raw.
+PICTURE_STARTS = (b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff")
+TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
 LINEAR_FORMATS = ("openexr", "tiff")
 FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files
@@ -46,10 +49,12 @@ def is_image_file(path: Path) -> bool:
         return True
     if not path.is_file():
         return False
+    return _first_bytes(path).startswith(PICTURE_STARTS)
+
+
+def _first_bytes(path: Path) -> bytes:
     with path.open("rb") as file:
-        start = file.read(8)
-    # Not TIFF: its header may begin a raw.
-    return start.startswith((b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff"))
+        return file.read(8)
 
 
 def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
@@ -195,7 +200,7 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
         If the file is missing or damaged.
     """
     path = Path(path)
-    file = oiio.ImageInput.open(os.fspath(path)) if path.is_file() else None
+    file = open_as_stored(path) if path.is_file() else None
     if file is None:
         raise InputError(f"picture {path} is missing or no readable image; give an EXR")
     spec = file.spec()
@@ -221,7 +226,7 @@ def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
 
     Raises
     ------
-    InputError
+    EnvironmentProblem
         If the file cannot be written.
     """
     bands = image.signal.shape[2]
@@ -286,7 +291,7 @@ def write_exr(path: str | os.PathLike[str], image: np.ndarray, channel_names: Se
 
     Raises
     ------
-    InputError
+    EnvironmentProblem
         If the file cannot be written.
     """
     if image.ndim != 3 or image.shape[2] != len(channel_names):
@@ -329,7 +334,7 @@ def write_png(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
 
     Raises
     ------
-    InputError
+    EnvironmentProblem
         If the file cannot be written.
     """
     # level 4 of 9: a third of the time of 6, 7 % larger
@@ -347,7 +352,7 @@ def write_jpeg(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
 
     Raises
     ------
-    InputError
+    EnvironmentProblem
         If the file cannot be written.
     """
     # 4:4:4: edges of colours stay where they are
@@ -384,12 +389,15 @@ def _opened(path: Path) -> oiio.ImageInput:
 
 
 def open_as_stored(path: Path) -> oiio.ImageInput | None:
-    """A picture's open file; None where OpenImageIO cannot read it.
+    """A picture's open file; None where it is no EXR, TIFF, PNG or JPEG, or is damaged.
 
     Parameters
     ----------
     path : Path
     """
+    # OpenImageIO would try all its formats, some of which read gigabytes to their end
+    if not _first_bytes(path).startswith((*PICTURE_STARTS, *TIFF_STARTS)):
+        return None
     as_stored = oiio.ImageSpec()
     # else a TIFF's bands come multiplied by its alpha
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
@@ -521,6 +529,6 @@ def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
             raise unwritten(path, file)
 
 
-def unwritten(path: Path, writer: Any) -> InputError:
+def unwritten(path: Path, writer: Any) -> EnvironmentProblem:
     """The error for a picture that cannot be written, with the writer's reason."""
-    return InputError(f"{path} cannot be written ({reason_of(writer)}); is the disk full?")
+    return EnvironmentProblem(f"{path} cannot be written ({reason_of(writer)}); is the disk full?")

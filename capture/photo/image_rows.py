@@ -181,7 +181,7 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
 
     Raises
     ------
-    InputError
+    EnvironmentProblem
         If the file cannot be written.
     """
     spec = exr_spec(height, width, channel_names, oiio.HALF if half else oiio.FLOAT, attributes)
@@ -207,7 +207,7 @@ def png_rows(path: Path, height: int, width: int, channels: int) -> Iterator[Wri
 
     Raises
     ------
-    InputError
+    EnvironmentProblem
         If the file cannot be written.
     """
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)

@@ -50,6 +50,7 @@ class TranscriptPlayer:
                  over_socket: bool = False, deaf_while_busy: bool = False,
                  seed: int = 0) -> None:
         self.transcript = transcript
+        self._baud = transcript.baud    # here, where an error of the file reaches the caller
         self.problems: list[str] = []
         self.heard = bytearray()
         self.obeyed: list[bytes] = []   # commands as the instrument understood them
@@ -188,10 +189,9 @@ class TranscriptPlayer:
 
     def _wrong_speed(self) -> bool:
         speed = self._line.speed()
-        if speed is None or speed == self.transcript.baud:
+        if speed is None or speed == self._baud:
             return False
-        self.problems.append(f"the computer's speed is {speed}, the instrument's "
-                             f"{self.transcript.baud}")
+        self.problems.append(f"the computer's speed is {speed}, the instrument's {self._baud}")
         return True
 
     def _garbage(self, count: int) -> bytes:

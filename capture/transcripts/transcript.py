@@ -21,11 +21,10 @@ from pathlib import Path
 from typing import TextIO
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import require_no_link
+from spectrabox.radiometry.files import read_text, require_no_link
 
 TITLE = "spectrabox transcript"
 VERSION = "1"
-MAX_BYTES = 50_000_000
 ESCAPES = {"\r": "\\r", "\n": "\\n", "\t": "\\t", "\\": "\\\\", '"': '\\"'}
 UNESCAPES = {"r": b"\r", "n": b"\n", "t": b"\t", "\\": b"\\", '"': b'"'}
 EVENT = re.compile(r'([<>]) (\d+\.?\d*) "((?:[^"\\]|\\.)*)"')
@@ -153,10 +152,7 @@ def read_transcript(path: Path) -> Transcript:
         If the file is missing, is no transcript, or a line of it cannot be read.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path.name} is larger than {MAX_BYTES // 1_000_000} MB; that is no "
-                             "transcript")
-        text = path.read_text(encoding="ascii")
+        text = read_text(path, "ascii")
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the file of a transcript") from None
     except UnicodeDecodeError:

@@ -73,7 +73,7 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
     Raises
     ------
     InputError
-        If the recording names no instrument.
+        If the recording does not name its instrument or the speed of its line.
     InstrumentError
         If the driver cannot make sense of it.
     """

@@ -39,8 +39,8 @@ from spectrabox.radiometry.spectra.formats.tm27 import is_tm27, read_tm27
 from spectrabox.radiometry.spectra.pchip import pchip
 
 __all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves",
-           "read_reflectances", "read_spectrum", "read_table", "spectrum_of", "spectrum_on_grid",
-           "table_text"]
+           "read_reflectances", "read_spectrum", "read_table", "require_fraction", "spectrum_of",
+           "spectrum_on_grid", "table_text"]
 
 FINE_STEP_NM = 2.5          # up to here linear interpolation is within measurement error
 # A step wider than both, among narrower ones, is a hole and no coarse grid.
@@ -366,10 +366,32 @@ def _quantity(table: SpectralTable, index: int, role: Quantity) -> Quantity:
     return quantity
 
 
+def require_fraction(value: float, name: str) -> None:
+    """Refuse a stated reflectance that is no fraction of 1.
+
+    Parameters
+    ----------
+    value : float
+        At all wavelengths.
+    name : str
+        Of the surface, for the message.
+
+    Raises
+    ------
+    InputError
+    """
+    if not 0 < value <= 1:
+        meant = f" ({value / 100:g}?)" if 1 < value <= 100 else ""
+        raise InputError(f"the reflectance {value:g} of {name!r} lies outside 0 to 1{meant}; give "
+                         "a fraction of 1")
+
+
 def _check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:
     visible = values[(nm >= 400) & (nm <= 700)]
-    if visible.size and visible.max() > 2:
+    if not visible.size:        # coarser samples than the visible range is wide
+        visible = np.interp([400, 700], nm, values)
+    if visible.max() > 2:
         raise InputError(f"{name}: a reflectance of {visible.max():.3g} looks like percent; "
                          "give fractions of 1, or state '# unit: percent'")
-    if visible.size and visible.min() < -0.02:
+    if visible.min() < -0.02:
         raise InputError(f"{name}: reflectance falls to {visible.min():.3g}; it cannot be negative")

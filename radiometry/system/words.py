@@ -46,6 +46,15 @@ def from_cell(text: str) -> str:
     return text[1:] if text.startswith("'") and text[1:].startswith(FORMULA) else text
 
 
+def is_number(text: str) -> bool:
+    """Whether ``float`` reads a text."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def reason_of(source: Any) -> str:
     """The error message of OpenImageIO in one line.
 

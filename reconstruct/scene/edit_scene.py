@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.reconstruct.scene.refinements import Refinement, add_refinement
 from spectrabox.reconstruct.scene.scene_file import SceneFile, parse_scene
 
@@ -97,7 +98,7 @@ def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: 
 
 def _parsed(path: Path, folder: Path) -> ET.Element:
     try:
-        root = parse_scene(path.read_text(encoding="utf-8-sig"), path, comments=True)
+        root = parse_scene(read_text(path), path, comments=True)
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}); give the scene's right name") from None

@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
+from spectrabox.radiometry.system.words import is_number
 
 STEP_DEG = 0.5
 TABLE_DEG = np.arange(0.0, 90.0 + STEP_DEG / 2, STEP_DEG)
@@ -38,14 +40,14 @@ def read_profile(path: Path) -> np.ndarray:
     """
     try:
         # Latin-1 holds every byte: a name in any alphabet may stand in the first row
-        text = path.read_text(encoding="latin-1")
+        text = read_text(path, "latin-1")
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); give the lamp's "
                          "profile") from None
     rows = [line.split(",") for line in text.splitlines() if line.strip("\xef\xbb\xbf ")]
-    if rows and not _is_number(rows[0][0]):
+    if rows and not is_number(rows[0][0]):
         rows = rows[1:]
-    if len(rows) < 2 or not all(len(row) in COLUMNS and all(map(_is_number, row)) for row in rows):
+    if len(rows) < 2 or not all(len(row) in COLUMNS and all(map(is_number, row)) for row in rows):
         raise InputError(f"{path.name}: a lamp's profile needs two rows or more of an angle in "
                          "degrees and a radiance, with a comma between them")
     angle, radiance = np.array([row[:2] for row in rows], dtype=float).T
@@ -81,11 +83,3 @@ def relative_radiance(table: np.ndarray, cosine: np.ndarray) -> np.ndarray:
         Of the angle from the lamp's normal.
     """
     return np.interp(np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), TABLE_DEG, table)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.reconstruct.scene.import_scene import (
     COLOURING,
@@ -74,7 +75,7 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
         outside ``folder``.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path)
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the scene file or correct its name in "
                          "session.toml") from None

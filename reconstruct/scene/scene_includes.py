@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from spectrabox.radiometry.files import is_there
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import is_there, read_text
 
 MAX_INCLUDES = 100
 RENAMED = {"lookAt": "lookat", "srgb": "rgb"}
@@ -99,8 +100,8 @@ def find_file(name: str, folders: list[Path]) -> Path | None:
 
 def _scene_of(file: Path, included: IncludedFiles) -> ET.Element | None:
     try:
-        root = ET.fromstring(file.read_text(encoding="utf-8-sig"))
-    except (OSError, ET.ParseError, ValueError, RecursionError) as error:
+        root = ET.fromstring(read_text(file))
+    except (InputError, OSError, ET.ParseError, ValueError, RecursionError) as error:
         included.problems.append(f"includes {file.name!r}, which cannot be read: {error}")
         return None
     if root.tag != "scene":

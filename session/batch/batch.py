@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
 from spectrabox.session.batch.pool import Finished, Lost, Pool
 from spectrabox.session.batch.tasks import Order, Task, failed, first_task
@@ -36,7 +37,7 @@ def session_folders(named: Iterable[Path], listed: Path | None) -> list[Path]:
     folders = [folder.resolve() for folder in named]
     if listed is not None:
         try:
-            text = listed.read_text(encoding="utf-8-sig")
+            text = read_text(listed)
         except (OSError, ValueError) as error:
             raise InputError(f"{listed} cannot be read as a list of sessions ({error}); give a "
                              "text file with one folder a line") from None

@@ -63,7 +63,7 @@ def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
     check_ending(request.samples, DRAWS, "--samples")
     if request.keep is not None:
         require_new_name(request.keep)
-    charts, names = read_photos(given, list(request.light), list(request.reference),
+    charts, names, notes = read_photos(given, list(request.light), list(request.reference),
                                 list(request.corners), bool(photos), grid,
                                 numbers_of_patches(request.leave_out), request.layout)
     curves = None if request.curves is None \
@@ -73,6 +73,7 @@ def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
     calibration = result.chart.calibration
     light = ", ".join(light_words(chart.light) for chart in charts)
     facts = {**facts_of(result, charts[0].chart), "bands": list(names), "light": light}
+    facts["checks"] += notes
     columns, source = _columns(calibration, names, light)
     nm, fit = calibration.sensitivity.grid.nm, calibration.sensitivity
     lines = [f"bands {', '.join(names)}: {fit.method}",
@@ -93,8 +94,9 @@ def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
 def read_photos(photos: list[Path], lights: list[str], references: list[str], corners: list[str],
                 decode: bool, grid: WavelengthGrid,
                 leave_out: list[int],
-                layout: str = "") -> tuple[tuple[ChartPhoto, ...], tuple[str, ...]]:
-    """Every photo with its light and chart, and the names of the bands.
+                layout: str = ""
+                ) -> tuple[tuple[ChartPhoto, ...], tuple[str, ...], tuple[str, ...]]:
+    """Every photo with its light and chart, the names of the bands, and notes.
 
     Parameters
     ----------
@@ -127,7 +129,8 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
              for photo, at, reflectances in zip(photos, places, chart_of, strict=True)]
     charts: list[ChartPhoto] = []
     names: list[tuple[str, ...]] = []
-    for index, (photo, (measured, bands)) in enumerate(zip(photos, measured_photos, strict=True)):
+    for index, (photo, (measured, bands, _)) in enumerate(zip(photos, measured_photos,
+                                                              strict=True)):
         light = lights[index if len(lights) > 1 else 0]
         charts.append(ChartPhoto(measured, chart_of[index], known_lights[light],
                                  excluded=excluded, chart=layout_of))
@@ -140,7 +143,7 @@ def read_photos(photos: list[Path], lights: list[str], references: list[str], co
             raise InputError(f"{photo.name} has the bands {', '.join(bands)}, {photos[0].name} has "
                              f"{', '.join(names[0])}; all photos must be of one camera, its bands "
                              "in the same order")
-    return tuple(charts), names[0]
+    return tuple(charts), names[0], tuple(note for *_, notes in measured_photos for note in notes)
 
 
 def light_words(light: Spectrum | UnknownLight) -> str:
@@ -170,13 +173,14 @@ def read_layout(layout: str) -> Chart:
 
 
 def _patches_of_picture(path: Path, corners: str | None, chart: Chart, reflectances: np.ndarray,
-                        grid: WavelengthGrid) -> tuple[PatchSamples, tuple[str, ...]]:
-    """Patch statistics and band names of a photo."""
+                        grid: WavelengthGrid
+                        ) -> tuple[PatchSamples, tuple[str, ...], tuple[str, ...]]:
+    """Patch statistics and band names of a photo, and no notes."""
     photo = open_photo(path)
     corners_px = None if corners is None else corner_points(corners, chart)
     bands = photo.signal.shape[2]
     return measure_chart(photo, chart, reflectances, grid, corners_px), (
-        ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands)))
+        ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands))), ()
 
 
 def corner_points(text: str, chart: Chart) -> np.ndarray:

@@ -31,7 +31,8 @@ def write_catalogue(path: Path, root: Path, sessions: Sequence[SessionQuantities
         Of these sessions.
     """
     judged = {(one.session, one.quantity): one for one in verdicts}
-    with whole_file(path) as unfinished, contextlib.closing(sqlite3.connect(unfinished)) as file:
+    # in memory first: SQLite says of a full disk no more than that something is wrong
+    with whole_file(path) as unfinished, contextlib.closing(sqlite3.connect(":memory:")) as file:
         file.executescript(TABLES)
         for index, session in enumerate(sessions):
             folder = session.folder.relative_to(root).as_posix()
@@ -44,3 +45,4 @@ def write_catalogue(path: Path, root: Path, sessions: Sequence[SessionQuantities
                 file.execute("INSERT INTO quantities VALUES (?, ?, ?, ?, ?, ?, ?)",
                              (folder, name, one.value, one.standard_error, *limits))
         file.commit()
+        unfinished.write_bytes(file.serialize())

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from spectrabox.radiometry.checked_tables import fault_sentences
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_bytes_of_text
 from spectrabox.session.config.session_rules import inconsistencies
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, SessionTables
 
@@ -38,10 +39,12 @@ def try_read_session(folder: Path,
     if not path.is_file():
         return None, [f"{path} is missing: write one with 'spectrabox new {folder}'"]
     try:
-        content = path.read_bytes()
+        content = read_bytes_of_text(path)
         text = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
     except ValueError as error:
         return None, [f"{FILE_NAME} is not valid TOML: {error}"]
+    except InputError as error:
+        return None, [str(error)]
     except OSError as error:
         return None, [f"{path} cannot be read ({error.strerror}): change its permissions"]
     config, problems = session_of_text(text, folder, allow_outside)

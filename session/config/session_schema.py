@@ -473,9 +473,14 @@ class SessionConfig(SessionTables):
         Raises
         ------
         InputError
-            If it would leave the session folder without having been asked to.
+            If it would leave the session folder without having been asked to, or no file can have
+            such a name.
         """
-        path = (self.folder / name).resolve()
+        try:
+            path = (self.folder / name).resolve()
+        except (ValueError, RuntimeError) as error:     # a zero byte, a link to itself
+            raise InputError(f"{name!r} cannot be the name of a file ({error}); correct it"
+                             ) from None
         if not self.allow_outside and not path.is_relative_to(self.folder.resolve()):
             raise InputError(f"{name!r} lies outside the session folder; copy it in, "
                              "or allow it with --allow-outside")

@@ -24,6 +24,7 @@ from spectrabox.radiometry.files import (
     writable,
     write_text_whole,
 )
+from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
@@ -174,8 +175,7 @@ def _known(word: str, name: str, folder: Path) -> str:
         value = float(word)
     except ValueError:
         return _copied(Path(word), folder, "spectra")
-    if not 0 < value <= 1:
-        raise InputError(f"the reflectance {word} of {name!r} lies outside 0 to 1")
+    require_fraction(value, name)
     file = f"spectra/{file_stem(name)} {value:g}.csv"
     low, high = WAVELENGTHS_NM
     write_text_whole(folder / file, f"# quantity: reflectance\nwavelength_nm,value\n{low},{value}\n"

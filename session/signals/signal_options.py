@@ -8,8 +8,10 @@ import numpy as np
 
 from spectrabox.measure.signals import READING_ERROR, SIGNAL_GRID, listed, reading_at
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.spectra import named_spectra
+from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
@@ -70,7 +72,7 @@ def read_signals(path: Path, bands: int) -> list[np.ndarray]:
         Naming the row.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(path).splitlines()
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}); give a CSV of signals") from None
@@ -80,6 +82,10 @@ def read_signals(path: Path, bands: int) -> list[np.ndarray]:
     if len(rows) < 2:
         raise InputError(f"{path.name} holds no signals; a header of band names and one signal per "
                          "row are needed")
+    if all(is_number(part) for cell in rows[0] for part in cell.split(";")):
+        raise InputError(f"{path.name} begins with numbers, and its first row must name the bands: "
+                         "write a row such as R,G,B above the signals (letters, where bands are "
+                         "named by their wavelengths: 450 nm)")
     return [_signal_of(row, bands, f"signals {path.name} row {number}")
             for number, row in enumerate(rows[1:], 2)]
 

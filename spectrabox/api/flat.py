@@ -225,7 +225,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                           detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
                           calibration)
         errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, seed=seed)
-        spectra_known = {name: as_reflectance(one) for name, one in (known or {}).items()}
+        spectra_known = {name: as_reflectance(one, name) for name, one in (known or {}).items()}
         step(0.5, "light over the photo")
         white = white_at_regions(shown, spectra_known, errors)
         assert white is not None

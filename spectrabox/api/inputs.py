@@ -20,6 +20,7 @@ from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_spectrum,
+    require_fraction,
     spectrum_on_grid,
 )
 from spectrabox.radiometry.spectra.stated_light import stated_light
@@ -110,15 +111,23 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = GRID) -> np.ndarray:
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
 
 
-def as_reflectance(known: KnownSpectrum) -> np.ndarray:
+def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
     """A known reflectance (P,) on the working grid: a number, a file, or (nm, values).
+
+    Parameters
+    ----------
+    known : float, str, Path or (nm, values)
+    name : str
+        Of the surface, for messages.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or the values do not cover the grid.
+        If the file cannot be read, the values do not cover the grid, or a number is no fraction of
+        1.
     """
     if isinstance(known, int | float):
+        require_fraction(known, name)
         return np.full(GRID.nm.size, float(known))
     if isinstance(known, str | Path):
         return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), GRID)

@@ -187,7 +187,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     else:
         calibration = calibration_from_curves(GRID, as_curves(camera), spectrum, CURVES_ERROR)
     known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
-        name: None if given is None else as_reflectance(given) for name, given in materials.items()}
+        name: None if given is None else as_reflectance(given, name)
+        for name, given in materials.items()}
     stated = {name: families_of(one) for name, one in (families or {}).items()}
     for name in stated:
         if name not in known:
