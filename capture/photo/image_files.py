@@ -202,7 +202,8 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
     path = Path(path)
     file = open_as_stored(path) if path.is_file() else None
     if file is None:
-        raise InputError(f"picture {path} is missing or no readable image; give an EXR")
+        raise InputError(f"picture {path} is missing or no readable image ({reason_of(oiio)}); "
+                         "give an EXR")
     spec = file.spec()
 
     def rows(first: int, last: int) -> np.ndarray:
