@@ -20,6 +20,11 @@ TO_SRGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415],
 # X, Y, Z to responses of cones, Lam 1985.
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367],
                      [0.0389, -0.0685, 1.0296]])
+# X, Y, Z to ACEScg (AP1), S-2014-004, and its white, about D60, from x, y = 0.32168, 0.33767
+TO_ACESCG = np.array([[1.6410233797, -0.3248032942, -0.2364246952],
+                      [-0.6636628587, 1.6153315917, 0.0167563477],
+                      [0.0117218943, -0.0082844420, 0.9883948585]])
+ACES_WHITE = np.array([0.32168 / 0.33767, 1.0, (1 - 0.32168 - 0.33767) / 0.33767])
 
 
 def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
@@ -164,6 +169,21 @@ def adapted_tristimulus(nm: np.ndarray, light: str) -> np.ndarray:
     cones, wanted = (BRADFORD @ _weights_under(name)[1].sum(axis=1) for name in (light, "D65"))
     return np.asarray(np.linalg.solve(
         BRADFORD, (wanted / cones)[:, None] * (BRADFORD @ tristimulus_weights(nm, light))))
+
+
+def acescg_weights(nm: np.ndarray) -> np.ndarray:
+    """Weights (3, P) that give ACEScg under its own white of what looks alike under D65, by the
+    Bradford transform: 1, 1, 1 is white.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    """
+    to_xyz = tristimulus_weights(nm, "D65")
+    cones, wanted = BRADFORD @ to_xyz.sum(axis=1), BRADFORD @ ACES_WHITE
+    adapted = np.linalg.solve(BRADFORD, (wanted / cones)[:, None] * (BRADFORD @ to_xyz))
+    return np.asarray(TO_ACESCG @ adapted)
 
 
 def tristimulus_weights(nm: np.ndarray, light: str) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 from spectrabox.radiometry.records import WavelengthGrid
 
 VISIBLE_NM = (400.0, 700.0)  # the range used throughout, as in the paper (Sec. 3.1)
+NM_ROUNDING = 1e-6
 
 
 def trapezoid_weights_nm(nm: np.ndarray) -> np.ndarray:
@@ -55,6 +56,17 @@ def interpolation_matrix(from_nm: np.ndarray, to_nm: np.ndarray) -> np.ndarray:
     to_nm : (P',) array
     """
     return np.array([np.interp(to_nm, from_nm, unit) for unit in np.eye(from_nm.size)]).T
+
+
+def at_whole_steps(nm: np.ndarray, step_nm: float) -> np.ndarray:
+    """Whether each wavelength (P,) is a whole number of steps from the first.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    step_nm : float
+    """
+    return np.abs(np.remainder(nm - nm[0] + step_nm / 2, step_nm) - step_nm / 2) < NM_ROUNDING
 
 
 def visible_grid(step_nm: float = 1.0) -> WavelengthGrid:

@@ -168,7 +168,7 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
     they begin; bytes that tracing will take, where something is left to trace.
     """
-    long = next(name for name in stages_of(config.flat) if name in LONG_STAGES)
+    long = next(name for name in stages_of(config) if name in LONG_STAGES)
     if load_stage(config.results_folder, long) is not None and any(
             state.name == long and state.state == "done" for state in stage_states(config)):
         return None

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
+from rich.table import Table
 
 from spectrabox.radiometry.appearance import lab_from_xyz, tristimulus
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
@@ -159,9 +161,6 @@ def _flat_lines(results: FlatResults) -> list[str]:
 
 def _table(results: CommonResults, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table for the terminal: names on the left, numbers on the right."""
-    from rich.console import Console
-    from rich.table import Table
-
     table = Table(title=results.name, title_justify="left", title_style="bold")
     for number, heading in enumerate(headings):
         table.add_column(heading, justify="right" if number else "left")

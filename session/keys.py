@@ -5,19 +5,21 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.spectra.kept_cameras import own_cameras
+from spectrabox.reconstruct.rendering.llvm import llvm_name
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.config.curve_sources import SourceTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig
 from spectrabox.session.stages.order import stages_of
+from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.program import DECISIVE, room_digests, versions
 from spectrabox.session.store.store import fingerprint
-
-if TYPE_CHECKING:
-    from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 Key = dict[str, Any]
 Files = Callable[..., dict[str, str]]       # names of files to their digests
@@ -47,8 +49,8 @@ def stage_keys(config: SessionConfig, inputs: InputFiles) -> dict[str, Key]:
     chart_scene, scenes = (None, {}) if config.flat else _scenes(config, files)
     chart = chart_files(config) if config.views_with_chart else []
     curves = None if config.sensitivity.from_chart else config.sensitivity.source.file
-    installed = versions(DECISIVE) | ({} if config.flat else _renderer())
-    stages = stages_of(config.flat)
+    installed = versions(DECISIVE) | ({} if config.flat else {"llvm": llvm_name()})
+    stages = stages_of(config)
 
     def made_by(stage: str) -> Key:
         return {"versions": installed, "code": room_digests(stages[stage].rooms)}
@@ -137,16 +139,9 @@ def _scene_picture_key(config: SessionConfig, keys: Mapping[str, Key],
             "stages": {name: fingerprint(keys[name]) for name in ("calibrate", "reconstruct")}}
 
 
-def _renderer() -> dict[str, str]:
-    """What renders a scene, beside the packages; flat samples need none."""
-    from spectrabox.reconstruct.rendering.llvm import llvm_name
-    return {"llvm": llvm_name()}
-
-
 def _scenes(config: SessionConfig,
             files: Files) -> tuple[SceneFile | None, dict[str | None, SceneFile]]:
     """The scene of the chart photo, and those of the object photos by file."""
-    from spectrabox.session.stages.scenes import read_chart_scene, read_session_scene
     # before they are parsed: a scene that is replaced after this is noticed
     files(config.chart.scene, *(view.scene for view in config.all_views), *_colmap_files(config))
     first = {view.scene: view for view in reversed(config.all_views)}
@@ -158,7 +153,6 @@ def _colmap_files(config: SessionConfig) -> list[str]:
     """Names of the files of the COLMAP model; none where the session has no model."""
     if config.box is None or config.box.colmap is None:
         return []
-    from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
     folder = config.box.colmap.folder.rstrip("/")
     return [f"{folder}/{name}" for name in (CAMERAS_NAME, IMAGES_NAME)]
 
@@ -218,7 +212,6 @@ def _own_camera(source: SourceTable) -> str | None:
     """Digest of a camera that the operator keeps under a name, outside of every session."""
     if source.camera is None:
         return None
-    from spectrabox.radiometry.spectra.kept_cameras import own_cameras
     kept = own_cameras().get(source.camera)
     return None if kept is None else sha256_of(kept)
 

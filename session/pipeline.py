@@ -31,8 +31,6 @@ from spectrabox.session.store.store import (
     why_stale,
 )
 
-PICTURE = "picture"     # the stage that runs only where the session asks for it
-
 
 @dataclass(frozen=True)
 class StageState:
@@ -89,17 +87,14 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     list of StageState
         Of all stages, in order.
     """
-    keys, states = stage_keys(config, InputFiles(config)), []
-    for name in stages_of(config.flat):
+    keys = stage_keys(config, InputFiles(config))
+    states = [] if "chart" in keys else [StageState("chart", "not needed", (), None)]
+    for name, key in keys.items():
         stored = load_stage(config.results_folder, name)
-        if name not in keys and name == PICTURE and not config.flat:
-            continue
-        if name not in keys:
-            states.append(StageState(name, "not needed", (), None))
-        elif stored is None:
+        if stored is None:
             states.append(StageState(name, "missing", (), None))
         else:
-            reasons = tuple(why_stale(stored.key, keys[name])) if stored.fault is None \
+            reasons = tuple(why_stale(stored.key, key)) if stored.fault is None \
                 else (f"its stored results {stored.fault}",)
             states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
     return states
@@ -148,8 +143,9 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     InputError
         If ``only`` names no stage of this session, or a stage before it is not up to date.
     """
-    inputs, order = InputFiles(config), list(stages_of(config.flat))
+    inputs = InputFiles(config)
     keys = stage_keys(config, inputs)
+    order = list(keys)
     if only is not None and only not in keys:
         raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
     finished, photos = FinishedRun({}, {}), OpenPhotos()
@@ -192,9 +188,7 @@ def load_finished(config: SessionConfig) -> FinishedRun:
     InputError
         If a stage has none, or damaged ones.
     """
-    stored = {name: load_stage(config.results_folder, name) for name in stages_of(config.flat)
-              if (name != "chart" or config.views_with_chart)
-              and (name != PICTURE or config.picture)}
+    stored = {name: load_stage(config.results_folder, name) for name in stages_of(config)}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:
         raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")
@@ -214,7 +208,7 @@ def _run_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles, d
     with stage_folder(config.results_folder, name) as folder:
         task = StageTask(config, device, records, folder,
                          lambda done, message: progress(name, done, message), photos)
-        made = stages_of(config.flat)[name].run(task)
+        made = stages_of(config)[name].run(task)
         inputs.require_unchanged(key.get("files", ()))
         save_stage(folder, key, made, time.perf_counter() - start, {"stage": name})
     finished = load_stage(config.results_folder, name)

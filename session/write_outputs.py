@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.session.assemble import assemble
+from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.facts import run_facts, run_text
 from spectrabox.session.pipeline import FinishedRun
@@ -41,7 +42,5 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     facts, text = run_facts(results, report), run_text(results)
     files = write_surface_files(results)
     if isinstance(results, SceneResults):
-        # here: flat samples do not load what reads and writes scenes
-        from spectrabox.session.box.scene_files import write_scene_files
         files += write_scene_files(config)
     return facts, text, [report, report.with_name(NUMBERS_NAME), *files]

@@ -65,7 +65,7 @@ def input_states(config: SessionConfig) -> dict[str, tuple[int, int]]:
         Names as seen from the session folder, to bytes and nanoseconds.
     """
     names = {FILE_NAME}
-    for stage in (*stages_of(config.flat), STAGE):
+    for stage in (*stages_of(config), STAGE):
         stored = load_stage(config.results_folder, stage)
         if stored is not None:
             names |= {*stored.key.get("files", {}), *stored.facts.get("outputs", {})}

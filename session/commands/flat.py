@@ -5,15 +5,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.command_line import Answer, ChartLayout, CommonOptions, Quiet, command
-
-if TYPE_CHECKING:
-    from spectrabox.session.run_outputs import RunOutputs
+from spectrabox.session.commands.session import RunRequest, run_session
 
 
 def register(app: typer.Typer) -> None:
@@ -94,24 +92,10 @@ def flat(request: FlatRequest) -> Answer:
     if request.picture_light is not None and not request.picture:
         raise InputError("--picture-light says how a picture is shown: give --picture too")
     with session_of(order, request.session) as folder:
-        outputs = _run(folder, request.quiet)
+        run = RunRequest(folder=folder, device="not needed", quiet=request.quiet)
+        answer = run_session(run, ["spectrabox", "flat", request.photo.stem])
     seconds = round(time.perf_counter() - start, 3)
-    return Answer({**outputs.facts, "seconds": seconds}, outputs.text)
-
-
-def _run(folder: Path, quiet: bool) -> RunOutputs:
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import run_stages
-    from spectrabox.session.progress_display import progress_display, with_time_left
-    from spectrabox.session.run_outputs import outputs_of_run
-    from spectrabox.session.store.locks import only_writer
-    config = read_session(folder)
-    with only_writer(config.folder, "spectrabox flat"), \
-            progress_display(quiet) as show:
-        progress = with_time_left(show)
-        finished = run_stages(config, device="cpu", only=None, force=False, progress=progress)
-        words = ["spectrabox", "flat", config.session.name]
-        return outputs_of_run(config, finished, words, "not needed", progress)
+    return Answer({**answer.facts, "seconds": seconds}, answer.text)
 
 
 def _write_picture(photo: Path) -> Answer:

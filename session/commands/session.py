@@ -230,8 +230,15 @@ def doctor(request: DoctorRequest) -> Answer:
     return Answer(facts, "\n".join(lines), EnvironmentProblem.exit_code if facts["problems"] else 0)
 
 
-def run_session(request: RunRequest) -> Answer:
-    """Run the stages of a session that are asked for, and write its report after the last."""
+def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
+    """Run the stages of a session that are asked for, and write its report after the last.
+
+    Parameters
+    ----------
+    request : RunRequest
+    words : list of str, optional
+        The command as the operator could type it again, for the report; that of ``run`` by default.
+    """
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import load_finished, run_stages
     from spectrabox.session.progress_display import progress_display, with_time_left
@@ -240,8 +247,11 @@ def run_session(request: RunRequest) -> Answer:
     from spectrabox.session.store.locks import only_writer
 
     config = read_session(request.folder, request.allow_outside)
-    wanted = stages_in_order(request.only, list(stages_of(config.flat)))
-    with only_writer(config.folder, "spectrabox run"), \
+    wanted = stages_in_order(request.only, list(stages_of(config)))
+    words = words or ["spectrabox", "run", request.folder.name, "--device", request.device,
+                      *(["--force"] if request.force else []),
+                      *(["--only", request.only] if request.only else [])]
+    with only_writer(config.folder, " ".join(words[:2])), \
             progress_display(request.quiet) as show:
         progress = with_time_left(show)
         for stage in wanted:
@@ -257,8 +267,5 @@ def run_session(request: RunRequest) -> Answer:
                              for stage, taken in seconds.items()),
                            "run without --only for the report"]))
         finished = load_finished(config) if request.only is not None else finished
-        command_line = ["spectrabox", "run", request.folder.name, "--device", request.device,
-                        *(["--force"] if request.force else []),
-                        *(["--only", request.only] if request.only else [])]
-        outputs = outputs_of_run(config, finished, command_line, request.device, progress)
+        outputs = outputs_of_run(config, finished, words, request.device, progress)
     return Answer(outputs.facts, outputs.text)

@@ -35,7 +35,7 @@ def session_quantities(folder: Path, allow_outside: bool = False) -> SessionQuan
         If there is no session, or none of its stages has results that are whole.
     """
     config = read_session(folder, allow_outside)
-    stored = {name: stage for name in stages_of(config.flat)
+    stored = {name: stage for name in stages_of(config)
               if (stage := load_stage(config.results_folder, name)) is not None
               and not stage.fault}
     if not stored:

@@ -3,14 +3,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.layout_names import layout_name
+from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.charts.references import reference_file
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.session.config.session_schema import SessionConfig
-
-if TYPE_CHECKING:
-    from spectrabox.radiometry.chart import Chart
 
 
 def session_chart(config: SessionConfig) -> Chart:
@@ -21,7 +20,6 @@ def session_chart(config: SessionConfig) -> Chart:
     InputError
         If its name is not known, or its file is no layout.
     """
-    from spectrabox.radiometry.charts.layouts import chart_layout
     file = config.chart.layout_file
     return chart_layout(config.chart.layout if file is None else str(config.path(file)))
 
@@ -40,7 +38,6 @@ def chart_files(config: SessionConfig) -> list[str]:
         layout_name(config.chart.layout)
         reference = folder / named if named is not None and names_a_file(named) else None
     else:
-        from spectrabox.radiometry.charts.references import reference_file
         reference = reference_file(named, session_chart(config), folder)
     placed = None if reference is None else os.path.relpath(reference, folder)
     return [name for name in (file, placed) if name is not None]

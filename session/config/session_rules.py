@@ -3,10 +3,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from spectrabox.calibrate.photo_checks import MIN_PATCHES
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import VISIBLE_NM
+from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
 from spectrabox.radiometry.system.names import name_fault, sharing_a_file
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.sampling.prior.families.family_names import unknown_families
+from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
     FIRST_PHOTO,
@@ -74,8 +78,6 @@ def _patches(config: SessionConfig) -> list[str]:
     """Patches left out must be on the chart, and leave enough."""
     if not config.chart.leave_out:
         return []
-    from spectrabox.calibrate.photo_checks import MIN_PATCHES
-    from spectrabox.session.config.session_chart import session_chart
     try:
         chart = session_chart(config)
     except InputError:      # said where the chart is read
@@ -94,8 +96,6 @@ def _picture(config: SessionConfig) -> list[str]:
     section, place = config.picture, f"{FILE_NAME}: picture"
     if section is None:
         return []
-    from spectrabox.radiometry.grid import VISIBLE_NM
-    from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
     problems = []
     if section.rect is not None and (len(section.rect) != 4 or _empty(section.rect)):
         problems.append(f"{place}.rect is {list(section.rect)}; two opposite corners [x0, y0, x1, "

@@ -5,8 +5,11 @@ import importlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
 if TYPE_CHECKING:
     from spectrabox.radiometry.shaped import Record
+    from spectrabox.session.config.session_schema import SessionConfig
     from spectrabox.session.stages.stage_task import StageTask
 
 
@@ -20,7 +23,6 @@ class Stage:
 
     def run(self, task: StageTask) -> Record:
         """The stage's record, the same to the last bit on any number of cores."""
-        from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
         function = getattr(importlib.import_module(self.module), self.function)
         # BLAS splits its sums by the cores; SciPy's own, where it is loaded later, asks `main`
         with threadpool_limits(1, user_api="blas"):
@@ -47,9 +49,12 @@ FLAT_STAGES = {**FIRST, "signals": Stage(f"{ROOM}.signals_stage", "find_signals"
                "picture": Stage(f"{PICTURE_ROOM}.flat_stage", "picture_of_spectra", PICTURE_ROOMS)}
 
 
-def stages_of(flat: bool) -> dict[str, Stage]:
-    """The stages of a session of flat samples, or of a scene."""
-    return FLAT_STAGES if flat else STAGES | SCENE_PICTURE
+def stages_of(config: SessionConfig) -> dict[str, Stage]:
+    """The stages that a session needs, in order."""
+    unneeded = {name for name, needed in (("chart", config.views_with_chart),
+                                          ("picture", config.picture)) if not needed}
+    stages = FLAT_STAGES if config.flat else STAGES | SCENE_PICTURE
+    return {name: stage for name, stage in stages.items() if name not in unneeded}
 
 
 def stages_in_order(only: str | None, order: list[str]) -> list[str | None]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.box_scene import chart_xml
 from spectrabox.reconstruct.scene.scene_file import (
     SceneFile,
     check_materials,
     read_scene,
     scene_of_text,
 )
+from spectrabox.session.box.box_camera import box_text
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, ViewInputs
 
 BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
@@ -34,8 +36,6 @@ def read_session_scene(config: SessionConfig, view: ViewInputs | None = None) ->
                          "a session with [scene]")
     view = view or config.all_views[0]
     if view.scene is None:
-        # what reads photos is not needed where the scene is a file
-        from spectrabox.session.box.box_camera import box_text
         return scene_of_text(box_text(config, view), config.folder / BOX_SCENE_NAME,
                              _allowed_folder(config))
     return read_scene(config.path(view.scene), _allowed_folder(config))
@@ -47,7 +47,6 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
         return read_scene(config.path(config.chart.scene), _allowed_folder(config))
     if config.box is None or config.box.chart is None:
         return None
-    from spectrabox.reconstruct.scene.box_scene import chart_xml
     return scene_of_text(chart_xml(config.box, config.box.chart),
                          config.folder / CHART_SCENE_NAME, _allowed_folder(config))
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import whole_file
+from spectrabox.radiometry.grid import at_whole_steps
 from spectrabox.radiometry.system.words import cell
 from spectrabox.session.stages.records import SampleRecords
 
@@ -18,7 +19,6 @@ FORMS = {".npz": "wavelengths and one array of draws a surface",
          ".csv": "a row for each surface, draw and wavelength",
          ".parquet": "the same as a Parquet table"}
 COLUMNS = ("surface", "draw", "wavelength_nm", "reflectance")
-NM_ROUNDING = 1e-6
 MAX_ROWS = 50_000_000       # of a long form
 
 
@@ -45,7 +45,7 @@ def stored_draws(records: SampleRecords, step_nm: int,
     draws_of = {}
     for name, spectrum in records.spectra.items():
         nm = spectrum.samples.grid.nm
-        kept = np.abs(np.remainder(nm - nm[0] + step_nm / 2, step_nm) - step_nm / 2) < NM_ROUNDING
+        kept = at_whole_steps(nm, step_nm)
         draws_of[name] = nm[kept], spectrum.samples.spectra[:draws, kept]
     return draws_of
 

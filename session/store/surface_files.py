@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_files import write_exr, write_png
-from spectrabox.radiometry.appearance import BRADFORD, tristimulus_weights
+from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
 from spectrabox.radiometry.files import writable, write_text_whole
 from spectrabox.radiometry.records import Quantity, Reconstruction
 from spectrabox.radiometry.spectra.companion_files import metadata_path
@@ -16,16 +16,11 @@ from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.radiometry.system.words import cell
+from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
 from spectrabox.session.results import CommonResults, MaterialResult, SceneResults
 
 MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
-DAYLIGHT = "D65"
-# X, Y, Z to ACEScg (AP1), S-2014-004, and its white, about D60, from x, y = 0.32168, 0.33767
-TO_ACESCG = np.array([[1.6410233797, -0.3248032942, -0.2364246952],
-                      [-0.6636628587, 1.6153315917, 0.0167563477],
-                      [0.0117218943, -0.0082844420, 0.9883948585]])
-ACES_WHITE = np.array([0.32168 / 0.33767, 1.0, (1 - 0.32168 - 0.33767) / 0.33767])
 COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")
 
 
@@ -74,8 +69,6 @@ def _write_comparison(path: Path, of: Reconstruction, bands: tuple[str, ...]) ->
 
 def materials_text(results: SceneResults) -> str:
     """Mitsuba BSDFs of all materials: the mean of the draws, or the given spectrum."""
-    # here: spectra of flat samples are written without what reads and writes scenes
-    from spectrabox.reconstruct.scene.scene_xml import materials_xml
     nm = results.grid.nm
     return materials_xml({material.name: np.clip(best_spectrum(material), 0, 1)
                           for material in results.materials}, (float(nm[0]), float(nm[-1])))
@@ -119,46 +112,24 @@ def spectra_columns(results: CommonResults) -> dict[str, np.ndarray]:
     return columns
 
 
-def colour_weights(nm: np.ndarray) -> np.ndarray:
-    """Weights (6, P) that give X, Y, Z under D65 (white's Y is 1) and ACEScg of a reflectance.
-
-    ACEScg is of what looks alike under its own white, by the Bradford transform: 1, 1, 1 is white.
-
-    Parameters
-    ----------
-    nm : (P,) array
-        Ascending.
-    """
-    to_xyz = tristimulus_weights(nm, DAYLIGHT)
-    cones, wanted = BRADFORD @ to_xyz.sum(axis=1), BRADFORD @ ACES_WHITE
-    adapted = np.linalg.solve(BRADFORD, (wanted / cones)[:, None] * (BRADFORD @ to_xyz))
-    return np.vstack([to_xyz, TO_ACESCG @ adapted])
-
-
-def colours_text(materials: list[MaterialResult], grid_nm: np.ndarray) -> str:
-    """A CSV with a row for each material: its colours, and their standard deviations over the
-    draws; 0 where the spectrum was given.
+def colours_text(materials: list[MaterialResult], nm: np.ndarray) -> str:
+    """A CSV with a row for each material: its colours under D65, and their standard deviations over
+    the draws; 0 where the spectrum was given.
 
     Parameters
     ----------
     materials : list of MaterialResult
-    grid_nm : (P,) array
+    nm : (P,) array
         Of the spectra that were given.
     """
-    header = ["material", *COLUMNS, *(f"standard deviation {name}" for name in COLUMNS)]
-    rows = [",".join(header)]
+    rows = [["material", *COLUMNS, *(f"standard deviation {name}" for name in COLUMNS)]]
     for material in materials:
-        mean, deviation = _colours(material, grid_nm)
-        rows.append(",".join(['"' + cell(material.name).replace('"', '""') + '"',
-                              *(f"{value:.6f}" for value in (*mean, *deviation))]))
-    return "\n".join(rows) + "\n"
-
-
-def _colours(material: MaterialResult,
-             grid_nm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Colours (6,) and their standard deviations."""
-    if material.samples is None:
-        assert material.spectrum is not None
-        return colour_weights(grid_nm) @ material.spectrum, np.zeros(len(COLUMNS))
-    drawn = material.samples.spectra @ colour_weights(material.samples.grid.nm).T
-    return drawn.mean(axis=0), drawn.std(axis=0, ddof=1)
+        drawn, drawn_nm = best_spectrum(material)[None], nm
+        if material.samples is not None:
+            drawn, drawn_nm = material.samples.spectra, material.samples.grid.nm
+        colours = drawn @ np.vstack([tristimulus_weights(drawn_nm, "D65"),
+                                     acescg_weights(drawn_nm)]).T
+        deviation = colours.std(axis=0, ddof=1) if len(colours) > 1 else np.zeros(len(COLUMNS))
+        rows.append(['"' + cell(material.name).replace('"', '""') + '"',
+                     *(f"{value:.6f}" for value in (*colours.mean(axis=0), *deviation))])
+    return "".join(",".join(row) + "\n" for row in rows)
