@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.system.words import plain
 
 MAX_TEXT_BYTES = 200_000_000      # a table of two million signals
 UNFINISHED = ".spectrabox-"      # begins the name of a file that is being written
@@ -36,6 +37,24 @@ def is_there(path: Path) -> bool:
         return path.exists()
     except OSError:
         return False
+
+
+def require_utf8_name(path: Path) -> None:
+    """Refuse a path that libraries which take UTF-8 alone cannot open.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        os.fspath(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{plain(str(path))} has a name that is not UTF-8, by which no photo can "
+                         "be opened; rename it") from None
 
 
 def read_text(path: Path, encoding: str = "utf-8-sig") -> str:

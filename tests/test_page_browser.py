@@ -1,6 +1,5 @@
 """The page in a real browser: mark a region, undo, run, stop, read the report, shoot a series."""
 import tomllib
-from pathlib import Path
 
 import pytest
 from flat_example import rect_of, write_flat
@@ -133,17 +132,3 @@ def test_a_tethered_series_is_judged_as_it_comes_in(tmp_path, opened):
         assert page.locator("#shots li").count() == 10
         page.click("#shots >> text=4.dng")
         page.wait_for_selector("body[data-photo='shot:4.dng']")
-
-
-def test_a_file_that_is_no_photo_is_said_so_after_a_while(tmp_path, monkeypatch):
-    from spectrabox.session.page import shooting
-    monkeypatch.setattr(shooting, "GIVE_UP_S", 0.6)
-    watch = shooting.Shooting(tmp_path)
-    (tmp_path / "broken.dng").write_bytes(b"no photo at all")
-    watch.start()
-    try:
-        [shot] = wait_for(lambda: watch.state()["shots"])
-    finally:
-        watch.end()
-    assert shot["verdict"] == "RE-SHOOT" and "broken.dng" in shot["reasons"][0]
-    assert Path(tmp_path / "broken.dng").read_bytes() == b"no photo at all"

@@ -1,11 +1,15 @@
 """Photos of the page are those of the files, pixel by pixel."""
+import json
 import os
+from fractions import Fraction
 
 import numpy as np
 import pytest
+from served_page import wait_for
 
+from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.page import photo_views
+from spectrabox.session.page import photo_views, shooting
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.shooting import BRIGHT, brightest_signal, exposure_stops
 
@@ -54,3 +58,46 @@ def test_exposed_by_the_stops_that_are_said_the_brightest_parts_are_as_bright_as
     again = image(signal * 2**stops)
     assert max(brightest_signal(again)) == pytest.approx(BRIGHT, rel=1e-5)    # single precision
     assert exposure_stops(again) == pytest.approx(0, abs=1e-5)
+
+
+@pytest.fixture
+def watch(tmp_path, monkeypatch):
+    monkeypatch.setattr(shooting, "GIVE_UP_S", 0.6)
+    watching = shooting.Shooting(tmp_path)
+    watching.start()
+    yield watching
+    watching.end()
+
+
+def test_a_file_is_judged_again_whenever_it_has_changed(tmp_path, watch):
+    write_photo(tmp_path / "whole", np.full((60, 90, 3), 0.7), Fraction(1, 60),
+                np.random.default_rng(1))
+    whole = (tmp_path / "whole").read_bytes()
+    with (tmp_path / "a.dng").open("wb") as file:   # a copy that pauses for longer than we wait
+        file.write(whole[:len(whole) // 2])
+        file.flush()
+        [shot] = wait_for(lambda: watch.state()["shots"])
+        assert shot["verdict"] == "RE-SHOOT" and "a.dng" in shot["reasons"][0]
+        file.write(whole[len(whole) // 2:])
+    wait_for(lambda: [shot["verdict"] for shot in watch.state()["shots"]] == ["GOOD"])
+    (tmp_path / "a.dng").write_bytes(b"no photo at all")
+    os.utime(tmp_path / "a.dng", ns=(1, 1))         # as a copy that keeps the time of its file
+    wait_for(lambda: [shot["verdict"] for shot in watch.state()["shots"]] == ["RE-SHOOT"])
+
+
+def test_one_file_that_nobody_can_name_or_open_is_one_line_of_the_page(tmp_path, watch,
+                                                                       monkeypatch):
+    def judged(image, chart):
+        raise RuntimeError("a library's own error")
+    (tmp_path / os.fsdecode(b"caf\xe9.dng")).write_bytes(b"no photo")
+    (tmp_path / os.fsdecode(b"\xe9.tif")).touch()               # comes and goes
+    wait_for(lambda: watch.state()["arriving"] == ["\\udce9.tif"])
+    (tmp_path / os.fsdecode(b"\xe9.tif")).unlink()
+    [shot] = wait_for(lambda: watch.state()["shots"])
+    assert "not UTF-8" in shot["reasons"][0] and watch.path(shot["file"]).is_file()
+    monkeypatch.setattr(shooting, "judge_photo", judged)
+    write_photo(tmp_path / "b.dng", np.full((60, 90, 3), 0.7), Fraction(1, 60),
+                np.random.default_rng(1))
+    wait_for(lambda: len(watch.state()["shots"]) == 2)
+    assert "own error" in watch.state()["shots"][0]["reasons"][0]
+    assert not watch.state()["arriving"] and json.dumps(watch.state(), ensure_ascii=False).encode()

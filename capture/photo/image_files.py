@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.radiometry.appearance import decode_srgb
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import sha256_of, whole_file
+from spectrabox.radiometry.files import require_utf8_name, sha256_of, whole_file
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 from spectrabox.radiometry.system.words import reason_of
 
@@ -396,6 +396,7 @@ def open_as_stored(path: Path) -> oiio.ImageInput | None:
     ----------
     path : Path
     """
+    require_utf8_name(path)
     # OpenImageIO would try all its formats, some of which read gigabytes to their end
     if not _first_bytes(path).startswith((*PICTURE_STARTS, *TIFF_STARTS)):
         return None

@@ -19,7 +19,7 @@ import rawpy
 from spectrabox.capture.photo.black_level import full_colour_black, tile_of
 from spectrabox.capture.photo.metadata import PhotoMetadata, photo_metadata
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.files import require_utf8_name, sha256_of
 from spectrabox.radiometry.records import RawFrame
 
 MAX_BLACK_SPREAD = 0.02     # of the white level: in cameras positions differ by less than 0.1 %
@@ -130,6 +130,7 @@ def visible_size(path: str | os.PathLike[str]) -> tuple[int, int]:
 @contextmanager
 def _open(path: Path, unpack: bool = True) -> Iterator[rawpy.RawPy]:
     """The file, unpacked, every complaint of LibRaw turned into an InputError."""
+    require_utf8_name(path)
     try:
         with _captured_stderr() as complaints:
             raw = rawpy.imread(os.fspath(path))

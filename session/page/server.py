@@ -100,9 +100,7 @@ class SessionPage:
         """
         kind, _, name = role.partition(":")
         if kind == "shot" and self.shooting is not None:
-            if name not in {shot["file"] for shot in self.shooting.state()["shots"]}:
-                raise InputError(f"{name!r} is no new photo of {self.shooting.folder}")
-            return self.shooting.folder / name
+            return self.shooting.path(name)
         named = photos_of(tomllib.loads(self.marks.read()[0]))
         if role not in named or not self._is_inside(named[role]):
             raise InputError(f"the session has no photo {role!r}; it has {', '.join(named)}")

@@ -1,7 +1,9 @@
 """New photos of a watched folder, each judged as soon as it is whole."""
 from __future__ import annotations
 
+import contextlib
 import math
+import stat
 import threading
 import time
 from dataclasses import asdict, dataclass
@@ -18,17 +20,20 @@ from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.system.words import plain, shortened
+from spectrabox.session.command_line import describe_error
 
 PHOTO_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".exr",
                   ".tif", ".tiff", ".raw", ".3fr", ".iiq", ".srw", ".nrw", ".crw")
 LOOK_EVERY_S = 0.25
 STILL_S = 0.5           # a file that has not changed for so long is whole
-GIVE_UP_S = 10.0        # on a whole file that cannot be read: a copy may have paused
+GIVE_UP_S = 10.0        # on a file that cannot be read, until it changes: a copy may have paused
 BRIGHT = 0.75           # of saturation, where the brightest parts should lie
 DARKEST = 0.2           # of it, below which a photo is shot again
 MAX_CLIPPED = 0.002     # share of pixels that may be clipped: a lamp in view, a highlight
 BRIGHT_PERCENTILE = 99.5
 GOOD, RE_SHOOT = "GOOD", "RE-SHOOT"
+FileState = tuple[int, int]     # bytes, and time of the last change in ns
 
 
 @dataclass(frozen=True)
@@ -117,9 +122,9 @@ class Shooting:
             raise InputError(f"{folder} is no folder; give the one into which the camera's photos "
                              "come")
         self.folder, self._chart = folder, chart
-        self._known = set(self._photos())
-        self._changed: dict[str, tuple[tuple[int, int], float]] = {}
-        self._shots: list[Shot] = []
+        self._judged_states = self._states()    # what lay there before is left alone
+        self._arriving: dict[str, tuple[FileState, float]] = {}     # and since when it is so
+        self._shots: dict[str, Shot] = {}       # the last one last
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
@@ -133,51 +138,73 @@ class Shooting:
 
     def state(self) -> dict[str, Any]:
         """What the page shows: the folder, shots with the last first, and what is coming in."""
-        return {"folder": str(self.folder), "shots": [asdict(shot) for shot in self._shots[::-1]],
-                "arriving": sorted(self._changed)}
+        return {"folder": plain(str(self.folder)),
+                "shots": [asdict(shot) for shot in list(self._shots.values())[::-1]],
+                "arriving": sorted(plain(name) for name in list(self._arriving))}
 
-    def _photos(self) -> list[str]:
-        return [path.name for path in self.folder.iterdir()
-                if path.suffix.lower() in PHOTO_SUFFIXES and not path.name.startswith(".")]
+    def path(self, file: str) -> Path:
+        """The photo of a shot, by its name as the page shows it.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        for name, shot in list(self._shots.items()):
+            if shot.file == file:
+                return self.folder / name
+        raise InputError(f"{shortened(file)} is no new photo of {self.folder}")
+
+    def _states(self) -> dict[str, FileState]:
+        states = {}
+        for path in self.folder.iterdir():
+            if path.suffix.lower() in PHOTO_SUFFIXES and not path.name.startswith("."):
+                with contextlib.suppress(OSError):      # it went away meanwhile
+                    status = path.stat()
+                    if stat.S_ISREG(status.st_mode):
+                        states[path.name] = (status.st_size, status.st_mtime_ns)
+        return states
 
     def _watch(self) -> None:
         while not self._stop.wait(LOOK_EVERY_S):
             try:
-                new = sorted(set(self._photos()) - self._known)
+                states = self._states()
             except OSError:             # the folder is away for a moment: a card, a network
                 continue
-            for name in new:
-                self._look_at(name)
+            for gone in self._arriving.keys() - states.keys():
+                del self._arriving[gone]
+            for name in sorted(states):
+                self._look_at(name, states[name])
 
-    def _look_at(self, name: str) -> None:
-        """Judge a file once it has been still for a while."""
-        try:
-            stat = (self.folder / name).stat()
-        except OSError:
-            self._changed.pop(name, None)
+    def _look_at(self, name: str, state: FileState) -> None:
+        """Judge a file once it has been still for a while, and again whenever it has changed."""
+        if self._judged_states.get(name) == state:
+            self._arriving.pop(name, None)
             return
-        state, now = (stat.st_size, stat.st_mtime_ns), time.monotonic()
-        if name not in self._changed or self._changed[name][0] != state:
-            self._changed[name] = (state, now)
+        now = time.monotonic()
+        if name not in self._arriving or self._arriving[name][0] != state:
+            self._arriving[name] = (state, now)
             return
-        since = self._changed[name][1]
-        if now - since < STILL_S or not stat.st_size:
+        since = self._arriving[name][1]
+        if now - since < STILL_S or not state[0]:
             return
         shot = self._judged(name, since, give_up=now - since > GIVE_UP_S)
         if shot is not None:
-            self._shots.append(shot)
-            self._known.add(name)
-            self._changed.pop(name, None)
+            self._shots.pop(name, None)
+            self._shots[name] = shot
+            self._judged_states[name] = state
+            del self._arriving[name]
 
     def _judged(self, name: str, since: float, give_up: bool) -> Shot | None:
         """The verdict; None where the file cannot be read yet."""
         try:
             image = open_any(self.folder / name, not_linear=True)
-        except SpectraboxError as error:
+            reasons, chart = judge_photo(image, self._chart)
+        except Exception as error:  # noqa: BLE001 - one bad file must not end the watch
             if not give_up:
                 return None
-            return Shot(name, RE_SHOOT, (str(error),), False, (), (), 0.0,
-                        time.monotonic() - since)
-        reasons, chart = judge_photo(image, self._chart)
-        return Shot(name, RE_SHOOT if reasons else GOOD, reasons, chart, clipped_share(image),
-                    brightest_signal(image), exposure_stops(image), time.monotonic() - since)
+            return Shot(plain(name), RE_SHOOT, (plain(describe_error(error)[0]),), False, (), (),
+                        0.0, time.monotonic() - since)
+        return Shot(plain(name), RE_SHOOT if reasons else GOOD, reasons, chart,
+                    clipped_share(image), brightest_signal(image), exposure_stops(image),
+                    time.monotonic() - since)
