@@ -160,7 +160,7 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
                                                                               config)
         if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
                 and light is not None and chart_signals is not None:
-            attempt(_check_chart, config, view, chart[0],
+            attempt(require_chart, config, view, chart[0],
                     typical_camera_signals(chart_signals, GRID, power_of(light)))
 
 
@@ -185,8 +185,23 @@ def _reflectances(config: SessionConfig) -> list[SpectrumTable]:
     return [reference for pair in both for reference in pair if reference is not None]
 
 
-def _check_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
-                 signals: np.ndarray) -> None:
+def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
+                  signals: np.ndarray) -> None:
+    """Refuse a photo that shows no chart, or a clipped one.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    view : ViewInputs
+        Whose chart photo it is.
+    chart : LinearImage
+    signals : (I, K) array
+        That an ordinary camera would read off the chart.
+
+    Raises
+    ------
+    InputError, CheckError
+    """
     from spectrabox.capture.chart.detection import find_chart
     from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 

@@ -1,10 +1,19 @@
 """Marks become session.toml: comments stay, faults are refused, every mark can be undone."""
+import shutil
+import time
 import tomllib
+from contextlib import nullcontext
 
+import numpy as np
 import pytest
+from flat_example import write_flat
 
+from spectrabox.capture.photo.regions import region_pixels
 from spectrabox.radiometry.errors import InputError
+from spectrabox.session.check import find_problems
+from spectrabox.session.page import marks
 from spectrabox.session.page.marks import Mark, MarkedSession, corner_names, marked, photos_of
+from spectrabox.session.page.photo_views import PhotoViews
 
 FLAT = """# what we photographed on Tuesday
 [photos]
@@ -90,7 +99,7 @@ def test_marks_that_mean_nothing_are_refused(mark, said):
 @pytest.fixture
 def session(tmp_path):
     (tmp_path / "session.toml").write_text(FLAT, encoding="utf-8")
-    return MarkedSession(tmp_path)
+    return MarkedSession(tmp_path, PhotoViews())
 
 
 def test_marks_are_undone_one_by_one_to_the_first_byte(session):
@@ -99,11 +108,11 @@ def test_marks_are_undone_one_by_one_to_the_first_byte(session):
         session.apply({"kind": "region", "name": name, "points": [[1, 1], [5, 5]]},
                       session.read()[1])
         texts.append(session.read()[0])
-    assert session.can_undo and len(set(texts)) == 3
+    assert session.can_undo(texts[-1]) and len(set(texts)) == 3
     for text in texts[1::-1]:
         session.undo(session.read()[1])
         assert session.read()[0] == text
-    assert not session.can_undo
+    assert not session.can_undo(texts[0])
     with pytest.raises(InputError, match="nothing to undo"):
         session.undo(session.read()[1])
 
@@ -121,7 +130,7 @@ def test_an_undo_never_takes_back_what_somebody_else_wrote(session):
     session.apply({"kind": "region", "name": "a", "points": [[1, 1], [5, 5]]}, session.read()[1])
     path = session.folder / "session.toml"
     path.write_text(path.read_text(encoding="utf-8") + "# by hand\n", encoding="utf-8")
-    assert not session.can_undo
+    assert not session.can_undo(session.read()[0])
     with pytest.raises(InputError, match="changed elsewhere"):
         session.undo(session.read()[1])
     assert path.read_text(encoding="utf-8").endswith("# by hand\n")
@@ -143,7 +152,7 @@ def test_a_mark_that_makes_a_faulty_session_changes_nothing(session, written, sa
 def test_a_session_that_has_a_fault_already_can_still_be_marked(tmp_path):
     faulty = FLAT.replace('spectrum = "unknown"', 'spectrum = "unknown"\ncolour = 3')
     (tmp_path / "session.toml").write_text(faulty, encoding="utf-8")
-    session = MarkedSession(tmp_path)
+    session = MarkedSession(tmp_path, PhotoViews())
     session.apply({"kind": "region", "name": "a", "points": [[1, 1], [5, 5]]}, session.read()[1])
     assert "a" in tomllib.loads(session.read()[0])["regions"]
 
@@ -174,3 +183,61 @@ def test_corners_can_be_marked_before_the_camera_is_known(camera):
                                      {"scene": {"file": "scene/box.xml"}}])
 def test_without_a_measured_box_no_corner_can_be_named(written):
     assert corner_names(written) == []
+
+
+@pytest.fixture(scope="module")
+def flat(tmp_path_factory):
+    return write_flat(tmp_path_factory.mktemp("flat") / "s")
+
+
+@pytest.mark.parametrize("mark", [
+    {"kind": "region", "name": "a", "points": [[400, 300], [600, 310]]},
+    {"kind": "region", "name": "a", "points": [[50, 50]] * 5},
+    {"kind": "region", "name": "a", "points": [[10, 10], [12, 12]]},
+    {"kind": "chart corners", "points": [[10, 10], [90, 10], [90, 90], [10, 90]]}])
+def test_what_check_says_of_a_mark_is_said_before_it_is_written(flat, tmp_path, mark):
+    folder = shutil.copytree(flat, tmp_path / "s")
+    session, before = MarkedSession(folder, PhotoViews()), (folder / "session.toml").read_bytes()
+    with pytest.raises(InputError) as refused:
+        session.apply(mark, session.read()[1])
+    assert (folder / "session.toml").read_bytes() == before
+    (folder / "session.toml").write_text(marked(session.read()[0], a_mark(**mark)))
+    assert str(refused.value).splitlines() == [one.sentence for one in find_problems(folder)]
+
+
+def test_references_are_marked_one_after_another_where_the_photo_shows_them(captured):
+    session = MarkedSession(captured, PhotoViews())
+    for name, left in (("chart", 20), ("object", -20), ("object", 20)):
+        points = [[left, 20], [left + 20, 20], [left + 20, 40], [left, 40]]
+        with pytest.raises(InputError, match="leaves the photo") if left < 0 else nullcontext():
+            session.apply({"kind": "reference", "name": name, "points": points},
+                          session.read()[1])
+    assert len(tomllib.loads(session.read()[0])["drift"]["object_px"]) == 1
+
+
+@pytest.mark.parametrize("before", ["\ufeff", ""])
+@pytest.mark.parametrize("end", ["\r\n", "\n"])
+def test_lines_end_as_they_did_and_an_undo_restores_every_byte(tmp_path, before, end):
+    content = (before + FLAT.replace("\n", end)).encode()
+    (tmp_path / "session.toml").write_bytes(content)
+    session = MarkedSession(tmp_path, PhotoViews())
+    session.apply({"kind": "region", "name": "a", "points": [[1, 1], [5, 5]]}, session.read()[1])
+    after = (tmp_path / "session.toml").read_bytes()
+    assert after.startswith(content) and after.count(b"\n") == after.count(end.encode()) > 10
+    session.undo(session.read()[1])
+    assert (tmp_path / "session.toml").read_bytes() == content
+
+
+def test_many_points_take_time_by_their_number_and_nobody_waits_for_them(session, monkeypatch):
+    def seconds(count):
+        turns = np.linspace(0, 6, count)
+        points = np.column_stack([500 + 400 * np.cos(turns), 500 + 300 * np.sin(turns)])
+        start = time.process_time()
+        text = marked(FLAT, a_mark(name="a", points=points.tolist()))
+        region_pixels(np.zeros((1000, 1000, 3), bool), 1.0, points, "a")
+        assert not session._lock.locked() and len(text) > 10 * count
+        return time.process_time() - start
+    monkeypatch.setattr(marks, "marked", lambda text, mark: seconds(1000) and text)
+    session.apply({"kind": "region", "name": "a"}, session.read()[1])
+    # by their square, sixteen times the points take 256 times the time
+    assert seconds(16_000) < 64 * max(seconds(1000), 0.01)

@@ -1,18 +1,22 @@
 """The page's server: this machine and its token alone, nothing outside the session."""
-import json
+import http.client
+import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
 import urllib.parse
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from flat_example import rect_of, write_flat
-from served_page import asked, served, wait_for
+from served_page import TOKEN, asked, served, wait_for
 
+from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.page.run_control import RunControl
 
 
@@ -51,15 +55,57 @@ def test_another_page_cannot_speak_even_with_the_token(session, headers):
         assert not page.run.running
 
 
-def test_answers_forbid_what_a_page_could_be_made_to_do(session):
-    import urllib.request
-    with served(session) as (address, _), \
-            urllib.request.urlopen(f"{address}/?token=a-token-of-the-tests") as answer:
-        policy = answer.headers["content-security-policy"]
-        assert "default-src 'none'" in policy and "unsafe" not in policy
-        assert answer.headers["x-content-type-options"] == "nosniff"
-        assert answer.headers["cache-control"] == "no-store"
-        assert answer.headers["referrer-policy"] == "no-referrer"
+@pytest.mark.parametrize(("path", "status", "headers", "body"), [
+    ("/", 200, {}, None), ("/page", 200, {}, None), ("/static/page.js", 200, {}, None),
+    ("/api/state", 403, {"authorization": ""}, None), ("/report", 404, {}, None),
+    ("/api/run", 405, {}, None), ("/api/mark", 400, {}, b"["), ("/api/mark", 413, {}, None),
+    ("/api/mark", 400, {}, b"[" * 100_000), ("/api/state", 400, {"origin": "http://["}, None),
+    ("/api/state", 403, {"host": "localhost:["}, None),
+    *((f"/api/{what}?role=photo&{numbers}", 400, {}, None)
+      for what, numbers in (("value", "x=1e400&y=1"), ("value", "x=nan&y=1"), ("value", "y=1"),
+                            ("value", "x=1e300&y=1"), ("part", "left=0&top=0&side=inf"),
+                            ("part", "left=1e400&top=0&side=9"), ("part", "left=a&top=&side=")))])
+def test_every_answer_forbids_what_a_page_could_be_made_to_do(page_of_flat, path, status, headers,
+                                                              body):
+    """A wrong request is answered as such, one that is too long before it has ended."""
+    host = page_of_flat.removeprefix("http://")
+    connection = http.client.HTTPConnection(host, timeout=30)
+    connection.putrequest("POST" if body or status == 413 else "GET", path, skip_host=True)
+    headers = {"host": host, "authorization": f"Bearer {TOKEN}"} | headers
+    length = 1_000_000_000 if status == 413 else len(body or b"")
+    for name, value in (headers | {"content-length": length}).items():
+        connection.putheader(name, value)
+    connection.endheaders(bytes(1_000_000) if status == 413 else body)
+    answer = connection.getresponse()
+    assert answer.status == status
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'" in policy and ("unsafe" in policy) == (path == "/report")
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert answer.headers["cache-control"] == "no-store"
+    assert answer.headers["referrer-policy"] == "no-referrer"
+    connection.close()
+
+
+@pytest.fixture(scope="module")
+def page_of_flat(flat):
+    with served(flat) as (address, _):
+        yield address
+
+
+@pytest.mark.parametrize("content", [
+    b"[photos]\nobject = nan", b"[regions.a]\nrect = [1, 2, inf, nan]", b"[regions.a]\nrect = 5",
+    b"[session]\nname = 1979-05-27", b"[regions.a]\npolygon = [[1, [2]], 3]", b"regions = 3",
+    b"[photos]\nobject = '" + b"a" * 5000 + b"'", b"a = " + b"[" * 5000, b"a = 1" + b"0" * 5000,
+    b"[photos]\nobject = \"a\\u0000b\"", b"[photos]\nobject = 'loop.dng'", b"caf\xe9 = 1",
+    b"[drift]\nchart_px = nan", b"[chart]\ncorners_px = [1979-05-27]", None])
+def test_the_page_lists_the_faults_of_a_session_as_check_does(session, content):
+    (session / "loop.dng").symlink_to("loop.dng")
+    with served(session) as (address, _):
+        (session / "session.toml").unlink()
+        if content is not None:
+            (session / "session.toml").write_bytes(content)
+        status, state = asked(address + "/api/state")
+        assert status == 200 and state["problems"] == try_read_session(session)[1] != []
 
 
 def test_the_state_says_photos_marks_and_stages(session):
@@ -174,42 +220,90 @@ def test_two_pages_on_one_session_do_not_write_over_each_other(session):
         assert asked(one + "/api/undo", {"digest": digest})[0] == 200
 
 
-def test_a_run_is_followed_and_can_be_stopped(tmp_path):
+@pytest.mark.parametrize(("ending", "code", "error"), [
+    ("lambda *_: (print('{\"error\": \"interrupted\"}'), sys.exit(143))", 143, "interrupted"),
+    ("signal.SIG_IGN", -signal.SIGKILL, None)])
+def test_a_run_is_followed_and_can_be_stopped(tmp_path, ending, code, error):
     control = RunControl(tmp_path)
-    script = ("import sys, time\nprint('stage started', file=sys.stderr, flush=True)\n"
-              "try:\n time.sleep(60)\nexcept KeyboardInterrupt:\n"
-              " print('{\"error\": \"interrupted\"}'); sys.exit(130)")
+    script = (f"import signal, sys, time\nsignal.signal(signal.SIGTERM, {ending})\n"
+              "print('stage started', file=sys.stderr, flush=True)\ntime.sleep(60)")
     control._command = [sys.executable, "-c", script]
     control.start()
     wait_for(lambda: control.state()["lines"] == ["stage started"])
-    assert control.running
     with pytest.raises(Exception, match="going on"):
         control.start()
     control.stop()
     wait_for(lambda: not control.running)
     state = control.state()
-    assert state["exit_code"] == 130 and state["error"] == "interrupted" and state["seconds"] < 60
+    assert state["exit_code"] == code and state["error"] == error and state["seconds"] < 30
 
 
-def test_the_command_prints_its_address_and_ends_with_what_it_started(session):
-    with subprocess.Popen([sys.executable, "-m", "spectrabox", "open", str(session),
-                           "--no-browser"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+@pytest.mark.parametrize("seconds", [0.0, 0.1, 0.3])
+def test_a_run_that_is_stopped_while_it_begins_prints_no_traceback(session, seconds):
+    control = RunControl(session)
+    control.start()
+    time.sleep(seconds)
+    control.stop()
+    wait_for(lambda: not control.running)
+    state = control.state()
+    assert state["stopped"] and "Traceback" not in "".join(state["lines"])
+
+
+PAGE_OF_A_STUBBORN_RUN = """
+import sys
+from pathlib import Path
+from spectrabox.session.interruption import stop_on_signals
+from spectrabox.session.page.server import SessionPage, serve
+stop_on_signals()
+page = SessionPage(Path(sys.argv[1]))
+page.run._command = [sys.executable, "-c", "import signal, sys, time\\n"
+    "signal.signal(15, signal.SIG_IGN)\\nwhile True: open(sys.argv[1], 'w'); time.sleep(0.02)",
+    sys.argv[2]]
+serve(page, 0, lambda address: print(address, flush=True))
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGKILL"])
+def test_page_and_run_end_within_three_seconds_whatever_a_client_does(session, tmp_path, name):
+    alive = tmp_path / "alive"
+    with subprocess.Popen([sys.executable, "-c", PAGE_OF_A_STUBBORN_RUN, session, alive],
+                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                           text=True) as process:
+        parts = urllib.parse.urlsplit(process.stdout.readline().strip())
+        token = urllib.parse.parse_qs(parts.query)["token"][0]
+        assert asked(f"http://{parts.netloc}/api/run", {}, token)[1]["run"]["running"]
+        wait_for(alive.exists)
+        with socket.create_connection((parts.hostname, parts.port)) as stalled:
+            stalled.sendall(f"POST /api/mark HTTP/1.1\r\nHost: {parts.netloc}\r\nAuthorization: "
+                            f"Bearer {token}\r\nContent-Length: 99\r\n\r\n[".encode())
+            time.sleep(0.2)
+            end = time.monotonic() + 3
+            process.send_signal(getattr(signal, name))
+            process.wait(3)
+        time.sleep(end - time.monotonic())
+        alive.unlink()
+        time.sleep(0.2)
+        assert not alive.exists()
+
+
+def test_a_browser_learns_the_address_from_a_file_of_its_user_alone(session, tmp_path):
+    script, notes = tmp_path / "browser", tmp_path / "notes"
+    script.write_text(f'#!/bin/sh\necho "$@" > {notes}.new; mv {notes}.new {notes}\n')
+    script.chmod(0o700)
+    with subprocess.Popen([sys.executable, "-m", "spectrabox", "open", session],
+                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+                          env=os.environ | {"BROWSER": f"{script} %s"}) as process:
         address = process.stdout.readline().strip()
         parts = urllib.parse.urlsplit(address)
         token = urllib.parse.parse_qs(parts.query)["token"][0]
         assert parts.hostname == "127.0.0.1" and len(token) >= 32
-        base = f"{parts.scheme}://{parts.netloc}"
-        wait_for(lambda: asked(base + "/api/state", token=token)[0] == 200)
-        assert asked(base + "/api/run", {"digest": ""}, token=token)[1]["run"]["running"]
-        wait_for(lambda: asked(base + "/api/state", token=token)[1]["run"]["lines"])
+        wait_for(notes.exists)
+        file = Path(urllib.parse.urlsplit(notes.read_text().strip()).path)
+        assert token not in notes.read_text() and address in file.read_text(encoding="utf-8")
+        assert file.stat().st_mode & 0o777 == 0o600 and file.parent.stat().st_mode & 0o777 == 0o700
+        assert asked(address, token=None)[0] == 200
+        assert not file.parent.exists()
         process.send_signal(signal.SIGTERM)
-        assert process.wait(60) in (0, 143, -signal.SIGTERM, 130)
-    # the run that it had started has let go of the session
-    time.sleep(0.2)
-    again = subprocess.run([sys.executable, "-m", "spectrabox", "status", str(session), "--json"],
-                           capture_output=True, text=True, check=True)
-    assert json.loads(again.stdout)["stages"]
 
 
 @pytest.mark.parametrize("words", [["nowhere"], ["{session}", "--watch", "nowhere"]])

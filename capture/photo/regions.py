@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from spectrabox.capture.chart.patches import image_from_sensor, pixels_inside
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
@@ -59,9 +60,20 @@ def pixels_in_polygon(corners: np.ndarray, height: int,
     last = np.array([width - 1, height - 1])
     left, top = np.clip(np.ceil(corners.min(axis=0)), 0, last + 1).astype(int)
     right, bottom = np.clip(np.floor(corners.max(axis=0)), -1, last).astype(int)
-    y, x = np.mgrid[top:max(bottom + 1, top), left:max(right + 1, left)]
-    inside = inside_polygon(corners, x, y)
-    return y[inside], x[inside]
+    columns, rows = max(right + 1 - left, 0), max(bottom + 1 - top, 0)
+    # Edges to the right of the first n pixels of each row, modulo 2: work by the length of the
+    # outline, not by corners times pixels.
+    crossed = np.zeros((rows, columns + 1), bool)
+    edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    ends = np.clip(np.ceil(np.sort(edges[..., 1], axis=1)) - top, 0, rows).astype(int)
+    for ((xa, ya), (xb, yb)), (low, high) in zip(edges, ends, strict=True):
+        if low < high:
+            row = np.arange(low, high)
+            x = xa + (row + top - ya) / (yb - ya) * (xb - xa)
+            crossed[row, np.clip(np.ceil(x) - left, 0, columns).astype(int)] ^= True
+    inside = np.logical_xor.accumulate(crossed[:, ::-1], axis=1)[:, -2::-1]
+    y, x = np.nonzero(inside)
+    return y + top, x + left
 
 
 def inside_polygon(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -81,13 +93,13 @@ def inside_polygon(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndar
     return inside
 
 
-def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
+def region_signals(image: LinearImage, corners_px: ArrayLike) -> np.ndarray:
     """Mean signal (R, K) of neutral references inside each of R quadrilaterals.
 
     Parameters
     ----------
     image : LinearImage
-    corners_px : (R, 4, 2) array
+    corners_px : (R, 4, 2) array or nested sequences
         Corner after corner, in pixels of the whole photo.
 
     Raises
@@ -99,7 +111,10 @@ def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
     CheckError
         If a region is too dark to be compared.
     """
-    quads = np.asarray(corners_px, dtype=float)
+    try:
+        quads = np.asarray(corners_px, dtype=float)
+    except ValueError:          # rows of several lengths
+        quads = np.empty(0)
     if quads.ndim != 3 or quads.shape[1:] != (4, 2) or not np.all(np.isfinite(quads)):
         raise InputError("a reference region is written as four corners [[x, y], [x, y], [x, y], "
                          "[x, y]] in pixels of the photo, going round")
@@ -107,8 +122,8 @@ def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
     for number, quad in enumerate(quads, start=1):
         name = f"photo {image.source}: reference region {number}"
         y, x = pixels_inside(quad, image.sensor_step, *image.signal.shape[:2])
-        _require_readable(image, quad, y, x, name, "more of the reference, corner after corner",
-                          "use a darker reference")
+        _require_readable(image.saturated, image.sensor_step, quad, y, x, name,
+                          "more of the reference, corner after corner", "use a darker reference")
         mean = image.signal[y, x].mean(axis=0, dtype=float)
         noise = np.sqrt(image.variance[y, x].mean(axis=0, dtype=float) / y.size)
         if np.any(mean < MIN_SIGNAL_TO_NOISE * noise) or np.any(mean <= 0):
@@ -118,26 +133,49 @@ def region_signals(image: LinearImage, corners_px: np.ndarray) -> np.ndarray:
     return np.array(means)
 
 
-def _require_readable(image: LinearImage, corners_px: np.ndarray, y: np.ndarray, x: np.ndarray,
-                      name: str, more: str, less_light: str) -> None:
+def region_pixels(saturated: np.ndarray, sensor_step: float, corners_px: np.ndarray,
+                  name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the pixels of a region.
+
+    Parameters
+    ----------
+    saturated : (H, W, K) array of bool
+    sensor_step : float
+        Pixels of the sensor a side of one of these.
+    corners_px : (C, 2) array
+        Going round, in pixels of the whole photo.
+    name : str
+        Begins the messages.
+
+    Raises
+    ------
+    InputError, ClippedPhotoError
+        As ``sample_regions``.
+    """
+    y, x = pixels_in_polygon(image_from_sensor(corners_px, sensor_step), *saturated.shape[:2])
+    _require_readable(saturated, sensor_step, corners_px, y, x, name, "more of the surface",
+                      "outline a part without reflections")
+    return y, x
+
+
+def _require_readable(saturated: np.ndarray, sensor_step: float, corners_px: np.ndarray,
+                      y: np.ndarray, x: np.ndarray, name: str, more: str,
+                      less_light: str) -> None:
     """Refuse a region whose pixels cannot be averaged; what to do ends the sentences."""
-    size = np.array(image.signal.shape[1::-1]) * image.sensor_step
+    size = np.array(saturated.shape[1::-1]) * sensor_step
     if np.any(corners_px < -0.5) or np.any(corners_px > size - 0.5):
         raise InputError(f"{name} leaves the photo of {round(size[0])} x {round(size[1])} pixels; "
                          "correct its corners")
     if y.size < MIN_PIXELS:
         raise InputError(f"{name} holds {y.size} pixels, {MIN_PIXELS} are needed; outline {more}")
-    clipped = float(image.saturated[y, x].any(axis=1).mean())
+    clipped = float(saturated[y, x].any(axis=1).mean())
     if clipped > CLIPPED_LIMIT:
         raise ClippedPhotoError(f"{name} is saturated in {clipped:.0%} of its pixels; expose less, "
                                 f"or {less_light}")
 
 
 def _one_region(image: LinearImage, corners_px: np.ndarray, name: str) -> tuple[np.ndarray, ...]:
-    y, x = pixels_in_polygon(image_from_sensor(corners_px, image.sensor_step),
-                             *image.signal.shape[:2])
-    _require_readable(image, corners_px, y, x, name, "more of the surface",
-                      "outline a part without reflections")
+    y, x = region_pixels(image.saturated, image.sensor_step, corners_px, name)
     signal, variance = image.signal[y, x].astype(float), image.variance[y, x].mean(axis=0)
     mean = signal.mean(axis=0)
     terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])

@@ -164,16 +164,16 @@ class OpenRequest(DebugOption):
 @command
 def open_page(request: OpenRequest) -> None:
     """Open a session's page on this machine: mark photos, run, read the report, judge new shots."""
+    import webbrowser
+
     from spectrabox.session.page.server import SessionPage, serve
 
     def say(address: str) -> None:
         print(address, flush=True)
         tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
              "session from this machine.")
-        if request.browser:
-            import webbrowser
-            webbrowser.open(address)
-    serve(SessionPage(request.folder, request.watch, request.allow_outside), request.port, say)
+    serve(SessionPage(request.folder, request.watch, request.allow_outside), request.port, say,
+          webbrowser.open if request.browser else None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,24 +33,49 @@ def read_session(folder: Path, allow_outside: bool = False) -> SessionConfig:
 def try_read_session(folder: Path,
                      allow_outside: bool = False) -> tuple[SessionConfig | None, list[str]]:
     """The session, or None with every fault of its file in a sentence each."""
-    path = folder / FILE_NAME
-    if folder.is_file():
-        return None, [f"{folder} is a file; give the session folder, {folder.parent}"]
-    if not path.is_file():
-        return None, [f"{path} is missing: write one with 'spectrabox new {folder}'"]
     try:
-        content = read_bytes_of_text(path)
-        text = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
-    except ValueError as error:
-        return None, [f"{FILE_NAME} is not valid TOML: {error}"]
+        content = session_content(folder)
+        text = text_of(content)
     except InputError as error:
         return None, [str(error)]
-    except OSError as error:
-        return None, [f"{path} cannot be read ({error.strerror}): change its permissions"]
     config, problems = session_of_text(text, folder, allow_outside)
     if config is not None:
         config = config.model_copy(update={"toml_sha256": hashlib.sha256(content).hexdigest()})
     return config, problems
+
+
+def session_content(folder: Path) -> bytes:
+    """What a folder's session.toml holds.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it cannot be read.
+    """
+    path = folder / FILE_NAME
+    if folder.is_file():
+        raise InputError(f"{folder} is a file; give the session folder, {folder.parent}")
+    if not path.is_file():
+        raise InputError(f"{path} is missing: write one with 'spectrabox new {folder}'")
+    try:
+        return read_bytes_of_text(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}): change its "
+                         "permissions") from None
+
+
+def text_of(content: bytes) -> str:
+    """What a session.toml says, whatever its byte order mark and ends of lines.
+
+    Raises
+    ------
+    InputError
+        If it is not UTF-8.
+    """
+    try:
+        return io.StringIO(content.decode("utf-8-sig"), newline=None).read()
+    except ValueError as error:
+        raise InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
 
 
 def session_of_text(text: str, folder: Path,
@@ -64,6 +89,21 @@ def session_of_text(text: str, folder: Path,
     folder : Path
         Where it belongs.
     """
+    config, problems = tables_of_text(text, folder, allow_outside)
+    if config is not None:
+        problems = inconsistencies(config)
+    return (None, problems) if problems else (config, [])
+
+
+def tables_of_text(text: str, folder: Path,
+                   allow_outside: bool = False) -> tuple[SessionConfig | None, list[str]]:
+    """As ``session_of_text``, where keys that are each well written need not go together.
+
+    Parameters
+    ----------
+    text, folder, allow_outside
+        As of ``session_of_text``.
+    """
     try:
         written = tomllib.loads(text)
         SessionTables.model_validate(written)
@@ -72,6 +112,4 @@ def session_of_text(text: str, folder: Path,
                       for sentence in fault_sentences(error, SessionTables)]
     except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
         return None, [f"{FILE_NAME} is not valid TOML: {error}"]
-    config = SessionConfig(folder=folder, allow_outside=allow_outside, **written)
-    problems = inconsistencies(config)
-    return (None, problems) if problems else (config, [])
+    return SessionConfig(folder=folder, allow_outside=allow_outside, **written), []

@@ -38,15 +38,21 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     if config.chart.corners_px is not None and [len(c) for c in config.chart.corners_px] != [2] * 4:
         problems.append(f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: of a ColorChecker "
                         "Classic the outer corners at dark skin, bluish green, black and white")
-    if len(config.drift.chart_px) != len(config.drift.object_px):
-        problems.append(f"{FILE_NAME}: drift.chart_px names {len(config.drift.chart_px)} "
-                        f"references and drift.object_px {len(config.drift.object_px)}; name the "
-                        "same ones in both, in one order")
+    problems += unpaired_references(config)
     if config.drift.chart_px and not config.needs_chart:
         problems.append(f"{FILE_NAME}: [drift] compares the object photo with the chart photo, but "
                         "nothing of this session comes from a chart photo; leave it out")
     return (problems + _names(config) + _views(config) + _bands(config) + _unknown_lights(config)
             + _patches(config) + _picture(config))
+
+
+def unpaired_references(config: SessionConfig) -> list[str]:
+    """A sentence where one photo names more references of [drift] than the other."""
+    if len(config.drift.chart_px) == len(config.drift.object_px):
+        return []
+    return [f"{FILE_NAME}: drift.chart_px names {len(config.drift.chart_px)} references and "
+            f"drift.object_px {len(config.drift.object_px)}; name the same ones in both, in one "
+            "order"]
 
 
 def _unknown_lights(config: SessionConfig) -> list[str]:

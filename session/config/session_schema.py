@@ -478,7 +478,7 @@ class SessionConfig(SessionTables):
         """
         try:
             path = (self.folder / name).resolve()
-        except (ValueError, RuntimeError) as error:     # a zero byte, a link to itself
+        except (OSError, ValueError, RuntimeError) as error:    # a zero byte, a link to itself
             raise InputError(f"{name!r} cannot be the name of a file ({error}); correct it"
                              ) from None
         if not self.allow_outside and not path.is_relative_to(self.folder.resolve()):

@@ -1,8 +1,15 @@
-"""Who may speak to the page: this machine alone, with the token of its address."""
+"""Who may speak to the page: this machine alone, with the token of its address; and how a browser
+learns it.
+"""
 from __future__ import annotations
 
 import hmac
+import re
+import shutil
+import tempfile
 from collections.abc import Awaitable, Callable, MutableMapping
+from html import escape
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -12,8 +19,8 @@ from starlette.responses import JSONResponse
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-OPEN_PATHS = ("/static/",)      # code that anybody may read; it says nothing of a session
+LOOPBACK = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
+OPEN_PATHS = ("/static/", "/page")      # code that anybody may read; it says nothing of a session
 CONTENT_POLICY = ("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
                   "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
                   "frame-ancestors 'self'")
@@ -43,15 +50,9 @@ class Access:
             if scope["type"] == "lifespan":
                 await self._app(scope, receive, send)
             return
-        request = Request(scope)
-        if (refusal := self._refusal(request)) is not None:
-            answer = JSONResponse({"error": refusal}, status_code=403)
-            await answer(scope, receive, send)
-            return
-
         async def with_headers(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                policy = REPORT_POLICY if request.url.path == "/report" else CONTENT_POLICY
+                policy = REPORT_POLICY if scope["path"] == "/report" else CONTENT_POLICY
                 message["headers"] = [*message["headers"],
                                       (b"content-security-policy", policy.encode()),
                                       (b"x-content-type-options", b"nosniff"),
@@ -59,21 +60,51 @@ class Access:
                                       (b"cache-control", b"no-store")]
             await send(message)
 
-        await self._app(scope, receive, with_headers)
+        refusal = self._refusal(Request(scope))
+        answer = self._app if refusal is None else JSONResponse({"error": refusal[0]}, refusal[1])
+        await answer(scope, receive, with_headers)
 
-    def _refusal(self, request: Request) -> str | None:
+    def _refusal(self, request: Request) -> tuple[str, int] | None:
+        """Sentence and status; None where the request may be answered."""
         host = request.headers.get("host", "")
-        if host.rsplit(":", 1)[0] not in LOOPBACK:
-            return f"this page is for this machine alone, not for {host[:100]!r}"
+        if LOOPBACK.fullmatch(host) is None:
+            return f"this page is for this machine alone, not for {host[:100]!r}", 403
         origin = request.headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != host:
-            return "another page may not speak to this one"
-        if request.url.path.startswith(OPEN_PATHS):
+        try:
+            of_itself = origin is None or urlsplit(origin).netloc == host
+        except ValueError:
+            return f"{origin!r:.100} is no origin", 400
+        if not of_itself:
+            return "another page may not speak to this one", 403
+        if request.scope["path"].startswith(OPEN_PATHS):
             return None
         scheme, _, given = request.headers.get("authorization", "").partition(" ")
         if scheme != "Bearer":
             # a form of another page can ask for an address, but knows no token
             given = request.query_params.get("token", "") if request.method == "GET" else ""
         if not hmac.compare_digest(given.encode(), self._token.encode()):
-            return "the token is missing or wrong: open the address that 'spectrabox open' printed"
+            return ("the token is missing or wrong: open the address that 'spectrabox open' "
+                    "printed"), 403
         return None
+
+
+class RedirectFile:
+    """A page on disk that leads a browser to an address, so that the address stands on no command
+    line; for its user alone.
+
+    Parameters
+    ----------
+    address : str
+    """
+
+    def __init__(self, address: str) -> None:
+        self._folder = Path(tempfile.mkdtemp(prefix="spectrabox-"))
+        self.path = self._folder / "open.html"
+        self.path.touch(0o600)
+        self.path.write_text('<!doctype html><meta charset="utf-8"><title>spectrabox</title>'
+                             f'<meta http-equiv="refresh" content="0;url={escape(address)}">',
+                             encoding="utf-8")
+
+    def discard(self) -> None:
+        """Delete it, once the browser has followed it."""
+        shutil.rmtree(self._folder, ignore_errors=True)

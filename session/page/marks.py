@@ -2,13 +2,15 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import re
 import threading
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomlkit
-from pydantic import Field, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array
 
@@ -16,13 +18,23 @@ from spectrabox.radiometry.checked_tables import ListOf, Table, checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
-from spectrabox.session.config.session_file import session_of_text
+from spectrabox.session.config.session_file import session_content, tables_of_text, text_of
+from spectrabox.session.config.session_rules import inconsistencies, unpaired_references
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO, by_band
+from spectrabox.session.page.mark_faults import mark_faults
+from spectrabox.session.page.photo_views import PhotoViews
 
 MAX_UNDO = 200
 ANY_CAMERA = CameraTable(at_mm=(0.0, 0.0, 1.0), look_at_mm=(0.0, 0.0, 0.0), fov_deg=40.0)
 DECIMALS = 1            # of a pixel: no hand marks finer
-Pixel = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
+MAX_PX = 1e6            # no photo is as large
+BYTE_ORDER_MARK = "\ufeff"
+LINE_FEED_ALONE = re.compile(r"(?<!\r)\n")
+Coordinate = Annotated[float, Field(ge=-MAX_PX, le=MAX_PX, strict=True)]
+Pixel = Annotated[ListOf[Coordinate], Field(min_length=2, max_length=2)]
+OUTLINE, OUTLINES = TypeAdapter(ListOf[Pixel]), TypeAdapter(ListOf[ListOf[Pixel]])
+RECTANGLE = TypeAdapter(tuple[Coordinate, Coordinate, Coordinate, Coordinate])
+CORNERS, PHOTOS = TypeAdapter(dict[str, Pixel]), TypeAdapter(str | list[str])
 
 
 class Mark(Table):
@@ -46,34 +58,34 @@ class MarkedSession:
     ----------
     folder : Path
         With a session.toml.
+    photos : PhotoViews
+        In which marks are looked up.
     allow_outside : bool
         Whether it may name files elsewhere.
     """
 
-    def __init__(self, folder: Path, allow_outside: bool = False) -> None:
+    def __init__(self, folder: Path, photos: PhotoViews, allow_outside: bool = False) -> None:
         self.folder, self.allow_outside = folder, allow_outside
+        self._photos = photos
         self._lock = threading.Lock()
         self._undo: list[tuple[str, str]] = []      # text before and after each mark
 
     def read(self) -> tuple[str, str]:
-        """The text as it is now, and its digest, by which a page says what it has seen.
+        """The text as it is now, to the byte, and its digest, by which a page says what it has
+        seen.
 
         Raises
         ------
         InputError
             If it cannot be read.
         """
-        try:
-            text = (self.folder / FILE_NAME).read_text(encoding="utf-8")
-        except (OSError, ValueError) as error:
-            raise InputError(f"{FILE_NAME} cannot be read ({error}); mend it in an "
-                             "editor") from None
-        return text, hashlib.sha256(text.encode()).hexdigest()
+        content = session_content(self.folder)
+        text_of(content)
+        return content.decode(), hashlib.sha256(content).hexdigest()
 
-    @property
-    def can_undo(self) -> bool:
-        """Whether the last mark is still what the file ends in."""
-        return bool(self._undo) and self.read()[0] == self._undo[-1][1]
+    def can_undo(self, text: str) -> bool:
+        """Whether the file, which holds a text, is as the last mark left it."""
+        return bool(self._undo) and text == self._undo[-1][1]
 
     def apply(self, written: Any, seen: str) -> None:
         """Write a mark into the file.
@@ -92,16 +104,29 @@ class MarkedSession:
             does not have now.
         """
         mark = checked(Mark, written, "mark")
-        with self._lock:
-            before = self._require_seen(seen)
-            after = marked(before, mark)
-            had = session_of_text(before, self.folder, self.allow_outside)[1]
-            has = session_of_text(after, self.folder, self.allow_outside)[1]
-            if new := [problem for problem in has if problem not in had]:
+        before = self._require_seen(seen)
+        after = marked(before, mark)
+        # photos may have to be decoded: others need not wait for it
+        if has := self._faults(after, mark):
+            had = self._faults(before, mark)
+            if new := [fault for fault in has if fault not in had]:
                 raise InputError("\n".join(new))
-            if after != before:
+        if after != before:
+            with self._lock:
+                self._require_seen(seen)
                 write_text_whole(self.folder / FILE_NAME, after)
                 self._undo = [*self._undo, (before, after)][-MAX_UNDO:]
+
+    def _faults(self, text: str, mark: Mark) -> list[str]:
+        """What the session's file has wrong, and what the mark has on its photo."""
+        config, faults = tables_of_text(text_of(text.encode()), self.folder, self.allow_outside)
+        if config is None:
+            return faults
+        faults = inconsistencies(config)
+        if mark.kind == "reference":        # the second of a pair is still to come
+            unpaired = unpaired_references(config)
+            faults = [fault for fault in faults if fault not in unpaired]
+        return faults + mark_faults(config, mark.kind, mark.name, self._photos)
 
     def undo(self, seen: str) -> None:
         """Take the last mark back.
@@ -135,8 +160,8 @@ def marked(text: str, mark: Mark) -> str:
         If the text is no TOML, or the mark has the wrong number of points.
     """
     try:
-        document = tomlkit.parse(text)
-    except (TOMLKitError, ValueError) as error:
+        document = tomlkit.parse(text.removeprefix(BYTE_ORDER_MARK))
+    except (TOMLKitError, ValueError, RecursionError) as error:
         raise InputError(f"{FILE_NAME} is not valid TOML: {error}; mend it first") from None
     points = [_rounded(point) for point in mark.points]
     if mark.kind == "region":
@@ -148,7 +173,10 @@ def marked(text: str, mark: Mark) -> str:
         _mark_box(document, mark, points)
     else:
         _mark_reference(document, mark, points)
-    return tomlkit.dumps(document)
+    result = tomlkit.dumps(document)
+    if "\r\n" in text and not LINE_FEED_ALONE.search(text):     # what is new ends as the rest does
+        result = LINE_FEED_ALONE.sub("\r\n", result)
+    return text[:text.startswith(BYTE_ORDER_MARK)] + result
 
 
 def corner_names(written: dict[str, Any]) -> list[str]:
@@ -201,21 +229,58 @@ def photos_of(written: dict[str, Any]) -> dict[str, str]:
     return first_files
 
 
+def marks_of(written: dict[str, Any]) -> dict[str, Any]:
+    """What can be drawn on photos: outlines of regions, corners and references; what is written
+    wrongly is left out.
+
+    Parameters
+    ----------
+    written : dict
+        As ``tomllib`` gives session.toml; may have faults.
+    """
+    regions = _at(written, "regions")
+    outlines = {}
+    for name, region in regions.items() if isinstance(regions, dict) else ():
+        rect = _shown(RECTANGLE, _at(region, "rect"))
+        if rect is not None:
+            x0, y0, x1, y1 = rect
+            rect = (x0, y0), (x1, y0), (x1, y1), (x0, y1)
+        outlines[name] = {"outline": _shown(OUTLINE, _at(region, "polygon")) or rect or (),
+                          "photo": _shown(PHOTOS, _at(region, "photo"))}
+    return {"regions": outlines, "chart_corners": _shown(OUTLINE, _at(written, "chart",
+                                                                      "corners_px")),
+            "box_corners": _shown(CORNERS, _at(written, "scene", "box", "camera", "corners_px")),
+            "references": {"chart": _shown(OUTLINES, _at(written, "drift", "chart_px")),
+                           "object": _shown(OUTLINES, _at(written, "drift", "object_px"))}}
+
+
+def _at(written: Any, *keys: str) -> Any:
+    for key in keys:
+        written = written.get(key) if isinstance(written, dict) else None
+    return written
+
+
+def _shown(kind: TypeAdapter[Any], written: Any) -> Any:
+    """A value of a file as it can be drawn, or None."""
+    try:
+        return kind.validate_python(written)
+    except ValidationError:
+        return None
+
+
 def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
     if not mark.name:
         raise InputError("a region needs a name")
     if not points:
-        regions = document.get("regions", {})
+        regions = _table(document, "regions")
         regions.pop(mark.name, None)
         if not regions:
-            document.pop("regions", None)
+            document.pop("regions")
         return
     if len(points) < 2:
         raise InputError("a region needs two corners of a rectangle, or three and more of a "
                          "polygon")
-    if "regions" not in document:
-        document["regions"] = tomlkit.table(is_super_table=True)
-    table = _table(document["regions"], mark.name)
+    table = _table(_table(document, "regions", is_super_table=True), mark.name)
     for key in ("rect", "polygon", "photo"):
         table.pop(key, None)
     if len(points) == 2:
@@ -230,10 +295,9 @@ def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
 def _mark_box(document: Any, mark: Mark, points: list[list[float]]) -> None:
     if len(mark.names) != len(points):
         raise InputError(f"{len(points)} corners of a box have {len(mark.names)} names")
-    scene = document.get("scene", {})
-    if "box" not in scene:
+    if "box" not in _table(document, "scene"):
         raise InputError(f"{FILE_NAME} has no [scene.box] whose corners could be marked")
-    camera = _table(scene["box"], "camera")
+    camera = _table(_table(document["scene"], "box"), "camera")
     for key in ("at_mm", "look_at_mm"):         # a camera is measured or found
         camera.pop(key, None)
     corners = tomlkit.inline_table()
@@ -252,7 +316,10 @@ def _mark_reference(document: Any, mark: Mark, points: list[list[float]]) -> Non
             document.pop("drift")
         return
     _require_count(points, 4, "a reference")
-    _put(drift, key, [*(drift.get(key) or []), points])
+    references = drift.setdefault(key, tomlkit.array())
+    if not isinstance(references, Array):
+        raise InputError(f"{FILE_NAME}: drift.{key} must be a list; mend it first")
+    references.append(_array(points))
 
 
 def _require_count(points: list[list[float]], wanted: int, what: str) -> None:
@@ -260,9 +327,12 @@ def _require_count(points: list[list[float]], wanted: int, what: str) -> None:
         raise InputError(f"{what} has {wanted} corners; {len(points)} are marked")
 
 
-def _table(parent: Any, name: str) -> Any:
+def _table(parent: Any, name: str, is_super_table: bool | None = None) -> Any:
+    """A table of another, made where it is missing."""
     if name not in parent:
-        parent[name] = tomlkit.table()
+        parent[name] = tomlkit.table(is_super_table)
+    if not isinstance(parent[name], MutableMapping):
+        raise InputError(f"{FILE_NAME}: [{name}] must be a table; mend it first")
     return parent[name]
 
 
@@ -274,11 +344,9 @@ def _put(table: Any, key: str, values: list[Any]) -> None:
         table.pop(key, None)
 
 
-def _array(values: Sequence[Any]) -> Array:
-    array = tomlkit.array()
-    for value in values:
-        array.append(_array(value) if isinstance(value, list | tuple) else value)
-    return array
+def _array(values: Sequence[Any]) -> Any:
+    """An array of TOML. Read as a text: appending to one takes time by the square of its length."""
+    return tomlkit.value(json.dumps(values))
 
 
 def _rounded(point: tuple[float, ...]) -> list[float]:

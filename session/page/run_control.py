@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
 import sys
 import threading
@@ -11,10 +10,11 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
-from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.errors import CheckError, EnvironmentProblem
+from spectrabox.session.page.held_run import GRACE_S, kill_group
 
 MAX_LINES = 200
-PATIENCE_S = 20.0       # after which a run that was asked to stop is ended
+PATIENCE_S = GRACE_S + 0.5      # after which a run that was asked to stop is ended
 
 
 class RunControl:
@@ -30,6 +30,7 @@ class RunControl:
     def __init__(self, folder: Path, options: tuple[str, ...] = ()) -> None:
         self._command = [sys.executable, "-m", "spectrabox", "run", str(folder), "--json",
                          *options]
+        self._holder = [sys.executable, "-m", "spectrabox.session.page.held_run"]
         self._process: subprocess.Popen[str] | None = None
         self._lines: deque[str] = deque(maxlen=MAX_LINES)
         self._answer: dict[str, Any] | None = None
@@ -50,6 +51,8 @@ class RunControl:
         ------
         CheckError
             If one is going on.
+        EnvironmentProblem
+            If the system starts no further process.
         """
         with self._lock:
             if self.running:
@@ -57,31 +60,37 @@ class RunControl:
             self._lines.clear()
             self._answer, self._code, self._started = None, None, time.monotonic()
             self._stopped = False
-            # a group of its own: Ctrl-C at the page's terminal stops it through ``stop``
-            self._process = subprocess.Popen(self._command, stdout=subprocess.PIPE,
-                                             stderr=subprocess.PIPE, text=True,
-                                             start_new_session=True)
+            # A group of its own: Ctrl-C at the page's terminal stops it through ``stop``.
+            try:
+                self._process = subprocess.Popen(
+                    [*self._holder, *self._command], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE, text=True, errors="backslashreplace",
+                    start_new_session=True)
+            except OSError as error:
+                raise EnvironmentProblem(f"no run can be started ({error.strerror}): close other "
+                                         "programs, and try again") from None
             for follow in (self._follow, self._wait):
                 threading.Thread(target=follow, args=(self._process,), daemon=True).start()
 
     def stop(self) -> None:
-        """Interrupt the run as Ctrl-C does; stages that are finished are kept."""
+        """Ask the run to end as Ctrl-C does; stages that are finished are kept."""
         process = self._process
         if process is None or not self.running:
             return
         self._stopped = True
-        process.send_signal(signal.SIGINT)      # nothing to one that has just ended
+        assert process.stdin is not None
+        process.stdin.close()
 
     def end(self) -> None:
         """Stop the run and wait for its end, for when the page closes."""
         self.stop()
-        process = self._process
-        if process is None:
+        if self._process is None:
             return
         try:
-            process.wait(PATIENCE_S)
+            self._process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
-            process.kill()
+            self._process.kill()
+            kill_group(self._process.pid)
 
     def state(self) -> dict[str, Any]:
         """What the page shows: ``running``, ``seconds``, ``lines``, ``exit_code``, ``stopped``,
@@ -105,6 +114,8 @@ class RunControl:
         with process.stdout:
             output = process.stdout.read()
         code = process.wait()
+        assert process.stdin is not None
+        process.stdin.close()
         try:
             self._answer = json.loads(output)
         except ValueError:          # a run that was killed says nothing

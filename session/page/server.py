@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import secrets
 import socket
 import threading
@@ -12,18 +13,25 @@ from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.middleware import Middleware
-from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_file import session_of_text
-from spectrabox.session.page.access import Access
-from spectrabox.session.page.marks import MarkedSession, corner_names, photos_of
+from spectrabox.session.config.session_file import session_of_text, text_of
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.page.access import Access, RedirectFile
+from spectrabox.session.page.marks import (
+    MAX_PX,
+    MarkedSession,
+    corner_names,
+    marks_of,
+    photos_of,
+)
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import Shooting
@@ -34,6 +42,7 @@ HOST = "127.0.0.1"
 REPORT = "report.html"
 PNG = b"\x89PNG"
 MAX_BODY = 200_000      # bytes of a mark: a polygon of ten thousand corners
+GRACE_S = 1             # for answers under way when the page ends
 
 
 class SessionPage:
@@ -52,9 +61,9 @@ class SessionPage:
     def __init__(self, folder: Path, watched: Path | None = None,
                  allow_outside: bool = False) -> None:
         self.folder = folder.resolve()
-        self.marks = MarkedSession(self.folder, allow_outside)
-        self.marks.read()
         self.photos = PhotoViews()
+        self.marks = MarkedSession(self.folder, self.photos, allow_outside)
+        self.marks.read()
         self.run = RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
@@ -69,24 +78,22 @@ class SessionPage:
 
     def state(self) -> dict[str, Any]:
         """All that the page shows but for pixels."""
-        text, digest = self.marks.read()
-        problems = session_of_text(text, self.folder, self._allow_outside)[1]
+        config: SessionConfig | None = None
         try:
-            written = tomllib.loads(text)
-        except ValueError:
-            written = {}
-        photos = [{"role": role, "file": name, "there": self._inside(name).is_file()}
+            text, digest = self.marks.read()
+        except InputError as error:
+            text, digest, problems = "", "", [str(error)]
+        else:
+            config, problems = session_of_text(text_of(text.encode()), self.folder,
+                                               self._allow_outside)
+        written = _toml_of(text)
+        photos = [{"role": role, "file": name, "there": path.is_file()}
                   for role, name in photos_of(written).items()
-                  if self._is_inside(name)]
+                  if (path := self._inside(name)) is not None]
         return {"name": _name(written, self.folder), "digest": digest, "problems": problems,
-                "photos": photos, "undo": self.marks.can_undo,
-                "marks": {"regions": _regions(written),
-                          "chart_corners": _at(written, "chart", "corners_px"),
-                          "box_corners": _at(written, "scene", "box", "camera", "corners_px"),
-                          "references": {"chart": _at(written, "drift", "chart_px"),
-                                         "object": _at(written, "drift", "object_px")}},
+                "photos": photos, "undo": self.marks.can_undo(text), "marks": marks_of(written),
                 "corner_names": corner_names(written),
-                "stages": self._stages(text, bool(problems)), "run": self.run.state(),
+                "stages": self._stages(text, config), "run": self.run.state(),
                 "report": self._report_stamp(),
                 "shooting": None if self.shooting is None else self.shooting.state()}
 
@@ -101,19 +108,24 @@ class SessionPage:
         kind, _, name = role.partition(":")
         if kind == "shot" and self.shooting is not None:
             return self.shooting.path(name)
-        named = photos_of(tomllib.loads(self.marks.read()[0]))
-        if role not in named or not self._is_inside(named[role]):
-            raise InputError(f"the session has no photo {role!r}; it has {', '.join(named)}")
-        return self._inside(named[role])
+        named = photos_of(_toml_of(self.marks.read()[0]))
+        path = self._inside(named[role]) if role in named else None
+        if path is None:
+            raise InputError(f"the session has no photo {shortened(role)}; it has "
+                             f"{', '.join(named)}")
+        return path
 
-    def _inside(self, name: str) -> Path:
-        return (self.folder / name).resolve()
-
-    def _is_inside(self, name: str) -> bool:
-        return self._allow_outside or self._inside(name).is_relative_to(self.folder)
+    def _inside(self, name: str) -> Path | None:
+        """Where a file of the session lies; None where it may not, or where no file can."""
+        try:
+            path = (self.folder / name).resolve()
+            path.is_file()
+        except (OSError, ValueError, RuntimeError):     # too long, with a NUL, a link to itself
+            return None
+        return path if self._allow_outside or path.is_relative_to(self.folder) else None
 
     def _chart(self) -> Chart:
-        config, _ = session_of_text(self.marks.read()[0], self.folder)
+        config, _ = session_of_text(text_of(self.marks.read()[0].encode()), self.folder)
         try:
             return CLASSIC if config is None else session_chart(config)
         except SpectraboxError:
@@ -126,15 +138,13 @@ class SessionPage:
         except OSError:
             return None
 
-    def _stages(self, text: str, faulty: bool) -> list[dict[str, Any]]:
+    def _stages(self, text: str, config: SessionConfig | None) -> list[dict[str, Any]]:
         """States of the stages, looked at again where something may have changed."""
         now = (text, self._report_stamp(), self.run.running,
                tuple(self.run.state()["lines"][-1:]))
         with self._states_lock:
             if self._states[0] != now:
                 states: list[dict[str, Any]] = []
-                config = None if faulty else session_of_text(text, self.folder,
-                                                             self._allow_outside)[0]
                 if config is not None:
                     with contextlib.suppress(SpectraboxError):
                         states = [{"name": one.name, "state": one.state,
@@ -143,7 +153,8 @@ class SessionPage:
             return self._states[1]
 
 
-def page_app(page: SessionPage, token: str) -> Starlette:
+def page_app(page: SessionPage, token: str,
+             when_opened: Callable[[], None] = lambda: None) -> Access:
     """The page as an ASGI application.
 
     Parameters
@@ -151,38 +162,44 @@ def page_app(page: SessionPage, token: str) -> Starlette:
     page : SessionPage
     token : str
         That every request must carry.
+    when_opened : callable
+        Called when a browser opens the address with the token.
     """
-    async def index(request: Request) -> Response:
+    async def shell(request: Request) -> Response:
         return FileResponse(HERE / "index.html")
+
+    async def index(request: Request) -> Response:
+        when_opened()
+        return await shell(request)
 
     async def report(request: Request) -> Response:
         path = page.folder / REPORT
         if path.is_symlink() or not path.is_file():
-            return JSONResponse({"error": "there is no report yet"}, status_code=404)
+            return _refused("there is no report yet", 404)
         return FileResponse(path)
 
     def answered(work: Callable[[Any], Any]) -> Callable[[Request], Any]:
         """A route whose work runs beside the others; what it refuses is a sentence."""
         async def answer(request: Request) -> Response:
-            asked: Any = dict(request.query_params) | dict(request.path_params)
+            asked: Any = dict(request.query_params)
             if request.method == "POST":
-                body = await request.body()
-                if len(body) > MAX_BODY:
-                    return JSONResponse({"error": "too long"}, status_code=413)
+                body = await _body(request)
+                if body is None:
+                    return _refused(f"more than {MAX_BODY} bytes; mark fewer points", 413)
                 try:
-                    asked = await request.json()
-                except ValueError:
-                    return JSONResponse({"error": "JSON is needed"}, status_code=400)
+                    asked = json.loads(body)
+                except (ValueError, RecursionError):
+                    return _refused("JSON is needed", 400)
             try:
                 result = await run_in_threadpool(work, asked)
             except SpectraboxError as error:
-                return JSONResponse({"error": str(error)}, status_code=409)
+                return _refused(str(error), 409)
             except (KeyError, TypeError, ValueError) as error:
-                return JSONResponse({"error": f"not understood: {error}"}, status_code=400)
+                return _refused(f"not understood: {error}", 400)
             if isinstance(result, bytes):
                 return Response(result, media_type="image/png" if result.startswith(PNG)
                                 else "image/jpeg")
-            return JSONResponse(result)
+            return _json(result)
         return answer
 
     def changed(work: Callable[[Any], None]) -> Callable[[Any], Any]:
@@ -195,16 +212,16 @@ def page_app(page: SessionPage, token: str) -> Starlette:
         return lambda asked: work(page.photo_path(asked["role"]), asked)
 
     routes = [
-        Route("/", index), Route("/report", report),
+        Route("/", index), Route("/page", shell), Route("/report", report),
         Route("/api/state", answered(lambda asked: page.state())),
         Route("/api/photo", answered(of_photo(lambda path, asked: page.photos.whole(path)))),
         Route("/api/size", answered(of_photo(
             lambda path, asked: {"size": page.photos.photo(path).size,
                                  "bands": page.photos.photo(path).signal.shape[2]}))),
         Route("/api/part", answered(of_photo(lambda path, asked: page.photos.part(
-            path, *(float(asked[name]) for name in ("left", "top", "side")))))),
+            path, *(_pixels(asked, name) for name in ("left", "top", "side")))))),
         Route("/api/value", answered(of_photo(lambda path, asked: page.photos.value(
-            path, float(asked["x"]), float(asked["y"]))))),
+            path, _pixels(asked, "x"), _pixels(asked, "y"))))),
         Route("/api/mark", answered(changed(
             lambda asked: page.marks.apply(asked["mark"], asked["digest"]))), methods=["POST"]),
         Route("/api/undo", answered(changed(
@@ -221,11 +238,12 @@ def page_app(page: SessionPage, token: str) -> Starlette:
         yield
         await run_in_threadpool(page.close)
 
-    return Starlette(routes=routes, lifespan=lifespan,
-                     middleware=[Middleware(Access, token=token)])
+    # around the whole application, so that answers to its own errors have the same headers
+    return Access(Starlette(routes=routes, lifespan=lifespan), token)
 
 
-def serve(page: SessionPage, port: int, say: Callable[[str], None]) -> None:
+def serve(page: SessionPage, port: int, say: Callable[[str], None],
+          browse: Callable[[str], object] | None = None) -> None:
     """Serve the page until it is interrupted.
 
     Parameters
@@ -234,6 +252,8 @@ def serve(page: SessionPage, port: int, say: Callable[[str], None]) -> None:
         0 takes a free one.
     say : callable
         Given the page's address once it can be opened.
+    browse : callable, optional
+        Given the address of a file that leads to the page.
 
     Raises
     ------
@@ -241,8 +261,15 @@ def serve(page: SessionPage, port: int, say: Callable[[str], None]) -> None:
         If the port is taken.
     """
     import uvicorn
+
+    class Server(uvicorn.Server):
+        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+            page.run.stop()     # it ends while answers under way do
+            await super().shutdown(sockets)
+
     token = secrets.token_urlsafe(24)
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
+    with contextlib.ExitStack() as at_end:
+        listening = at_end.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((HOST, port))
@@ -250,32 +277,57 @@ def serve(page: SessionPage, port: int, say: Callable[[str], None]) -> None:
             raise InputError(f"port {port} cannot be used ({error.strerror}); give another with "
                              "--port, or none to take a free one") from None
         listening.listen()
-        say(f"http://{HOST}:{listening.getsockname()[1]}/?token={token}")
-        config = uvicorn.Config(page_app(page, token), log_level="warning", access_log=False)
-        uvicorn.Server(config).run(sockets=[listening])
+        at_end.callback(page.close)     # also where no server closes it: SIGHUP
+        address = f"http://{HOST}:{listening.getsockname()[1]}/?token={token}"
+        say(address)
+        app = page_app(page, token)
+        if browse is not None:
+            redirect = RedirectFile(address)
+            at_end.callback(redirect.discard)
+            app = page_app(page, token, redirect.discard)
+            # some browsers return when they are closed
+            threading.Thread(target=browse, args=(redirect.path.as_uri(),), daemon=True).start()
+        Server(uvicorn.Config(app, log_level="critical", access_log=False,
+                              timeout_graceful_shutdown=GRACE_S)).run(sockets=[listening])
+
+
+async def _body(request: Request) -> bytes | None:
+    """What a request holds; None where that is longer than ``MAX_BODY``, without reading on."""
+    content = b""
+    with contextlib.suppress(ClientDisconnect):
+        async for part in request.stream():
+            content += part
+            if len(content) > MAX_BODY:
+                return None
+    return content
+
+
+def _pixels(asked: dict[str, str], name: str) -> float:
+    """A number of pixels of a request."""
+    value = float(asked[name])
+    if not abs(value) <= MAX_PX:
+        raise ValueError(f"{name} is {value:g}; {-MAX_PX:g} to {MAX_PX:g} is possible")
+    return value
+
+
+def _json(content: Any, status: int = 200) -> Response:
+    """An answer in ASCII: names of files may hold what UTF-8 cannot."""
+    return Response(json.dumps(content, allow_nan=False), status, media_type="application/json")
+
+
+def _refused(sentence: str, status: int) -> Response:
+    return _json({"error": sentence}, status)
+
+
+def _toml_of(text: str) -> dict[str, Any]:
+    """What a session.toml says; nothing where it is no TOML."""
+    try:
+        return tomllib.loads(text_of(text.encode()))
+    except (ValueError, RecursionError):
+        return {}
 
 
 def _name(written: dict[str, Any], folder: Path) -> str:
-    name = _at(written, "session", "name")
-    return name if isinstance(name, str) else folder.name
-
-
-def _at(written: Any, *keys: str) -> Any:
-    for key in keys:
-        written = written.get(key) if isinstance(written, dict) else None
-    return written
-
-
-def _regions(written: dict[str, Any]) -> dict[str, Any]:
-    """Outlines by name, with the photo that they lie in where one is said."""
-    regions_by_name = {}
-    regions = written.get("regions")
-    for name, region in regions.items() if isinstance(regions, dict) else ():
-        outline = _at(region, "polygon")
-        if outline is None and isinstance(rect := _at(region, "rect"), list) and len(rect) == 4:
-            x0, y0, x1, y1 = rect
-            outline = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
-        regions_by_name[name] = {"outline": outline or [], "photo": _at(region, "photo")}
-    return regions_by_name
-
-
+    session = written.get("session")
+    name = session.get("name") if isinstance(session, dict) else None
+    return name if isinstance(name, str) else plain(folder.name)

@@ -1,8 +1,6 @@
 """The stage that decodes chart photos, to patch statistics."""
 from __future__ import annotations
 
-import numpy as np
-
 from spectrabox.capture.chart.detection import chart_overlay, find_chart
 from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
@@ -54,7 +52,7 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         notes += (*own_notes,
                   *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
         if config.drift.chart_px and not view.name:
-            references = region_signals(photo, np.array(config.drift.chart_px))
+            references = region_signals(photo, config.drift.chart_px)
         charts[view.name] = MeasuredChart(detection, verdict.samples,
                                           thumbnail(photo, THUMBNAIL_WIDTH), verdict.light)
     return ChartRecords(charts, references, notes)

@@ -1,8 +1,6 @@
 """The stage that decodes object photos: to the render's size, or to the signals of regions."""
 from __future__ import annotations
 
-import numpy as np
-
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
 from spectrabox.capture.photo.image_files import write_png
@@ -46,7 +44,7 @@ def measure_photos(task: StageTask) -> PhotoRecords:
         photo, own_notes = task.photos.developed(config, view.photo)
         notes += own_notes
         if config.drift.object_px and not view.name:
-            references = region_signals(photo, np.array(config.drift.object_px))
+            references = region_signals(photo, config.drift.object_px)
         if config.flat:
             if (samples := _regions(config, view, photo)) is not None:
                 regions[view.name] = samples

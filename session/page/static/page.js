@@ -1,6 +1,6 @@
 import { PhotoView } from "./photo.js";
 
-const token = new URLSearchParams(location.search).get("token") ?? "";
+const token = handedToken();
 const $ = (id) => document.getElementById(id);
 const HINTS = {
   look: "Wheel zooms, dragging moves. Arrow keys, + and - do the same.",
@@ -10,6 +10,14 @@ const HINTS = {
   reference: "Four corners of a neutral reference that both photos show.",
 };
 let state = null, role = "", mode = "look", named = [], asking = false, reportStamp = null, size = [1, 1];
+
+// The token leaves the address bar; this tab keeps it, so that the page can be loaded again.
+function handedToken() {
+  const given = new URLSearchParams(location.search).get("token");
+  if (given === null) return sessionStorage.getItem("token") ?? "";
+  sessionStorage.setItem("token", given); history.replaceState(null, "", "/page");
+  return given;
+}
 
 async function ask(path, options = {}) {
   const answer = await fetch(path, { ...options, headers: { Authorization: `Bearer ${token}`, ...(options.headers ?? {}) } });
