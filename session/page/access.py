@@ -16,6 +16,8 @@ from urllib.parse import urlsplit
 from starlette.requests import Request
 from starlette.responses import JSONResponse
 
+from spectrabox.radiometry.files import write_text_whole
+
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -100,10 +102,10 @@ class RedirectFile:
     def __init__(self, address: str) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="spectrabox-"))
         self.path = self._folder / "open.html"
-        self.path.touch(0o600)
-        self.path.write_text('<!doctype html><meta charset="utf-8"><title>spectrabox</title>'
-                             f'<meta http-equiv="refresh" content="0;url={escape(address)}">',
-                             encoding="utf-8")
+        write_text_whole(
+            self.path, '<!doctype html><meta charset="utf-8"><title>spectrabox</title>'
+            f'<meta http-equiv="refresh" content="0;url={escape(address)}">')
+        self.path.chmod(0o600)      # as its folder, which nobody else can enter
 
     def discard(self) -> None:
         """Delete it, once the browser has followed it."""
