@@ -9,6 +9,7 @@ from spectrabox.radiometry.covariance import block_diagonal, symmetric
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     LIGHT_SPECTRUM,
+    PHOTO_NOISE,
     RENDERING_NOISE,
     SENSITIVITIES,
     added_covariance,
@@ -98,3 +99,20 @@ def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray
     value = signals.signal[index][np.isfinite(signals.signal[index])]
     return {cause: np.sqrt(np.diag(covariance)) / value
             for cause, covariance in errors_by_cause(signals, index).items()}
+
+
+def noise_and_disagreement(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (J, J) of one surface's signal by noise, and relative by the disagreement of photo
+    and model; NaN in bands that do not show it.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    index : int
+        Of the surface.
+    """
+    signal = signals.signal[index]
+    by_cause = {error.cause: error.covariance[index] for error in signals.errors}
+    noise = by_cause[PHOTO_NOISE if PHOTO_NOISE in by_cause else RENDERING_NOISE]
+    with np.errstate(invalid="ignore"):
+        return noise, by_cause[DISAGREEMENT] / np.outer(signal, signal)

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.surface_signals import relative_errors
+from spectrabox.measure.surface_signals import noise_and_disagreement, relative_errors
 from spectrabox.measure.surface_spectra import score
-from spectrabox.radiometry.error_model import DISAGREEMENT, PHOTO_NOISE, RENDERING_NOISE
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -22,6 +21,7 @@ from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.report.verdict import root_mean_square
 from spectrabox.session.results import (
     VALID_OUTCOMES,
     ChartResult,
@@ -108,10 +108,7 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
         That the surface may be of.
     """
     name, signal = signals.names[index], signals.signal[index]
-    by_cause = {error.cause: error.covariance[index] for error in signals.errors}
-    noise = by_cause[PHOTO_NOISE if PHOTO_NOISE in by_cause else RENDERING_NOISE]
-    with np.errstate(invalid="ignore"):
-        disagreement = by_cause[DISAGREEMENT] / np.outer(signal, signal)
+    noise, disagreement = noise_and_disagreement(signals, index)
     if spectrum is None:
         return MaterialResult(name, signals.spectra[index], signal, noise, disagreement, None, None,
                               {}, truth, None)
@@ -232,8 +229,8 @@ def _scene_warnings(config: SessionConfig, calibration: Calibration,
     else:
         found += [misfit.sentence if len(joint.views) == 1 else
                   f"In the photo “{name}” {misfit.sentence}" for name, misfit in misfits]
-    residuals = calibration.sensitivity.residuals
-    if residuals is not None and (rms := float(np.sqrt(np.mean(residuals**2)))) > CHART_WARNING:
+    rms = root_mean_square(calibration.sensitivity.residuals)
+    if rms is not None and rms > CHART_WARNING:
         found.append(f"The chart's patches disagree with the fitted camera by {rms:.1%} rms: look "
                      "for glare, uneven light or another chart.")
     agreement, named = joint.views[0].agreement, {misfit.surface for _, misfit in misfits}

@@ -16,6 +16,9 @@ from spectrabox.session.box.box_camera import box_camera, box_text, corners_in_p
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.template import TEMPLATES
+from spectrabox.session.pictures import scene_stage
+from spectrabox.session.stages.records import SessionRecords
+from spectrabox.session.stages.stage_task import StageTask
 
 CORNERS = template_box().corner_positions()
 TIES = ("back bottom left", "back bottom right", "back top left", "back top right",
@@ -193,6 +196,20 @@ def test_a_session_takes_its_camera_from_the_model(captured):
     lens = lens_of_view(config, config.all_views[0])
     np.testing.assert_allclose(lens.matrix, as_opencv("OPENCV")[0], atol=1e-9)
     assert "<sensor" in box_text(config)
+
+
+def test_a_picture_is_undistorted_by_the_lens_of_the_model(captured, monkeypatch):
+    class Undistorted(Exception):
+        """Ends the stage."""
+
+    def undistorted(_, lens):
+        raise Undistorted(lens.matrix.tolist())
+    monkeypatch.setattr(scene_stage, "undistorted", undistorted)
+    with_model(captured, view="[picture]\n")
+    task = StageTask(read_session(captured), "cpu", SessionRecords({}), captured, lambda *_: None)
+    with pytest.raises(Undistorted) as ended:
+        scene_stage.traced_photo(task)
+    np.testing.assert_allclose(ended.value.args[0], as_opencv("OPENCV")[0], atol=1e-9)
 
 
 def test_every_view_may_have_a_camera_of_its_own(captured):

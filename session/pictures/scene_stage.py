@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.measure.pictures.crop import crop_of
 from spectrabox.measure.pictures.scene_light import converge_light
@@ -16,6 +15,7 @@ from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.session.box.box_camera import lens_of_view
 from spectrabox.session.pictures.picture_files import layout_of, write_picture
 from spectrabox.session.pictures.texture_files import write_textures
 from spectrabox.session.stages.reconstruct_stage import glare_error, views_of
@@ -62,8 +62,8 @@ def traced_photo(task: StageTask) -> TracedPhoto:
     assert section is not None
     task.progress(0.0, f"reading {config.all_views[0].photo_files[0]}")
     photo, _ = task.photos.developed(config, config.all_views[0].photo)
-    if config.camera.lens is not None:
-        photo = undistorted(photo, read_lens(config.path(config.camera.lens)))
+    if (lens := lens_of_view(config, config.all_views[0])) is not None:
+        photo = undistorted(photo, lens)
     drift = records.reconstruct.drift
     view = replace(views_of(config, records, drift)[0], photo=photo)
     crop = crop_of(photo, section.rect)
