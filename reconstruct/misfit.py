@@ -19,7 +19,7 @@ import numpy as np
 from spectrabox.radiometry.records import SurfaceMisfit
 
 FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
-SHAPE_ERROR = 0.02      # relative error of a block beside its noise: pose, light profile, lens
+SHAPE_ERROR = 0.02      # relative error of a block besides its noise: pose, light profile, lens
 BLOCK = 4               # pixels
 MIN_PIXELS = 12         # of a surface, below which nothing is tested
 CERTAIN = 3.0           # standard errors of noise that are taken off a block's deviation

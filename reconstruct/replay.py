@@ -128,12 +128,12 @@ def _stray_light(traced: TracedView, truth: Truth, number: int, signal: np.ndarr
     """Signal (R, K) by glare of the lens and by light that does not come from the scene's lamps."""
     names = traced.view.surface_materials
     response = truth.responses[number].sum(axis=0)
-    lit = np.array([response @ truth.reflectances[name] for name in names])[traced.group]
-    irradiance = (signal / lit).mean(axis=1)
+    reflected = np.array([response @ truth.reflectances[name] for name in names])[traced.group]
+    irradiance = (signal / reflected).mean(axis=1)
     shown = traced.region[traced.region >= 0]
     brightest = np.percentile(irradiance[shown], BRIGHTEST_PERCENTILE)
     mean = _picture(signal, traced.region, traced.view.measured).mean(axis=(0, 1))
-    return np.asarray(truth.glare[number] * mean + truth.ambient[number] * brightest * lit)
+    return np.asarray(truth.glare[number] * mean + truth.ambient[number] * brightest * reflected)
 
 
 def _gains(traced: TracedView, rng: np.random.Generator) -> np.ndarray:

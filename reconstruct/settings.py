@@ -39,7 +39,7 @@ class InversionSettings:
     light_error: float = 0.0        # of each light of the scene, traced separately for it
     # of each entry of a band-mixing matrix: photos that went through colour processing
     mixing_error: float = 0.0
-    block_error: float = 0.0        # of each block of pixels, beside its noise
+    block_error: float = 0.0        # of each block of pixels, besides its noise
     # raise these errors to what surfaces of one paint, or of a known one, show
     errors_from_scene: bool = True
     spectrum_prior: SpectrumPrior = "learnt"    # which needs ``learnt``

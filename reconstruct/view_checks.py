@@ -32,7 +32,7 @@ def check_views(views: Sequence[View]) -> None:
     if len({view.grid.nm.tobytes() for view in views}) > 1:
         raise InputError("the calibrations of the views are on different wavelengths: use one grid "
                          "for all")
-    require_scales(views)
+    _require_scales(views)
     for view in views:
         lights, photo = view.scene_file.light_ids, view.photo
         if missing := [name for name in view.light_spectra if name not in lights]:
@@ -52,22 +52,12 @@ def check_views(views: Sequence[View]) -> None:
         if below > MAX_NEGATIVE:
             raise InputError(f"{photo.source}: {below:.1%} of the pixels are further below zero "
                              "than noise explains; the black level taken off is too high")
-    require_pixels(views)
+    _require_pixels(views)
 
 
-def require_scales(views: Sequence[View]) -> None:
-    """Refuse a view whose light scale nothing tells.
-
-    It needs its scale, a known material, or a material in common with a view that has either.
-
-    Parameters
-    ----------
-    views : sequence of View
-
-    Raises
-    ------
-    InputError
-        Naming the first such view.
+def _require_scales(views: Sequence[View]) -> None:
+    """Refuse a view without a light scale, a known material, or a material in common with a view
+    that has either.
     """
     bsdfs = [set(view.scene_file.surfaces.values()) for view in views]
     linked = {material.bsdf for view in views for material in view.materials
@@ -83,18 +73,8 @@ def require_scales(views: Sequence[View]) -> None:
                          "spectrum, or calibrate from a chart photo with [chart] scene")
 
 
-def require_pixels(views: Sequence[View]) -> None:
-    """Refuse a material that fills too few usable pixels in all views together.
-
-    Parameters
-    ----------
-    views : sequence of View
-
-    Raises
-    ------
-    InputError
-        Naming the material, with the pixels that it fills and those that can be used.
-    """
+def _require_pixels(views: Sequence[View]) -> None:
+    """Refuse a material that fills too few usable pixels in all views together."""
     for material in {material.bsdf: material for view in views
                      for material in view.materials}.values():
         seen = usable = 0

@@ -17,13 +17,13 @@ import serial
 from spectrabox.capture.meter import serial_line
 from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
 from spectrabox.capture.meter.instruments.specbos1211 import DEFAULTS
-from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, Transcript
-from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.meter_transcripts import SyntheticMeter
 from spectrabox.session.interruption import SIGNALS, Interruptions
+
+from tests.transcript_trials import measure_played
 
 PACE = Pace(scale=0.002, shortest_limit_s=0.5)
 BUSY_S = 0.1                # a played measurement; the line is deaf to all that comes during it
@@ -118,8 +118,7 @@ def run(meter: SyntheticMeter, point: int, number: int) -> tuple[bool, dict[str,
             mock.patch.object(serial_line, "INNER_TIMEOUT_S", 0.005):
         try:
             with Interruptions() as interruptions:
-                measure_once(meter.driver, player.port, settings_of(transcript),
-                             lambda direction, data: None, pace=PACE, held=interruptions.held)
+                measure_played(transcript, player.port, PACE, held=interruptions.held)
         except KeyboardInterrupt:
             interrupted = True
         except InstrumentError:

@@ -251,7 +251,7 @@ def test_lights_and_files_that_cannot_be_used_are_said_with_the_rest(tmp_path):
                  '</shape>')
     said = str(refused.value).splitlines()
     assert len(said) == 5
-    assert said[0] == "scene.xml includes 'gone.xml', which is missing; copy it beside the scene"
+    assert said[0] == "scene.xml includes 'gone.xml', which is missing; copy it next to the scene"
     assert next(line for line in said if "emitter type" in line).startswith(
         "scene.xml: emitter type 'sunsky' is not supported; use one of area, constant")
     assert any("names '../../up.ply', which lies outside the session folder" in line

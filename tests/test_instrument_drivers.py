@@ -15,17 +15,17 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
     UntrustedReadingError,
     WrongInstrumentError,
 )
-from spectrabox.capture.meter.instruments.interface import MeterSettings
-from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace, SerialLine
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, read_transcript
-from spectrabox.capture.transcripts.transcript_replay import replay_transcript, settings_of
+from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.fixtures.meter_transcripts import FOLDER, all_meters, clean_meters
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.luminous import luminance_of
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
+
+from tests.transcript_trials import measure_played
 
 CLEAN = [meter.name for meter in clean_meters()]
 FAST = Pace(0.002, shortest_limit_s=0.2)
@@ -35,11 +35,9 @@ def recording(name):
     return read_transcript(FOLDER / f"{name}.transcript")
 
 
-def measured(transcript, name=None, wanted=None, pace=FAST, **options):
+def measured(transcript, name=None, pace=FAST, **options):
     with TranscriptPlayer(transcript, time_scale=0.0, **options) as player:
-        reading = measure_once(name or transcript.facts["instrument"], player.port,
-                               settings_of(transcript) if wanted is None else wanted,
-                               lambda direction, data: None, pace=pace)
+        reading = measure_played(transcript, player.port, pace, name)
     return reading, player
 
 
@@ -106,7 +104,7 @@ def test_a_wrong_instrument_on_the_port_is_an_error(name, other):
     error, words = ((WrongInstrumentError, "JETI specbos 2501 was asked for, but 'JETI_SB1211' "
                      "answers") if name == "specbos1211" else (NoReplyError, SILENT[other]))
     with pytest.raises(error, match=words):
-        measured(transcript, other, MeterSettings(), strict=False)
+        measured(transcript, other, strict=False)
 
 
 @pytest.mark.parametrize("asked, sent, reply, hint", [
@@ -116,7 +114,7 @@ def test_a_wrong_instrument_on_the_port_is_an_error(name, other):
     ("specbos1211", b"*idn?\r", b"PECFIRM_JETI_1501\r", "spectraval")])
 def test_an_answer_in_another_language_names_the_instrument_that_is_there(asked, sent, reply, hint):
     with pytest.raises(WrongInstrumentError, match=rf"this looks like .*{hint}.*--instrument"):
-        measured(replaced(recording(asked), sent, reply), asked, MeterSettings(), strict=False)
+        measured(replaced(recording(asked), sent, reply), asked, strict=False)
 
 
 @pytest.mark.parametrize("name", CLEAN)
@@ -186,8 +184,8 @@ def test_a_fixed_exposure_is_put_back_to_automatic():
              for event in (Event(">", 0, sent), Event("<", 0, reply))]
     end = [Event(">", 0, b"SPMS,0,2\n"), Event("<", 0, b"OK00\n")]
     events = (*start, *extra, *rest[:-4], *end, *rest[-4:])
-    _, player = measured(dataclasses.replace(transcript, events=events),
-                         wanted=MeterSettings(integration_ms=250))
+    facts = {**transcript.facts, "settings": "integration_ms=250"}
+    _, player = measured(dataclasses.replace(transcript, events=events, facts=facts))
     assert not player.problems and bytes(player.heard).endswith(b"SPMS,0,2\nMSWE,1\nRMTS,0\n")
 
 

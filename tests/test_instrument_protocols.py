@@ -13,13 +13,13 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
     UntrustedReadingError,
 )
 from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
-from spectrabox.capture.meter.measurement import measure_once
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, Transcript
-from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.meter_transcripts import changed_meters, clean_meters
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
+
+from tests.transcript_trials import measure_played
 
 # Every reply comes, so that no limit may cut it off, however busy the computer.
 FAST = Pace(0.002, shortest_limit_s=60.0)
@@ -53,8 +53,7 @@ def conversation(meter, replies=None):
 def measured(meter, replies=None):
     transcript = conversation(meter, replies)
     with TranscriptPlayer(transcript, time_scale=0.0, strict=False) as player:
-        reading = measure_once(meter.driver, player.port, settings_of(transcript),
-                               lambda direction, data: None, pace=FAST)
+        reading = measure_played(transcript, player.port, FAST)
     return reading, player
 
 

@@ -12,7 +12,6 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 )
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
 from spectrabox.capture.meter.measurement import (
-    measure_once,
     open_instrument,
     take_reading,
     trusted_identity,
@@ -27,9 +26,11 @@ from spectrabox.capture.transcripts.transcript import (
     read_transcript,
     unescaped,
 )
-from spectrabox.capture.transcripts.transcript_replay import record, replay_transcript, settings_of
+from spectrabox.capture.transcripts.transcript_replay import record, replay_transcript
 from spectrabox.fixtures.meter_transcripts import FOLDER
 from spectrabox.radiometry.errors import InputError
+
+from tests.transcript_trials import measure_played
 
 START = "# spectrabox transcript: 1\n# instrument: pr655\n# line: 9600\n"
 
@@ -99,8 +100,7 @@ def test_a_driver_that_leaves_the_recording_is_told_where():
     text = read_transcript(FOLDER / "cr250.transcript")
     other = dataclasses.replace(text, facts={**text.facts, "settings": "averages=3"})
     with TranscriptPlayer(other, time_scale=0.0) as player, pytest.raises(NoReplyError):
-        measure_once("cr250", player.port, settings_of(other), lambda direction, data: None,
-                     pace=Pace(0.01, 0.3))
+        measure_played(other, player.port, Pace(0.01, 0.3))
     assert any("the recording has b'SM ExposureX 2" in problem and "sent b'SM ExposureX "
                "3" in problem for problem in player.problems)
 

@@ -18,7 +18,6 @@ from spectrabox.reconstruct.fit.spectrum_prior import (
     SpectrumPrior,
     learnt_prior,
     smooth_prior,
-    smoothness_precision,
 )
 from spectrabox.reconstruct.fit.transport_fit import fit_views
 from spectrabox.reconstruct.fit.view_terms import Nuisances, SpectrumModel, ViewTerms
@@ -205,13 +204,13 @@ def test_free_gains_take_information_from_the_photo():
 def test_the_smoothness_prior_lets_straight_lines_pass(count):
     nm = np.linspace(400, 700, 50)
     line = np.linalg.lstsq(basis_matrix(nm, count), (nm - 400) / 300, rcond=None)[0]
-    precision = smoothness_precision(count, 0.1) - np.eye(count)
+    precision = smooth_prior(count, 0.1).precision - np.eye(count)
     # A cubic spline draws a straight line exactly: only round-off is left of its second
     # differences.
     atol = 1e-13 * np.abs(precision).max()
     assert abs(line @ precision @ line) < atol and abs(np.ones(count) @ precision
                                                        @ np.ones(count)) < atol
-    assert np.linalg.eigvalsh(smoothness_precision(count, 0.0)).min() == pytest.approx(1.0)
+    assert np.linalg.eigvalsh(smooth_prior(count, 0.0).precision).min() == pytest.approx(1.0)
 
 
 def test_smoothness_is_that_of_the_curve_however_many_coefficients_draw_it():
@@ -220,7 +219,7 @@ def test_smoothness_is_that_of_the_curve_however_many_coefficients_draw_it():
     roughness = []
     for count in (16, 24, 40, 80):
         coefficients = np.linalg.lstsq(basis_matrix(nm, count), curve, rcond=None)[0]
-        precision = smoothness_precision(count, 1.0) - smoothness_precision(count, 0.0)
+        precision = smooth_prior(count, 1.0).precision - smooth_prior(count, 0.0).precision
         roughness.append(coefficients @ precision @ coefficients)
     # An integral of the squared second derivative by sums of differences: on 13 intervals of 23 nm
     # a bump of that width loses some of its bend.

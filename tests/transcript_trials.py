@@ -1,6 +1,7 @@
 """Every fault at every position of a recording: the driver's result, and its leave-taking."""
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
 from collections.abc import Callable, Iterator
@@ -10,8 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
-from spectrabox.capture.meter.measurement import measure_once
-from spectrabox.capture.meter.serial_line import Pace
+from spectrabox.capture.meter.measurement import (
+    open_instrument,
+    take_reading,
+    trusted_identity,
+)
+from spectrabox.capture.meter.serial_line import Hold, Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.capture.transcripts.transcript_replay import settings_of
@@ -57,11 +62,20 @@ class Trial:
     seconds: float
 
 
+def measure_played(transcript: Transcript, port: str, pace: Pace, driver: str | None = None,
+                   held: Hold = contextlib.nullcontext) -> SpectralReading:
+    """One reading of a recording that is played at a port, with the settings it states."""
+    with open_instrument(driver or transcript.facts["instrument"], port,
+                         lambda direction, data: None, pace, held) as meter:
+        identity = trusted_identity(meter)
+        meter.settings(settings_of(transcript))
+        return take_reading(meter, identity)
+
+
 def subject_of(transcript: Transcript, values: np.ndarray, change: bytes, leave: bytes) -> Subject:
     """A recording, played once without a fault; ``values`` (P,) are its true ones."""
     with TranscriptPlayer(transcript, time_scale=0.0) as player:
-        clean = measure_once(transcript.facts["instrument"], player.port, settings_of(transcript),
-                             lambda direction, data: None, pace=UNHURRIED)
+        clean = measure_played(transcript, player.port, UNHURRIED)
     return Subject(transcript, values, clean, change, leave)
 
 
@@ -132,8 +146,7 @@ def run_all(subjects: list[Subject], positions: int, workers: int,
 
 def _outcome(transcript: Transcript, port: str) -> tuple[str, str, SpectralReading | None]:
     try:
-        reading = measure_once(transcript.facts["instrument"], port, settings_of(transcript),
-                               lambda direction, data: None, pace=FAST)
+        reading = measure_played(transcript, port, FAST)
     except InstrumentError as error:
         return type(error).__name__, str(error), None
     return ("spectrum" if reading.spectrum is not None else "no reading", reading.outcome.value,

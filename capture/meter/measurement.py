@@ -25,7 +25,6 @@ from spectrabox.capture.meter.instruments.interface import (
     HeldResult,
     Identity,
     Instrument,
-    MeterSettings,
 )
 from spectrabox.capture.meter.serial_line import Hold, Log, Pace, open_line
 from spectrabox.capture.meter.stated import check_stated
@@ -135,28 +134,6 @@ def take_reading(instrument: Instrument, identity: Identity, *,
     return SpectralReading(spectrum=spectrum, quantity=held.quantity,
                            integration_ms=held.integration_ms, luminance=luminance,
                            flags=(*measured.flags, *held.flags, *_value_flags(held)), **facts)
-
-
-def measure_once(name: str, port: str, wanted: MeterSettings, log: Log, *, pace: Pace | None = None,
-                 transcript: str = "", held: Hold = contextlib.nullcontext) -> SpectralReading:
-    """Open, identify, set, measure, read, verify and leave an instrument.
-
-    Parameters
-    ----------
-    name, port, log, pace, held
-        As in ``open_instrument``.
-    wanted : MeterSettings
-    transcript : str
-        Name of the file in which the exchange is kept, for the record.
-
-    Raises
-    ------
-    InputError, InstrumentError
-    """
-    with open_instrument(name, port, log, pace, held) as instrument:
-        identity = trusted_identity(instrument)
-        instrument.settings(wanted)
-        return take_reading(instrument, identity, transcript=transcript)
 
 
 def _read_twice(instrument: Instrument) -> HeldResult:

@@ -47,7 +47,7 @@ def claim(spectra: Path, role: str, names: Sequence[str]) -> None:
 
 
 def note_role(spectra: Path, role: str, name: str) -> None:
-    """Store the role beside the readings of a name.
+    """Store the role with the readings of a name.
 
     Parameters
     ----------

@@ -150,7 +150,7 @@ def _reading(text: str, file: Path, quantity: Quantity, taken_at: str,
                                     "measure again, with the adapter that this needs") from None
     result, values = RESULT.search(text), _printed_values(text)
     if result is None or values is None:
-        raise UntrustedReadingError("spotread printed no result beside the spectrum that it "
+        raise UntrustedReadingError("spotread printed no result with the spectrum that it "
                                     "saved; measure again")
     if values.shape != saved.values.shape or not np.allclose(
             values, saved.values, rtol=0, atol=PRINTED_RTOL * np.abs(values).max()):

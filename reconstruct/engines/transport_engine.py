@@ -60,7 +60,7 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     ------
     InputError
         As ``unit_scene`` and ``trace_transport``; or if no light reaches a material, or lights that
-        are to be told apart have no id.
+        are to be distinguished have no id.
     """
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
@@ -180,13 +180,13 @@ def require_traceable(view: View, settings: InversionSettings) -> None:
     ------
     InputError
         If a surface's reflected light is no plain product with its reflectance, or a light has no
-        id where each is to be told from the others.
+        id where each is to be distinguished from the others.
     """
     _require_plain_products(view)
-    if _tells_lights_apart(view, settings) and any(
+    if _separates_lights(view, settings) and any(
             not node.get("id") for node in view.scene_file.root.findall("emitter")):
         raise InputError(f"{view.scene_file.path.name} has a light without an id, and its "
-                         "lights are to be told apart: write <emitter id=...> on each")
+                         "lights are to be distinguished: write <emitter id=...> on each")
 
 
 def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitScene:
@@ -233,7 +233,8 @@ def nuisances(view: View, settings: InversionSettings) -> Nuisances:
 def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
     """Refuse views that show a material which no light reaches, by the first, short trace of each.
 
-    A material that one of a few paths finds lit is lit; only for others all are followed.
+    A material that one of a few paths connects to a light is illuminated; only for others all are
+    followed.
 
     Parameters
     ----------
@@ -355,14 +356,14 @@ def _solutions(traced: Sequence[TracedView], fit: TransportFit, images: Sequence
 
 def _unit_scene_for(view: View, settings: InversionSettings) -> UnitScene:
     """The scene for the tracer with the bounces and light groups that the settings ask for."""
-    return unit_scene(view, _bounces(view, settings), _tells_lights_apart(view, settings))
+    return unit_scene(view, _bounces(view, settings), _separates_lights(view, settings))
 
 
 def _bounces(view: View, settings: InversionSettings) -> int:
     return 1 if settings.engine == "single-bounce" else view.scene_file.max_depth - 1
 
 
-def _tells_lights_apart(view: View, settings: InversionSettings) -> bool:
+def _separates_lights(view: View, settings: InversionSettings) -> bool:
     return len(view.light_groups) > 1 and (settings.light_error > 0 or bool(view.own_lights))
 
 

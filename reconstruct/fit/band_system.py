@@ -60,7 +60,9 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
     counts = np.flatnonzero((weight > 0).all(axis=1))
     if not counts.size:
         raise ValueError("no pixel has any weight")
-    parts, noises = [], []
+    products = coefficients.shape[1]
+    parts: list[tuple[np.ndarray, ...]] = []
+    noises: list[tuple[np.ndarray, ...]] = []
     for name in np.unique(group[counts]):
         members = counts[group[counts] == name]
         band_weight = np.median(weight[members], axis=0)
@@ -68,15 +70,15 @@ def compress(coefficients: np.ndarray, measured: np.ndarray, weight: np.ndarray,
         rows = np.hstack([pixel_root * coefficients[members], pixel_root * measured[members]])
         if len(rows) > rows.shape[1]:
             rows = np.asarray(np.linalg.qr(rows, mode="r"))
-        parts.append(_weighted(rows, band_weight, name))
+        noise = np.zeros((0, products))
         if deviations is not None:
-            noise = (pixel_root * deviations[:, members]).reshape(-1, coefficients.shape[1])
-            noises.append(_weighted(_compressed_noise(noise), band_weight, name))
-    rows, root, names = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
-    empty = (np.zeros((0, coefficients.shape[1])), root[:0], names[:0])
-    noise, noise_root, noise_names = (
-        (np.concatenate(pieces) for pieces in zip(*noises, strict=True)) if noises else empty)
-    products = coefficients.shape[1]
+            noise = _compressed_noise((pixel_root * deviations[:, members]).reshape(-1, products))
+        for pieces, equations in ((parts, rows), (noises, noise)):
+            root = np.broadcast_to(np.sqrt(band_weight), (len(equations), band_weight.size))
+            pieces.append((equations, root, np.full(len(equations), name)))
+    (rows, root, names), (noise, noise_root, noise_names) = (
+        [np.concatenate(columns) for columns in zip(*pieces, strict=True)]
+        for pieces in (parts, noises))
     return BandSystem(rows[:, :products], rows[:, products:], root, names, noise, noise_root,
                       noise_names)
 
@@ -92,13 +94,6 @@ def _compressed_noise(noise: np.ndarray) -> np.ndarray:
     rows = np.empty_like(kept)
     rows[:, order] = kept
     return rows
-
-
-def _weighted(rows: np.ndarray, band_weight: np.ndarray,
-              name: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of one surface, the square roots (Q, K) of their weights, and its index (Q,)."""
-    root = np.broadcast_to(np.sqrt(band_weight), (len(rows), band_weight.size))
-    return rows, root, np.full(len(rows), name)
 
 
 def huber_weight(residual: np.ndarray, sigma: np.ndarray) -> np.ndarray:

@@ -60,7 +60,8 @@ def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
     """Prior of N coefficients with small second differences, broadly around 0.5.
 
     exp(-tau/2 |second differences|^2) with tau = smoothness (N - 3)^3: the same curvature of the
-    spectrum for every N.
+    spectrum for every N. Second differences are divided by the gaps of the Greville abscissae, so
+    that a straight spectrum has none.
 
     Parameters
     ----------
@@ -69,7 +70,16 @@ def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
     smoothness : float
         0 leaves the broad prior alone.
     """
-    return SpectrumPrior(np.full(coefficients, 0.5), smoothness_precision(coefficients, smoothness))
+    position = greville_abscissae(coefficients)
+    mean_gap = 1.0 / (coefficients - 1)
+    second = np.zeros((coefficients - 2, coefficients))
+    for row in range(coefficients - 2):
+        left, right = np.diff(position[row:row + 3])
+        second[row, row:row + 3] = np.array([1 / left, -(1 / left + 1 / right),
+                                             1 / right]) * mean_gap
+    tau = smoothness * (coefficients - 3) ** 3
+    return SpectrumPrior(np.full(coefficients, 0.5),
+                         tau * second.T @ second + np.eye(coefficients) / BROAD**2)
 
 
 def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> SpectrumPrior:
@@ -86,30 +96,6 @@ def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) ->
     spread = to_coefficients @ covariance @ to_coefficients.T + UNEXPLAINED**2 * np.eye(
         basis.shape[1])
     return SpectrumPrior(to_coefficients @ mean, np.linalg.inv(spread))
-
-
-def smoothness_precision(coefficients: int, smoothness: float) -> np.ndarray:
-    """Prior precision (N, N) of one material, of ``smooth_prior``.
-
-    Second differences are divided by the gaps of the Greville abscissae, so that a straight
-    spectrum has none.
-
-    Parameters
-    ----------
-    coefficients : int
-        N, 4 or more.
-    smoothness : float
-        0 or more.
-    """
-    position = greville_abscissae(coefficients)
-    mean_gap = 1.0 / (coefficients - 1)
-    second = np.zeros((coefficients - 2, coefficients))
-    for row in range(coefficients - 2):
-        left, right = np.diff(position[row:row + 3])
-        second[row, row:row + 3] = np.array([1 / left, -(1 / left + 1 / right),
-                                             1 / right]) * mean_gap
-    tau = smoothness * (coefficients - 3) ** 3
-    return tau * second.T @ second + np.eye(coefficients) / BROAD**2
 
 
 def greville_abscissae(coefficients: int) -> np.ndarray:

@@ -82,7 +82,7 @@ class Nuisances:
     brightness_error: float = 0.0
     light_error: float = 0.0            # log gain of each light group
     mixing_error: float = 0.0  # each entry of the band-mixing matrix: colour processing, cross-talk
-    # relative, of each block of pixels beside its noise: light profile, shadows
+    # relative, of each block of pixels besides its noise: light profile, shadows
     block_error: float = 0.0
 
 

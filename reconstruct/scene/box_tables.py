@@ -93,8 +93,8 @@ class LampTable(Table):
         None, description="[width, height] of a panel")
     look_at_mm: Point | None = Field(None, description="a point that the panel faces")
     beam: str | None = Field(None, description="file of a panel's measured radiance by angle")
-    moved_mm: Point | None = Field(None, description="[x, y, z] by which 'spectrabox geometry "
-                                   "light' found it to stand elsewhere than at_mm")
+    moved_mm: Point | None = Field(None, description="[x, y, z] from at_mm to the position that "
+                                   "'spectrabox geometry light' estimated")
     moved_error_mm: Point | None = Field(None, description="standard errors of moved_mm")
 
     @model_validator(mode="after")

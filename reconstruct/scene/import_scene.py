@@ -46,7 +46,6 @@ def normalise_scene(root: ET.Element) -> list[str]:
     """
     problems = _expand_instances(root)
     _lift_bsdfs(root)
-    _give_bsdfs(root)
     problems += [f"shape {shape.get('id') or '(without id)'!r} is of type {shape.get('type')!r}; "
                  f"export it as a mesh ({', '.join(MESHES)})" for shape in root.iter("shape")
                  if shape.get("type") not in SHAPES]
@@ -99,45 +98,42 @@ def _expand_instances(root: ET.Element) -> list[str]:
 
 
 def _lift_bsdfs(root: ET.Element) -> None:
-    """Put BSDFs of shapes to the top, one of several that are written alike, and refer to them."""
+    """Put BSDFs of shapes to the top, one of several that are written alike, and refer to them.
+
+    A surface without any gets the plain BSDF that Mitsuba gives it, one for each.
+    """
     taken = {node.get("id") for node in root.iter() if node.get("id")}
+    shapes = [(node, f"{node.get('id') or f'shape_{number}'}_bsdf")
+              for number, node in enumerate(root.iter("shape"), start=1)
+              if node.find("emitter") is None]
+
+    def added(bsdf: ET.Element, wanted: str) -> str:
+        """Append a BSDF under an id of its own: no two things of a scene share one."""
+        while wanted in taken:
+            wanted += "_"
+        taken.add(wanted)
+        bsdf.set("id", wanted)
+        root.append(bsdf)
+        return wanted
+
     lifted: dict[str, str] = {}
-    for number, shape in enumerate(list(root.iter("shape")), start=1):
-        own = shape.find("bsdf")
-        if own is None or shape.find("emitter") is not None:
+    for shape, wanted in shapes:
+        if (own := shape.find("bsdf")) is None:
             continue
         shape.remove(own)
-        identity = own.get("id")
-        if identity is None:
-            written = ET.tostring(own, encoding="unicode").strip()
-            if (identity := lifted.get(written)) is None:
-                identity = f"{shape.get('id') or f'shape_{number}'}_bsdf"
-                while identity in taken:        # no two things of a scene share an id
-                    identity += "_"
-                taken.add(identity)
-                lifted[written] = identity
-                own.set("id", identity)
-                root.append(own)
-        else:
+        if (identity := own.get("id")) is not None:
             root.append(own)
+        else:
+            written = ET.tostring(own, encoding="unicode").strip()
+            identity = lifted.get(written) or lifted.setdefault(written, added(own, wanted))
         ET.SubElement(shape, "ref", name="bsdf", id=identity)
-
-
-def _give_bsdfs(root: ET.Element) -> None:
-    """Name the plain BSDF that Mitsuba gives to a surface without any, one for each."""
-    taken = {node.get("id") for node in root.iter() if node.get("id")}
     bsdfs = {node.get("id") for node in root.findall("bsdf")}
-    for number, shape in enumerate(list(root.iter("shape")), start=1):
-        if shape.find("emitter") is not None or shape.get("type") in (GROUP, INSTANCE) \
-                or any(node.get("name") == "bsdf" or node.get("id") in bsdfs
-                       or node.get("name") is None for node in shape.findall("ref")):
-            continue
-        identity = f"{shape.get('id') or f'shape_{number}'}_bsdf"
-        while identity in taken:
-            identity += "_"
-        taken.add(identity)
-        ET.SubElement(root, "bsdf", type="diffuse", id=identity)
-        ET.SubElement(shape, "ref", name="bsdf", id=identity)
+    for shape, wanted in shapes:
+        if shape.get("type") not in (GROUP, INSTANCE) and not any(
+                node.get("name") == "bsdf" or node.get("id") in bsdfs or node.get("name") is None
+                for node in shape.findall("ref")):
+            identity = added(ET.Element("bsdf", type="diffuse"), wanted)
+            ET.SubElement(shape, "ref", name="bsdf", id=identity)
 
 
 def plain_bsdf(node: ET.Element) -> ET.Element:

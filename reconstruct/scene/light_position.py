@@ -53,7 +53,7 @@ class PositionSettings:
 
     surface_error: float = 0.01     # of each surface in all bands: uneven paint, pose
     paint_error: float = 0.02       # of each material in each band: its known reflectance
-    block_error: float = 0.005      # of each block of pixels beside its noise
+    block_error: float = 0.005      # of each block of pixels besides its noise
     spp: int = 256                  # paths per pixel of each trace
     seed: int = 0
 
@@ -127,28 +127,29 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
         return received, traced.relative_variance
 
     now, monte_carlo = rendered(np.zeros(3))
-    lit = np.all((now > 0) & (measured > 0), axis=1)
-    if np.count_nonzero(lit) < MIN_REGIONS:
-        raise InputError(f"{scene_file.path.name}: the light reaches {np.count_nonzero(lit)} of "
-                         f"{lit.size} blocks that the photo shows; check where the scene has it")
-    whiten = _whitening(monte_carlo[lit] + settings.block_error**2, noise[lit] / measured[lit] ** 2)
+    kept = np.all((now > 0) & (measured > 0), axis=1)
+    if np.count_nonzero(kept) < MIN_REGIONS:
+        raise InputError(f"{scene_file.path.name}: the light reaches {np.count_nonzero(kept)} of "
+                         f"{kept.size} blocks that the photo shows; check where the scene has it")
+    whiten = _whitening(monte_carlo[kept] + settings.block_error**2,
+                        noise[kept] / measured[kept] ** 2)
     materials = [scene.bsdfs.index(bsdf)
-                 for bsdf in np.array(list(scene_file.surfaces.values()))[group[lit]]]
-    nuisance = _nuisance(group[lit], np.array(materials), response.shape[0], settings)
-    target = np.log(measured[lit])
+                 for bsdf in np.array(list(scene_file.surfaces.values()))[group[kept]]]
+    nuisance = _nuisance(group[kept], np.array(materials), response.shape[0], settings)
+    target = np.log(measured[kept])
     offset, offsets, slopes = np.zeros(3), [np.zeros(3)], np.zeros((3, *target.shape))
-    before = _solve(target - np.log(now[lit]), slopes[:0], whiten, nuisance).misfit
+    before = _solve(target - np.log(now[kept]), slopes[:0], whiten, nuisance).misfit
     outcome = Outcome.STEP_LIMIT
     for iteration in range(ITERATIONS):
         progress(iteration / ITERATIONS, f"light moved by {np.linalg.norm(offset):.3g}")
         if iteration < NEW_SLOPES:  # then kept: their noise would keep the steps from ending
-            ends = np.array([[rendered(offset + sign * step)[0][lit] for sign in (1, -1)]
+            ends = np.array([[rendered(offset + sign * step)[0][kept] for sign in (1, -1)]
                              for step in STEP * extent * np.eye(3)])
             if np.any((ends > 0).mean(axis=(2, 3)) < MIN_LIT):
                 raise CalibrationError(LAMP_HIDDEN)
             ahead, behind = np.log(np.maximum(ends, TINY)).swapaxes(0, 1)
             slopes = (ahead - behind) / (2 * STEP * extent)
-        fit = _solve(target - np.log(np.maximum(now[lit], TINY)), slopes, whiten, nuisance)
+        fit = _solve(target - np.log(np.maximum(now[kept], TINY)), slopes, whiten, nuisance)
         if not np.all(np.diag(fit.covariance) < (MAX_ERROR * extent) ** 2):
             raise CalibrationError(UNDETERMINED)
         length = max(float(np.linalg.norm(fit.move)), TINY)

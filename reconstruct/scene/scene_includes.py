@@ -54,7 +54,7 @@ def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) 
         name = substitute_defaults(node.get("filename", ""), defaults)
         file = find_file(name, included.folders)
         if file is None:
-            included.problems.append(f"includes {name!r}, which is missing; copy it beside the "
+            included.problems.append(f"includes {name!r}, which is missing; copy it next to the "
                                      "scene")
             continue
         if inside is not None and not file.resolve().is_relative_to(inside.resolve()):

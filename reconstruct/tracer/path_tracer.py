@@ -172,12 +172,12 @@ class Tracer:
         # ``received`` is radiance / pdf; the cosine of the bounce is part of the BSDF's value.
         context = mi.BSDFContext()
         light, received = scene.sample_emitter_direction(hit, lattice.pair(dimension), True, active)
-        lit = active & (light.pdf > 0)
+        reached = active & (light.pdf > 0)
         value, bsdf_pdf = bsdf.eval_pdf(context, hit, hit.to_local(light.d), active)
         weight = dr.select(light.delta, 1.0, power_heuristic(light.pdf, bsdf_pdf))
-        radiance = received[0] * self._profile(light.emitter, -dr.dot(light.d, light.n), lit)
+        radiance = received[0] * self._profile(light.emitter, -dr.dot(light.d, light.n), reached)
         sums.add(region, path.throughput * value[0] * radiance * weight, light.emitter, product,
-                 lit)
+                 reached)
 
         # ------------------------------- BSDF sampling --------------------------------
         sample, factor = bsdf.sample(context, hit, mi.Float(LOBE), lattice.pair(dimension + 2),

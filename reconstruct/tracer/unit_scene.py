@@ -91,7 +91,8 @@ def bsdf_table(scene: Any, material_of_bsdf: Mapping[str, str],
 def profile_table(scene: Any, profiles: Mapping[str, np.ndarray]) -> np.ndarray:
     """Profiles, one after the other, by the renderer's number of the emitter; 1 without a profile.
 
-    A map of the sky is lit by Mitsuba's D65, which is taken off at the wavelength of the paths.
+    Mitsuba multiplies a map of the sky by its D65, which is divided out at the wavelength of the
+    paths.
 
     Parameters
     ----------
