@@ -58,9 +58,9 @@ def reflectances(count=24, seed=5):
     shape = sum(height[:, None] / (1 + np.exp(-(GRID.nm - place[:, None]) / width[:, None]))
                 for place, width, height in zip(*(part.T for part in steps), strict=True))
     low, high = shape.min(axis=1, keepdims=True), shape.max(axis=1, keepdims=True)
-    found = 0.06 + 0.6 * (shape - low) / (high - low)
-    found[-6:] = np.array([0.9, 0.6, 0.36, 0.2, 0.09, 0.035])[:, None]
-    return found
+    estimate = 0.06 + 0.6 * (shape - low) / (high - low)
+    estimate[-6:] = np.array([0.9, 0.6, 0.36, 0.2, 0.09, 0.035])[:, None]
+    return estimate
 
 
 def daylight():

@@ -128,11 +128,11 @@ def lab(nm, reflectance):
 
 def calibration_block(report):
     """Colour differences and deviations of the chart, and the scale of the light."""
-    found, chart, rows = report["calibration"], report["chart"], []
-    fitted, true = found["sensitivity"], report["calibration"]["sensitivity_truth"]
+    fit, chart, rows = report["calibration"], report["chart"], []
+    fitted, true = fit["sensitivity"], report["calibration"]["sensitivity_truth"]
     if chart is not None:
         rows += [["chart dE00, mean", np.mean(chart["swatches"]["delta_e00"])],
-                 ["chart residual, rms %", PER_CENT * found["chart_rms"]],
+                 ["chart residual, rms %", PER_CENT * fit["chart_rms"]],
                  ["left-out patches, rms error %", PER_CENT * chart["left_out"]["rmse_mean"]]
                  if chart["left_out"] else ["no patch left out", 0.0]]
     if fitted["condition_number"] is not None:
@@ -141,8 +141,8 @@ def calibration_block(report):
         curves = [np.interp(fitted["nm"], true["nm"], curve) for curve in true["curves"]]
         rows.append(["curves against the truth, rms %",
                      PER_CENT * np.sqrt(np.mean((np.array(fitted["curves"]) - curves) ** 2))])
-    if found.get("light_scale"):
-        scale = found["light_scale"]
+    if fit.get("light_scale"):
+        scale = fit["light_scale"]
         rows += [["light scale", scale["value"]],
                  ["its error %", PER_CENT * scale["standard_error"] / scale["value"]]]
     return ["value"], rows

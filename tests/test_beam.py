@@ -96,13 +96,13 @@ def true_profile(beam, angles):
 @pytest.mark.parametrize("name", BEAMS)
 def test_the_beam_that_lit_the_wall_is_found(name):
     beam = BEAMS[name]
-    found = fit_beam(wall_cells(photo(beam), wall()), wall())
-    truth = true_profile(beam, found.angle_deg)
+    fit = fit_beam(wall_cells(photo(beam), wall()), wall())
+    truth = true_profile(beam, fit.angle_deg)
     # 1.3 mm in 800 of the lamp's size are not resolved, and 2 degrees of knots round an edge off
-    np.testing.assert_allclose(found.radiance, truth, atol=0.025 if name == "cut off" else 0.006)
-    np.testing.assert_allclose(found.axis_mm, AIM_MM, atol=3.0)
-    assert found.off_axis_deg == pytest.approx(3.2, abs=0.25)
-    assert found.angle_deg[-1] > 40 and found.asymmetry < 0.01 and found.band_difference < 0.02
+    np.testing.assert_allclose(fit.radiance, truth, atol=0.025 if name == "cut off" else 0.006)
+    np.testing.assert_allclose(fit.axis_mm, AIM_MM, atol=3.0)
+    assert fit.off_axis_deg == pytest.approx(3.2, abs=0.25)
+    assert fit.angle_deg[-1] > 40 and fit.asymmetry < 0.01 and fit.band_difference < 0.02
 
 
 def test_the_stated_errors_hold_on_an_uneven_wall_with_the_lamp_misplaced():
@@ -111,10 +111,10 @@ def test_the_stated_errors_hold_on_an_uneven_wall_with_the_lamp_misplaced():
     for seed in range(8):
         shift = 5.0 * rng.standard_normal(3)
         stated = wall(lamp_at_mm=(np.array(LAMP_MM) + shift).tolist(), lamp_error_mm=5.0)
-        found = fit_beam(wall_cells(photo(BEAMS["reflector"], seed, uneven=0.02), stated), stated)
-        truth = true_profile(BEAMS["reflector"], found.angle_deg)
+        fit = fit_beam(wall_cells(photo(BEAMS["reflector"], seed, uneven=0.02), stated), stated)
+        truth = true_profile(BEAMS["reflector"], fit.angle_deg)
         at = np.array([10, 20, 30, 40])
-        misses = np.abs(found.radiance - truth)[at] / found.standard_error[at]
+        misses = np.abs(fit.radiance - truth)[at] / fit.standard_error[at]
         inside, counted = inside + np.count_nonzero(misses < 2), counted + len(at)
         assert np.all(misses < 5)
     # angles of one photo share their errors: of 8 photos that hold 95 % each, fewer than 6 at 0.6 %
@@ -130,8 +130,8 @@ def test_a_beam_that_is_not_round_is_noticed():
 
 def test_a_beam_that_changes_colour_is_noticed():
     blue = [BEAMS["reflector"], BEAMS["reflector"], lambda angle: np.exp(-((angle / 18) ** 2) / 2)]
-    found = fit_beam(wall_cells(photo(None, tint=blue), wall()), wall())
-    assert found.band_difference > 0.1
+    fit = fit_beam(wall_cells(photo(None, tint=blue), wall()), wall())
+    assert fit.band_difference > 0.1
 
 
 def test_readings_of_a_wall_err_by_the_noise_of_their_pixels():
@@ -148,11 +148,11 @@ def test_the_mean_over_bands_errs_as_draws_of_it_do(bands):
     level = rng.uniform(0.1, 1, bands)
     sigma = 0.05 * rng.uniform(0.5, 2, bands)
     signal = level + sigma * rng.standard_normal((8000, bands))
-    found, variance = _mean_over_bands(WallCells(np.zeros((8000, 2)), signal, np.broadcast_to(
+    estimate, variance = _mean_over_bands(WallCells(np.zeros((8000, 2)), signal, np.broadcast_to(
         sigma**2, signal.shape)), level)
     # 8000 draws know a variance to 1.6 %
-    assert found.var() / variance[0] == pytest.approx(1, abs=0.065)
-    assert found.mean() == pytest.approx(1, abs=0.01)
+    assert estimate.var() / variance[0] == pytest.approx(1, abs=0.065)
+    assert estimate.mean() == pytest.approx(1, abs=0.01)
 
 
 def test_a_traced_wall_gives_the_profile_that_the_tracer_was_given(tmp_path):
@@ -201,11 +201,11 @@ def test_a_traced_wall_gives_the_profile_that_the_tracer_was_given(tmp_path):
     inside = np.all((places > 0) & (places < SIZE_MM), axis=1)
     noise = traced.relative_variance[inside] * light[inside] ** 2
     cells = WallCells(places[inside], light[inside, None], noise[:, None])
-    found = fit_beam(cells, wall())
+    fit = fit_beam(cells, wall())
     # pixels are up to 60 mm wide, 4 degrees, and paths have their noise
-    np.testing.assert_allclose(found.radiance, np.interp(found.angle_deg, TABLE_DEG, given),
+    np.testing.assert_allclose(fit.radiance, np.interp(fit.angle_deg, TABLE_DEG, given),
                                atol=0.02)
-    np.testing.assert_allclose(found.axis_mm, AIM_MM, atol=8.0)
+    np.testing.assert_allclose(fit.axis_mm, AIM_MM, atol=8.0)
 
 
 # ---- the command ---------------------------------------------------------------------------------
@@ -225,9 +225,9 @@ def call(folder, *words):
 
 
 def test_the_file_that_is_written_is_a_lamp_s_profile(tmp_path):
-    said = call(written(tmp_path), "--json")
-    assert said.exit_code == 0, said.output
-    facts = json.loads(said.output)
+    answer = call(written(tmp_path), "--json")
+    assert answer.exit_code == 0, answer.output
+    facts = json.loads(answer.output)
     profile = read_profile(tmp_path / "beam.csv")
     inside = facts["angle_deg"][-1] >= TABLE_DEG
     np.testing.assert_allclose(profile[inside], true_profile(BEAMS["reflector"], TABLE_DEG[inside]),
@@ -252,9 +252,9 @@ def test_a_flat_takes_the_fall_off_of_the_lens_out(tmp_path):
     truth = true_profile(BEAMS["reflector"], np.array([40.0]))
     values = []
     for words in ((), ("--flat", str(tmp_path / "flat.exr"), "--force")):
-        said = call(tmp_path, *words, "--json")
-        assert said.exit_code == 0, said.output
-        values.append(json.loads(said.output)["radiance"][40])
+        answer = call(tmp_path, *words, "--json")
+        assert answer.exit_code == 0, answer.output
+        values.append(json.loads(answer.output)["radiance"][40])
     assert abs(values[0] - truth) > 0.04
     assert abs(values[1] - truth) < 0.01
 
@@ -271,7 +271,7 @@ def test_a_scene_of_a_box_takes_the_profile(tmp_path):
     np.testing.assert_array_equal(scene.profiles["lamp"], read_profile(tmp_path / "beam.csv"))
 
 
-@pytest.mark.parametrize(("change", "said"), [
+@pytest.mark.parametrize(("change", "message"), [
     ({"lamp_at_mm": [700.0, 450.0, 40.0]}, "40 mm out of the wall"),
     ({"corners_px": [[30, 25], [290, 195], [280, 15], [20, 185]]}, "do not go round"),
     ({"corners_px": [[30, 25], [20, 185], [290, 195], [280, 15]]}, "counter-clockwise"),
@@ -280,14 +280,14 @@ def test_a_scene_of_a_box_takes_the_profile(tmp_path):
      "must hold the place that the lamp faces"),
     ({"size": [3.0, 4.0]}, "size"),
 ])
-def test_a_wall_that_cannot_be_is_refused(tmp_path, change, said):
+def test_a_wall_that_cannot_be_is_refused(tmp_path, change, message):
     image = photo(BEAMS["reflector"])
     if "lamp_look_at_mm" in change:     # the beam comes in from the side
         level = np.linspace(0.9, 0.1, 310)[None, :, None] * np.ones((210, 310, 3))
         image = dataclasses.replace(image, signal=level.astype(np.float32))
     refused = call(written(tmp_path, image, **change))
     assert refused.exit_code != 0 and "Traceback" not in refused.output
-    assert said in " ".join(refused.output.split())
+    assert message in " ".join(refused.output.split())
     assert not (tmp_path / "beam.csv").exists()
 
 

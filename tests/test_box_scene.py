@@ -41,8 +41,8 @@ def rewritten(folder, **camera):
     for key, value in {"at_mm = [0, 165, 690]": "at_mm", "look_at_mm = [0, 165, 0]": "look_at_mm",
                        "fov_deg = 37.3": "fov_deg"}.items():
         assert text.count(f"\n{key} ") == 1
-        said = f"{value} = {json.dumps(camera[value])}" if value in camera else ""
-        text = text.replace(f"\n{key} ", f"\n{said} #")
+        line = f"{value} = {json.dumps(camera[value])}" if value in camera else ""
+        text = text.replace(f"\n{key} ", f"\n{line} #")
     if "corners_px" in camera:
         text = text.replace("[scene.box.chart]", f"corners_px = {as_toml(camera['corners_px'])}\n\n"
                             "[scene.box.chart]")
@@ -161,12 +161,12 @@ def test_the_camera_found_from_exact_corners_sees_what_the_measured_one_sees(cap
     stated = rewritten(captured, **FAR)
     measured = hits(box_xml(stated.box, SIZE), 1.0)
     corners = {name: list(px) for name, px in corners_in_photo(stated).items()}
-    found = box_camera(rewritten(captured, corners_px=corners))
-    again = hits(box_xml(stated.box, SIZE, found.sensor), 1.0)
+    camera = box_camera(rewritten(captured, corners_px=corners))
+    again = hits(box_xml(stated.box, SIZE, camera.sensor), 1.0)
     assert np.mean(measured[1] == again[1]) > 0.995
     same = measured[1] == again[1]
     np.testing.assert_allclose(measured[0][:, same], again[0][:, same], atol=0.5)
-    assert max(found.residuals_px.values()) < 1e-3
+    assert max(camera.residuals_px.values()) < 1e-3
 
 
 def test_corners_of_an_object_turn_with_it_and_carry_its_name(captured):
@@ -215,8 +215,8 @@ def test_every_template_is_a_valid_session(tmp_path, name):
     from typer.testing import CliRunner
 
     from spectrabox.session.cli import app
-    made = CliRunner().invoke(app, ["new", str(tmp_path / "s"), "--template", name, "--json"])
-    assert made.exit_code == 0, made.output
+    answer = CliRunner().invoke(app, ["new", str(tmp_path / "s"), "--template", name, "--json"])
+    assert answer.exit_code == 0, answer.output
     config, problems = try_read_session(tmp_path / "s")
     assert problems == [] and config is not None
     assert (tmp_path / "s" / "photos").is_dir()
@@ -227,13 +227,13 @@ def test_an_unknown_template_is_refused(tmp_path):
     from typer.testing import CliRunner
 
     from spectrabox.session.cli import app
-    made = CliRunner().invoke(app, ["new", str(tmp_path / "s"), "--template", "boxes"])
-    assert made.exit_code != 0
-    assert "box, flat, turntable, views" in made.output
+    answer = CliRunner().invoke(app, ["new", str(tmp_path / "s"), "--template", "boxes"])
+    assert answer.exit_code != 0
+    assert "box, flat, turntable, views" in answer.output
     assert not (tmp_path / "s").exists()
 
 
-@pytest.mark.parametrize(("change", "said"), [
+@pytest.mark.parametrize(("change", "message"), [
     ({"lamp": {"at_mm": [0, 0, 0]}}, "a ball with radius_mm, or a panel"),
     ({"lamp": {"at_mm": [0, 0, 0], "size_mm": [10.0, 10.0]}}, "belong together"),
     ({"lamp": {"at_mm": [0, 0, 0], "radius_mm": 5.0, "beam": "beam.csv"}}, "beam is of a panel"),
@@ -250,12 +250,12 @@ def test_an_unknown_template_is_refused(tmp_path):
     ({"objects": [{"name": "a", "shape": "sphere", "material": "a", "at_mm": [0, 0, 0],
                    "radius_mm": 1.0, "on_turntable": True}]}, "turntable_mm"),
 ])
-def test_measures_that_make_no_box_are_said_in_a_sentence(change, said):
+def test_measures_that_make_no_box_are_said_in_a_sentence(change, message):
     from spectrabox.radiometry.checked_tables import checked
     from spectrabox.radiometry.errors import InputError
     tables = template_tables("box")
     tables["scene"]["box"] |= change
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         checked(SessionTables, tables, "session.toml")
 
 
@@ -272,14 +272,14 @@ def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(ca
 
     from spectrabox.session.cli import app
     config = rewritten(captured, **FAR)
-    said = CliRunner().invoke(app, ["geometry", "box", str(captured), "--json"])
-    assert said.exit_code == 0, said.output
-    names = [name.rsplit("/", 1)[-1] for name in json.loads(said.output)["files"]]
+    answer = CliRunner().invoke(app, ["geometry", "box", str(captured), "--json"])
+    assert answer.exit_code == 0, answer.output
+    names = [name.rsplit("/", 1)[-1] for name in json.loads(answer.output)["files"]]
     assert names == ["scene.xml", "chart-scene.xml", "box.png"]
     shutil.copy(captured / "scene.xml", captured / "scene" / "mine.xml")
     from spectrabox.session.stages.scenes import read_session_scene
-    taken, made = read_scene(captured / "scene" / "mine.xml"), read_session_scene(config)
-    assert taken.surfaces == made.surfaces and set(made.surfaces) == {*WALLS, "block"}
+    taken, drawn = read_scene(captured / "scene" / "mine.xml"), read_session_scene(config)
+    assert taken.surfaces == drawn.surfaces and set(drawn.surfaces) == {*WALLS, "block"}
     assert (taken.width, taken.height) == (312, 208)
 
 

@@ -3,12 +3,7 @@ import numpy as np
 import pytest
 
 from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
-from spectrabox.calibrate.doubts import (
-    SPREAD,
-    TYPICAL,
-    matrix_contradicts,
-    matrix_deviation,
-)
+from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_contradicts, matrix_deviation
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.fixtures.demo_photos import NM, camera_sensitivities
 from spectrabox.fixtures.dng import write_dng
@@ -75,10 +70,10 @@ def calibrated(light_name, taken_for):
 
 
 def test_products_with_an_unknown_light_are_held_against_no_matrix():
-    found = calibrated("LED-B3", None)
+    fit = calibrated("LED-B3", None)
     # as curves they would contradict it by far: they hold the lamp
-    assert matrix_contradicts(own_matrix(measured_curves()), found.sensitivity.curves, GRID)
-    assert CalibrationDoubt.COLOUR_MATRIX not in found.doubts
+    assert matrix_contradicts(own_matrix(measured_curves()), fit.sensitivity.curves, GRID)
+    assert CalibrationDoubt.COLOUR_MATRIX not in fit.doubts
 
 
 def test_a_mistaken_light_is_named_and_the_right_one_is_not():

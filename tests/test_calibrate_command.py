@@ -59,11 +59,11 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     samples = read_patches(chart / "patches.csv")[0]
     light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
     photo = ChartPhoto(samples, chart_reflectances("BabelColor Average", GRID), light)
-    made = calibrate_chart([photo], GRID, CalibrationOptions(method))
-    curves_fitted = made.calibration.sensitivity.curves
+    fit = calibrate_chart([photo], GRID, CalibrationOptions(method))
+    curves_fitted = fit.calibration.sensitivity.curves
     # The same code on the same numbers; JSON keeps every digit.
     np.testing.assert_array_equal(facts["sensitivities"], curves_fitted)
-    np.testing.assert_array_equal(facts["lower"], curve_band(made).lower)
+    np.testing.assert_array_equal(facts["lower"], curve_band(fit).lower)
     _, names, curves = read_curves(tmp_path / "curves.csv")
     assert names == ("R", "G", "B")
     np.testing.assert_allclose(curves, curves_fitted, atol=1e-8)  # nine digits
@@ -133,7 +133,7 @@ def test_preflight_answers_before_shooting():
     assert errors == sorted(errors) and errors[0] < np.mean(facts["expected_error"])
 
 
-@pytest.mark.parametrize("words, code, said", [
+@pytest.mark.parametrize("words, code, message", [
                              (("--light", "D65"), 2,
                               "give either photos of a chart or --patches CSV"),
                              (("--light", "D65", "--patches", "none.csv"), 3,
@@ -145,20 +145,20 @@ def test_preflight_answers_before_shooting():
                              (("--light", "D65", "--patches", "none.csv", "--method", "file"), 2,
                               "both --method file and --curves"),
                              ])
-def test_what_is_missing_is_said_with_its_exit_code(words, code, said):
+def test_what_is_missing_is_said_with_its_exit_code(words, code, message):
     result = run("camera", "fit", *words)
     assert result.exit_code == code
-    assert said in result.stderr
+    assert message in result.stderr
 
 
 def test_inputs_are_not_written_over_and_photos_not_counted_twice(chart, tmp_path):
     given = ("camera", "fit", "--patches", chart / "patches.csv", "--light", "D65")
     before = (chart / "patches.csv").read_bytes()
-    for words, said in (((*given, "--out", chart / "patches.csv"), "is an input of this command"),
-                        ((*given, "--out", tmp_path), "is a folder"),
-                        ((*given, "--patches", chart / "patches.csv"), "give each photo once")):
+    for words, message in (((*given, "--out", chart / "patches.csv"), "is an input of this"),
+                           ((*given, "--out", tmp_path), "is a folder"),
+                           ((*given, "--patches", chart / "patches.csv"), "give each photo once")):
         result = run(*words)
-        assert result.exit_code == 3 and said in result.stderr
+        assert result.exit_code == 3 and message in result.stderr
     assert (chart / "patches.csv").read_bytes() == before
 
 

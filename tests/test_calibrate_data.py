@@ -22,10 +22,10 @@ def database():
 
 def test_the_shipped_prior_is_what_the_folder_gives(database):
     keep = [index for index, name in enumerate(database.names) if name != "Nikon D5100"]
-    made = build_prior(database.nm, database.curves[keep],
-                       tuple(database.names[index] for index in keep), source="", licence="")
+    prior = build_prior(database.nm, database.curves[keep],
+                        tuple(database.names[index] for index in keep), source="", licence="")
     shipped = shipped_prior()
-    assert made.members == shipped.members
+    assert prior.members == shipped.members
     # Stored in single precision.
-    np.testing.assert_allclose(made.means, shipped.means, atol=1e-5)
-    np.testing.assert_allclose(made.covariances(), shipped.covariances(), atol=1e-5)
+    np.testing.assert_allclose(prior.means, shipped.means, atol=1e-5)
+    np.testing.assert_allclose(prior.covariances(), shipped.covariances(), atol=1e-5)

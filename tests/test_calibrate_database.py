@@ -28,9 +28,9 @@ def test_three_formats_give_the_same_curves(tmp_path):
                                     "C\n"
                                     + "\n".join(" ".join(f"{v:.9g}" for v in row) for row in wide),
                                     encoding="utf-8")
-    found = read_camera_database(tmp_path)
-    assert set(found.names) == {"Maker A", "b", "Maker C"} and not found.skipped
-    by_name = dict(zip(found.names, found.curves, strict=True))
+    database = read_camera_database(tmp_path)
+    assert set(database.names) == {"Maker A", "b", "Maker C"} and not database.skipped
+    by_name = dict(zip(database.names, database.curves, strict=True))
     np.testing.assert_allclose(by_name["Maker A"], curves, rtol=1e-12)
     np.testing.assert_allclose(by_name["b"], curves, rtol=1e-8)  # nine digits in the file
     # 10 nm samples of bumps at least 20 nm wide, interpolated by a monotone cubic: within 2 % of
@@ -45,12 +45,12 @@ def test_broken_files_are_named_and_skipped(tmp_path):
     write_rawtoaces(tmp_path / "short.json", cameras(1, 3)[0][:, 8:], "Short", NODES[8:])
     write_rawtoaces(tmp_path / "negative.json", -cameras(1, 3)[0], "Negative")
     (tmp_path / "words.txt").write_text("not a camera", encoding="utf-8")
-    found = read_camera_database(tmp_path)
-    assert found.names == ("Maker Good",)
-    said = " ".join(found.skipped)
+    database = read_camera_database(tmp_path)
+    assert database.names == ("Maker Good",)
+    message = " ".join(database.skipped)
     for name in ("broken.json", "other.json", "short.json", "negative.json", "words.txt"):
-        assert name in said
-    assert len(found.skipped) == 5 and "covers 440-700 nm" in said
+        assert name in message
+    assert len(database.skipped) == 5 and "covers 440-700 nm" in message
 
 
 def test_a_folder_without_cameras_is_refused(tmp_path):
@@ -73,11 +73,11 @@ def test_a_camera_that_two_files_hold_is_taken_once_and_said(tmp_path):
     write_rawtoaces(tmp_path / "a.json", first, "0")
     write_rawtoaces(tmp_path / "b.json", second, "0")
     write_rawtoaces(tmp_path / "c.json", second, "1")
-    found = read_camera_database(tmp_path)
-    assert found.names == ("Maker 0", "Maker 1")
-    assert found.skipped == ("b.json holds Maker 0 once more; the first is kept",)
+    database = read_camera_database(tmp_path)
+    assert database.names == ("Maker 0", "Maker 1")
+    assert database.skipped == ("b.json holds Maker 0 once more; the first is kept",)
     # as many digits as the file holds
-    np.testing.assert_allclose(found.curves[0], first, atol=1e-6)
+    np.testing.assert_allclose(database.curves[0], first, atol=1e-6)
 
 
 @pytest.mark.parametrize("header", ["", "R,G,B\n", "patch,R,G,B\n"])
@@ -85,9 +85,9 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
     first = "p," if header.startswith("patch") else ""
     (tmp_path / "p.csv").write_text(header + "\n".join(f"{first}{i + 1},2,3" for i in range(24)),
                                     encoding="utf-8")
-    found, names, (note,) = read_patches(tmp_path / "p.csv")
-    assert found.mean.shape == (24, 3) and found.mean[23, 0] == 24 and len(names) == 3
-    np.testing.assert_allclose(found.covariance_of_mean[[0, 23], 0, 0], [0.004**2, 0.096**2],
+    patches, names, (note,) = read_patches(tmp_path / "p.csv")
+    assert patches.mean.shape == (24, 3) and patches.mean[23, 0] == 24 and len(names) == 3
+    np.testing.assert_allclose(patches.covariance_of_mean[[0, 23], 0, 0], [0.004**2, 0.096**2],
                                rtol=1e-12)
     assert "0.4% is assumed" in note
 
@@ -99,8 +99,8 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
                          ids=["in order", "in another order", "unnamed"])
 def test_standard_errors_become_the_covariance(tmp_path, names, errors):
     (tmp_path / "p.csv").write_text(f"R,G,B,{names}\n" + f"1,2,3,{errors}\n" * 24, encoding="utf-8")
-    found, _, notes = read_patches(tmp_path / "p.csv")
-    np.testing.assert_allclose(found.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]), rtol=1e-12)
+    table, _, notes = read_patches(tmp_path / "p.csv")
+    np.testing.assert_allclose(table.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]), rtol=1e-12)
     assert notes == ()
 
 

@@ -1,16 +1,7 @@
 """What is said of photos that a camera, measured curves or one another do not explain."""
 import numpy as np
 import pytest
-from calibrate_cameras import (
-    GRID,
-    daylight,
-    led,
-    on_grid,
-    prior,
-    reflectances,
-    samples,
-    signals,
-)
+from calibrate_cameras import GRID, daylight, led, on_grid, prior, reflectances, samples, signals
 from calibrate_cameras import cameras_at_10_nm as cameras
 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
@@ -75,9 +66,9 @@ def test_a_camera_like_none_that_was_measured_is_said():
 
 def test_where_no_photo_had_light_the_curves_are_the_priors():
     power = np.where(GRID.nm > 520, 0.0, daylight())
-    found = calibrated(chart(power=power), light=power, prior=prior()).prior_fit
-    assert np.all(found.prior_share[:, GRID.nm > 520]
-                  == 1) and np.median(found.prior_share[2, GRID.nm < 500]) < 0.5
+    fit = calibrated(chart(power=power), light=power, prior=prior()).prior_fit
+    assert np.all(fit.prior_share[:, GRID.nm > 520]
+                  == 1) and np.median(fit.prior_share[2, GRID.nm < 500]) < 0.5
     both = calibrated(chart(power=power), (chart(seed=4), daylight()), light=power,
                       prior=prior()).prior_fit
     # Where a curve is dark beside the chart's noise the photo says nothing of it.
@@ -111,13 +102,13 @@ def test_measured_curves_in_another_order_are_refused():
 
 
 def test_the_record_says_how_well_the_chart_is_reproduced():
-    made = calibrated(chart(), prior=prior())
-    fitted, without = made.delta_e.mean(), made.held_out_delta_e.mean()
-    said = (f"chart colour difference {fitted:.2f} CIEDE2000, {without:.2f} for patches left out "
-            "of the fit")
-    assert made.calibration.checks[0].startswith(said)
+    fit = calibrated(chart(), prior=prior())
+    fitted, without = fit.delta_e.mean(), fit.held_out_delta_e.mean()
+    message = (f"chart colour difference {fitted:.2f} CIEDE2000, {without:.2f} for patches left "
+               "out of the fit")
+    assert fit.calibration.checks[0].startswith(message)
     # 0.3 % of noise in the signals is about 0.2 CIEDE2000.
-    assert made.delta_e.mean() < 0.5
+    assert fit.delta_e.mean() < 0.5
 
 
 def test_fall_off_is_said_of_each_photo_that_may_have_one():

@@ -26,20 +26,20 @@ def photo(signal, variance=None, step=1.0):
 
 
 def test_the_lens_comes_back_from_exact_views():
-    found, by_view = lens_from_views([view(tilt) for tilt in TILTS], 640, 480)
+    lens, by_view = lens_from_views([view(tilt) for tilt in TILTS], 640, 480)
     # Points are handed to OpenCV in single precision: 1e-7 x 640 pixels, times the condition of six
     # views.
-    np.testing.assert_allclose(found.matrix, TRUE.matrix, atol=0.05)
-    assert found.rms_px < 1e-3 and by_view.shape == (6,)
+    np.testing.assert_allclose(lens.matrix, TRUE.matrix, atol=0.05)
+    assert lens.rms_px < 1e-3 and by_view.shape == (6,)
 
 
 def test_the_stated_errors_of_the_lens_cover_the_truth():
     rng = np.random.default_rng(3)
-    found, _ = lens_from_views([view(tilt, rng) for tilt in TILTS], 640, 480)
-    given = found.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+    lens, _ = lens_from_views([view(tilt, rng) for tilt in TILTS], 640, 480)
+    given = lens.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
     # Nine normal numbers: all within 4 standard errors at a significance of 6e-4.
-    assert np.all(np.abs(given - [700.0, 702.0, 325.0, 236.0]) < 4 * found.standard_error)
-    assert np.all(np.abs(found.distortion - TRUE.distortion) < 4 * found.distortion_error)
+    assert np.all(np.abs(given - [700.0, 702.0, 325.0, 236.0]) < 4 * lens.standard_error)
+    assert np.all(np.abs(lens.distortion - TRUE.distortion) < 4 * lens.distortion_error)
 
 
 def test_the_board_is_found_in_its_own_picture():

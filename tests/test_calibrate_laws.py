@@ -84,9 +84,9 @@ def test_families_are_as_probable_as_they_are_often_right():
         shown = photo(signal, daylight(), surfaces, 0.005)
         noisy = signal * (1 + 0.005 * rng.standard_normal(signal.shape)
                           + common * rng.standard_normal((24, 1)))
-        found = posterior_of_curves([dataclasses.replace(shown, signal=noisy)], known, GRID,
-                                    model_errors=(0.0003,))
-        probable.append(found.families[1])
+        posterior = posterior_of_curves([dataclasses.replace(shown, signal=noisy)], known, GRID,
+                                        model_errors=(0.0003,))
+        probable.append(posterior.families[1])
     error = np.sqrt(np.sum(np.array(probable) * (1 - np.array(probable))))
     assert abs(np.sum(wide - probable)) < SIGMAS * error
     # the test can tell: most photos leave the family open, and half the Occam term is 2 nats
@@ -102,10 +102,10 @@ def test_how_bright_a_camera_was_measured_changes_nothing():
         departing(0.0, 0.0), jitter_sd=1e-6, within=within, shares=np.array([[1.0, 0], [9.0, 0]]),
         means=plain.means * np.array([[1.0], [3.0]]))
     shown = photo(signal, daylight(), reflectances(), 0.01)
-    found = posterior_of_curves([shown], known, GRID, model_errors=(0.01,))
+    posterior = posterior_of_curves([shown], known, GRID, model_errors=(0.01,))
     # the second is linearised where the first ended: a hundredth of a nat
-    np.testing.assert_allclose(found.families, 0.5, atol=0.005)
-    one, other = found.covariances[:4], found.covariances[-4:]
+    np.testing.assert_allclose(posterior.families, 0.5, atol=0.005)
+    one, other = posterior.covariances[:4], posterior.covariances[-4:]
     np.testing.assert_allclose(one, other, rtol=0.02, atol=2e-3 * np.abs(one).max())
 
 
@@ -116,8 +116,8 @@ def test_an_error_of_a_patch_is_that_of_its_own_and_of_its_common_part():
     np.testing.assert_allclose(relative[~np.eye(3, dtype=bool)], 0.04**2, rtol=1e-12)
     # weights of any sum
     for scale in (1.0, 0.3):
-        found = mean_error(scale * np.array([1.0, 3.0]), [PatchError(0.0, 0.02), error])
-        assert found == pytest.approx((0.0225, 0.035))
+        estimate = mean_error(scale * np.array([1.0, 3.0]), [PatchError(0.0, 0.02), error])
+        assert estimate == pytest.approx((0.0225, 0.035))
 
 
 @pytest.mark.parametrize("floor", [None, 0.05])
@@ -150,9 +150,9 @@ def test_variation_within_families_is_pooled_without_bias():
     states = rng.standard_normal((sum(sizes), 8000))
     for group in groups:
         states[group] += 10 * rng.standard_normal()
-    found = np.sum(within_families(states, groups) ** 2, axis=0)
+    estimate = np.sum(within_families(states, groups) ** 2, axis=0)
     # chi-square of 7 degrees of freedom over 7, 8000 times
-    assert found.mean() == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 7 / 8000))
+    assert estimate.mean() == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 7 / 8000))
 
 
 @pytest.mark.parametrize("sizes", [np.ones(20), np.r_[1.0, 0.02, 0.001], np.geomspace(1, 1e-4, 9)])
@@ -175,10 +175,10 @@ def test_curves_held_above_zero_are_the_most_likely_that_are(seed):
     mean[rng.integers(5)] = -0.4
     lower = np.linalg.inv(np.linalg.cholesky(covariance))
     best, _ = optimize.nnls(lower, lower @ mean)
-    found = nonnegative(mean, covariance)
+    estimate = nonnegative(mean, covariance)
     # a ridge of 1e-10 of the variance
-    np.testing.assert_allclose(found, best, atol=1e-8)
-    assert not np.allclose(found, np.maximum(mean, 0))
+    np.testing.assert_allclose(estimate, best, atol=1e-8)
+    assert not np.allclose(estimate, np.maximum(mean, 0))
 
 
 def test_only_what_no_photos_light_reaches_is_the_priors_alone():
@@ -212,7 +212,7 @@ def drawn_photos():
     known, rng = departing(0.05), np.random.default_rng(90)
     surfaces = LIGHT_ENOUGH
     root, power = np.linalg.cholesky(known.covariances()[0]), daylight()
-    terms, found = field_terms(CLASSIC.centres_uv), []
+    terms, estimates = field_terms(CLASSIC.centres_uv), []
     for _ in range(PHOTOS):
         curves = (known.means[0] + root @ rng.standard_normal(63)).reshape(3, -1)
         fine = np.array([np.interp(GRID.nm, NM, curve) for curve in curves])
@@ -225,11 +225,11 @@ def drawn_photos():
         off = level * (0.004 * rng.standard_normal((24, 3))
                        + rng.choice(COMMON_ERRORS) * rng.standard_normal((24, 1)))
         noisy = clean + off + 0.002 * clean * rng.standard_normal((24, 3))
-        made = fit_with_prior([dataclasses.replace(shown, signal=noisy)], known, GRID,
-                              model_errors=(0.004,))
+        fit = fit_with_prior([dataclasses.replace(shown, signal=noisy)], known, GRID,
+                             model_errors=(0.004,))
         white = np.exp(exposure) * fine @ (power * GRID.weights_nm)
-        found.append((made, fine / fine.max(), np.r_[np.log(white), field, glare], noisy))
-    return found
+        estimates.append((fit, fine / fine.max(), np.r_[np.log(white), field, glare], noisy))
+    return estimates
 
 
 def test_signals_may_be_in_any_unit():
@@ -239,7 +239,7 @@ def test_signals_may_be_in_any_unit():
     signal = signal / signal.max() * np.exp(terms @ [0.2, -0.1, 0.1, -0.15, 0.1])[:, None] + 0.02
     one, other = (fit_with_prior([photo(unit * signal, power, surfaces, 0.01, terms, True)],
                                  coarse_prior(), GRID) for unit in (1.0, 16383.0))
-    ours, theirs = (made.photos[0] for made in (one, other))
+    ours, theirs = (fit.photos[0] for fit in (one, other))
     # round-off of some thousand terms
     np.testing.assert_allclose(other.sensitivity.curves, one.sensitivity.curves, atol=1e-6)
     np.testing.assert_allclose(theirs.field, ours.field, rtol=1e-6)
@@ -249,46 +249,46 @@ def test_signals_may_be_in_any_unit():
 
 
 def test_curves_of_drawn_cameras_err_as_stated(drawn_photos):
-    ratio = [np.mean((truth - made.sensitivity.curves) ** 2)
-             / np.mean(made.sensitivity.standard_error ** 2)
-             for made, truth, _, _ in drawn_photos]
+    ratio = [np.mean((truth - fit.sensitivity.curves) ** 2)
+             / np.mean(fit.sensitivity.standard_error ** 2)
+             for fit, truth, _, _ in drawn_photos]
     # some 15 independent errors a camera, in 40 cameras: known to 6 %
     assert np.mean(ratio) == pytest.approx(1, abs=SIGMAS * 0.06)
 
 
 def test_white_field_and_glare_of_drawn_photos_err_as_stated_together(drawn_photos):
-    found = []
-    for made, _, truth, _ in drawn_photos:
-        white = made.photos[0].white
+    estimates = []
+    for fit, _, truth, _ in drawn_photos:
+        white = fit.photos[0].white
         fitted = np.r_[np.log(white.level), white.field, white.glare]
-        found.append(mahalanobis(truth - fitted, white.covariance))
+        estimates.append(mahalanobis(truth - fitted, white.covariance))
     # chi-square of 11 over 11, in 40 photos: 6.7 %, and 15 % of field bend the equations
-    assert np.mean(found) == pytest.approx(1, abs=SIGMAS * 0.067 + 0.05)
+    assert np.mean(estimates) == pytest.approx(1, abs=SIGMAS * 0.067 + 0.05)
 
 
 def test_white_of_a_band_errs_as_the_light_scale_says(drawn_photos):
-    found = []
-    for made, _, truth, _ in drawn_photos:
-        state = made.photos[0]
+    estimates = []
+    for fit, _, truth, _ in drawn_photos:
+        state = fit.photos[0]
         relative = np.exp(np.log(state.white.level) - truth[:3]) - 1
         weight = state.white.level ** 2         # bands count by their signal
-        found.append(np.sum(weight * relative**2) / weight.sum()
-                     / (state.scale_error / state.scale) ** 2)
+        estimates.append(np.sum(weight * relative**2) / weight.sum()
+                         / (state.scale_error / state.scale) ** 2)
     # 40 photos of hardly more than one error each
-    assert np.mean(found) == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 40))
+    assert np.mean(estimates) == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 40))
 
 
 def test_patches_of_drawn_photos_err_from_the_others_as_stated(drawn_photos):
-    surfaces, found, prior_alone = LIGHT_ENOUGH, [], []
-    for made, _, _, signal in drawn_photos:
-        off = signal - made.without.predicted(surfaces)
-        covariance = made.without.error_covariance(surfaces)
-        found += [mahalanobis(*each) for each in zip(off, covariance, strict=True)]
-        prior_alone.append(made.chi_square)
-        np.testing.assert_allclose(made.held_out[0], made.without.predicted(surfaces),
+    surfaces, estimates, prior_alone = LIGHT_ENOUGH, [], []
+    for fit, _, _, signal in drawn_photos:
+        off = signal - fit.without.predicted(surfaces)
+        covariance = fit.without.error_covariance(surfaces)
+        estimates += [mahalanobis(*each) for each in zip(off, covariance, strict=True)]
+        prior_alone.append(fit.chi_square)
+        np.testing.assert_allclose(fit.held_out[0], fit.without.predicted(surfaces),
                                    atol=0.02 * signal.max())
     # chi-squares of 3 over 3, 960 of them, and of 72 over 72, 40 of them
-    assert np.mean(found) == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 3 / 960) + 0.05)
+    assert np.mean(estimates) == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 3 / 960) + 0.05)
     assert np.mean(prior_alone) == pytest.approx(1, abs=SIGMAS * np.sqrt(2 / 72 / 40) + 0.03)
 
 
@@ -298,11 +298,11 @@ def test_what_the_prior_leaves_is_the_error_after_over_that_before(drawn_photos)
     cameras_before = draw_cameras(known, 3000, np.random.default_rng(91))
     scaled = cameras_before / cameras_before.max(axis=(1, 2), keepdims=True)
     before = np.array([np.interp(GRID.nm, NM, one) for one in scaled.std(axis=0)])
-    made, truth, _, _ = drawn_photos[0]
+    fit, truth, _, _ = drawn_photos[0]
     inside = (truth > 0.1) & (truth < 0.95) & np.isin(GRID.nm, NM)
-    ratio = made.sensitivity.standard_error[inside] / before[inside]
+    ratio = fit.sensitivity.standard_error[inside] / before[inside]
     # draws know a deviation to 1.3 %; this camera is some per cent brighter than the mean
-    np.testing.assert_allclose(made.prior_share[inside], ratio, rtol=0.15)
+    np.testing.assert_allclose(fit.prior_share[inside], ratio, rtol=0.15)
     assert np.ptp(ratio) > 0.1
 
 
@@ -329,19 +329,19 @@ def calibrated():
     clean *= 0.2 / clean.max()
     signal = clean * (1 + 0.01 * rng.standard_normal(clean.shape))
     curves = on_grid(cameras(1, 44)[0])
-    made = {}
+    pairs = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chart_calibration, "light_doubts", lambda *_: ((), ()))
         for method in ("nonnegative", "smooth", "file", "prior"):
             options = CalibrationOptions("prior" if method == "file" else method, coarse_prior(),
                                          curves=curves if method == "file" else None)
-            made[method] = []
+            pairs[method] = []
             for factor in (1.0, 3.0):
                 shown = ChartPhoto(samples(factor * signal, 0.003), surfaces,
                                    Spectrum(GRID, power, Quantity.RELATIVE, "lamp"),
                                    factor * np.full(24, 2.0))
-                made[method].append(calibrate_chart([shown], GRID, options))
-    return made
+                pairs[method].append(calibrate_chart([shown], GRID, options))
+    return pairs
 
 
 @pytest.mark.parametrize("method", ["nonnegative", "smooth", "file", "prior"])
@@ -350,7 +350,7 @@ def test_more_light_changes_signals_and_their_errors_and_nothing_else(calibrated
     surfaces = reflectances()
     # a hundredth of a standard error: where a search stops
     exact = {"rtol": 1e-3, "atol": 1e-6} if method == "prior" else {"rtol": 1e-7, "atol": 1e-12}
-    ours, theirs = (made.calibration.sensitivity for made in (one, three))
+    ours, theirs = (each.calibration.sensitivity for each in (one, three))
     np.testing.assert_allclose(theirs.curves, ours.curves, **exact)
     if method != "file":
         np.testing.assert_allclose(theirs.standard_error, ours.standard_error, **exact)
@@ -367,20 +367,20 @@ def test_more_light_changes_signals_and_their_errors_and_nothing_else(calibrated
 @pytest.mark.parametrize("method", ["nonnegative", "smooth", "prior"])
 def test_a_patch_left_out_is_told_alike_wherever_it_is_told(calibrated, method):
     """As a signal, as a residual, and by the record that later stages predict it with."""
-    made = calibrated[method][0]
-    predicted = made.without.predicted(reflectances())
-    np.testing.assert_allclose(made.held_out, predicted, rtol=1e-9)
-    residual = 1 - predicted / made.without.signal
-    np.testing.assert_allclose(made.calibration.sensitivity.held_out_residuals, residual,
+    fit = calibrated[method][0]
+    predicted = fit.without.predicted(reflectances())
+    np.testing.assert_allclose(fit.held_out, predicted, rtol=1e-9)
+    residual = 1 - predicted / fit.without.signal
+    np.testing.assert_allclose(fit.calibration.sensitivity.held_out_residuals, residual,
                                atol=1e-9)
-    assert np.all(made.held_out_delta_e >= 0) and np.abs(residual).max() > 0.01
+    assert np.all(fit.held_out_delta_e >= 0) and np.abs(residual).max() > 0.01
 
 
 @pytest.mark.parametrize("method", ["smooth", "file", "prior"])
 def test_a_patch_errs_from_what_the_others_predict_by_as_much_as_is_stated(calibrated, method):
-    made, surfaces = calibrated[method][0].without, reflectances()
-    off = made.signal - made.predicted(surfaces)
-    stated = np.einsum("ikk->ik", made.error_covariance(surfaces))
+    fit, surfaces = calibrated[method][0].without, reflectances()
+    off = fit.signal - fit.predicted(surfaces)
+    stated = np.einsum("ikk->ik", fit.error_covariance(surfaces))
     # 72 numbers know a variance to 17 %; errors of chart and stray light that this photo lacks
     # make those that are stated by splines wider
     assert (0.1 if method == "smooth" else 0.4) < np.mean(off**2 / stated) < 1 + SIGMAS * 0.17
@@ -393,14 +393,14 @@ def test_residuals_that_are_alike_are_an_error_and_no_offset():
     signal[-1] = 0.001                  # too dark to have a relative error
     residuals = np.tile(off, (24, 1))
     residuals[-1] = 5.0
-    found = relative_prediction_covariance(residuals, samples(signal))
-    np.testing.assert_allclose(found, np.outer(off, off), rtol=1e-12)
+    covariance = relative_prediction_covariance(residuals, samples(signal))
+    np.testing.assert_allclose(covariance, np.outer(off, off), rtol=1e-12)
 
 
 def test_curves_taken_as_given_err_by_what_is_stated():
     lamp = Spectrum(GRID, daylight(), Quantity.RELATIVE, "lamp")
-    made = calibration_from_curves(GRID, on_grid(cameras(1, 4)[0]), lamp, 0.04)
-    np.testing.assert_allclose(made.relative_covariance, 0.04**2 * np.eye(3), rtol=1e-12)
+    fit = calibration_from_curves(GRID, on_grid(cameras(1, 4)[0]), lamp, 0.04)
+    np.testing.assert_allclose(fit.relative_covariance, 0.04**2 * np.eye(3), rtol=1e-12)
 
 
 def test_dark_patches_do_not_decide_how_far_a_photo_disagrees():
@@ -418,14 +418,14 @@ def test_noise_three_times_as_large_as_stated_is_told_from_the_residuals():
     """The covariance of non-negative splines grows with the mean square of the residuals."""
     rng = np.random.default_rng(75)
     design, truth = rng.uniform(0, 1, (40, 5)), rng.uniform(1, 2, 5)
-    found = []
+    estimates = []
     for _ in range(60):
         _, covariance = _solve_nonnegative(design, design @ truth + 0.03 * rng.standard_normal(40),
                                            np.full(40, 0.01))
-        found.append(covariance)
+        estimates.append(covariance)
     exact = 0.03**2 * np.linalg.inv(design.T @ design)
     # chi-squares of 35 degrees of freedom, 60 times
-    assert np.mean(found, axis=0)[0, 0] / exact[0, 0] == pytest.approx(
+    assert np.mean(estimates, axis=0)[0, 0] / exact[0, 0] == pytest.approx(
         1, abs=SIGMAS * np.sqrt(2 / 35 / 60))
 
 
@@ -438,12 +438,12 @@ def test_smooth_curves_err_by_the_noise_of_their_patches():
     rough = 1e7 * (differences.T @ differences + 1e-9 * np.eye(size))
     truth = np.full(size, 2.0)          # a straight line, which nothing bends
     unit = np.linalg.inv(design.T @ design / 0.01**2 + rough)
-    found = []
+    estimates = []
     for _ in range(40):
         signal = design @ truth + 0.02 * rng.standard_normal(24)
-        found.append(_solve_smooth(design, signal, np.full(24, 0.01), roughness=rough)[1])
+        estimates.append(_solve_smooth(design, signal, np.full(24, 0.01), roughness=rough)[1])
     # errors of twice the stated ones; some 20 degrees of freedom, 40 times
-    assert np.mean(found, axis=0)[3, 3] / unit[3, 3] == pytest.approx(
+    assert np.mean(estimates, axis=0)[3, 3] / unit[3, 3] == pytest.approx(
         4, rel=SIGMAS * np.sqrt(2 / 20 / 40) + 0.05)
 
 
@@ -451,14 +451,14 @@ def test_smooth_curves_err_by_the_noise_of_their_patches():
 
 def test_the_band_before_a_photo_is_as_wide_as_the_error_that_it_expects():
     known = departing(0.08)
-    found = preflight(known, reflectances(), daylight(), GRID)
+    checks = preflight(known, reflectances(), daylight(), GRID)
     curves = np.array([np.interp(GRID.nm, NM, curve)
                        for curve in known.means[0].reshape(3, -1)])
-    square = np.mean((found.half_width / 1.645) ** 2, axis=1)
+    square = np.mean((checks.half_width / 1.645) ** 2, axis=1)
     np.testing.assert_allclose(np.sqrt(square / np.mean((curves / curves.max()) ** 2, axis=1)),
-                               found.expected_error, rtol=1e-9)
+                               checks.expected_error, rtol=1e-9)
     noisier = preflight(known, reflectances(), daylight(), GRID, relative_error=0.05)
-    assert np.all(noisier.half_width >= found.half_width * (1 - 1e-9))
+    assert np.all(noisier.half_width >= checks.half_width * (1 - 1e-9))
 
 
 def two_kinds(weights, bright=1.0):
@@ -487,10 +487,10 @@ def test_what_is_expected_of_a_photo_does_not_hang_on_how_bright_a_camera_was_me
     beside = dataclasses.replace(
         known, weights=np.array([0.5, 0.5]), level=np.zeros(2, int), members=("a", "b"),
         means=np.vstack([3 * known.means, known.means]))
-    found = [preflight(each, reflectances(), daylight(), GRID)
-             for each in (known, brighter, beside)]
-    for other in found[1:]:
-        np.testing.assert_allclose(other.unlike_error, found[0].unlike_error, rtol=1e-3)
+    checks = [preflight(each, reflectances(), daylight(), GRID)
+              for each in (known, brighter, beside)]
+    for other in checks[1:]:
+        np.testing.assert_allclose(other.unlike_error, checks[0].unlike_error, rtol=1e-3)
 
 
 # ---- a file's colour matrix ----------------------------------------------------------------------

@@ -13,9 +13,9 @@ PREDICTED = np.random.default_rng(1).uniform(0.1, 1, (24, 3))
 
 
 def test_the_light_scale_is_linear_in_the_light():
-    found = scale_from_signals(2.5 * PREDICTED, PREDICTED, 0.01, "chart")
+    scale = scale_from_signals(2.5 * PREDICTED, PREDICTED, 0.01, "chart")
     # One quotient of sums: a few eps.
-    assert found.value == pytest.approx(2.5, rel=1e-13)
+    assert scale.value == pytest.approx(2.5, rel=1e-13)
     assert scale_from_signals(5.0 * PREDICTED, PREDICTED, 0.01,
                               "chart").value == pytest.approx(5.0, rel=1e-13)
 

@@ -149,9 +149,9 @@ def many_bands(count, seed=1):
     apart = GRID.nm - (np.linspace(425, 675, count) + rng.normal(0, 4, count))[:, None]
     width, skew = (max(12, 110 / count) * rng.uniform(0.7, 1.3, (count, 1)),
                    rng.uniform(0.7, 1.5, (count, 1)))
-    found = np.exp(-0.5 * (apart / np.where(apart > 0, width * skew, width / skew)) ** 2)
-    found = rng.uniform(0.5, 1, (count, 1)) * (found + rng.uniform(0, 0.03, (count, 1)))
-    return found / found.max()
+    estimate = np.exp(-0.5 * (apart / np.where(apart > 0, width * skew, width / skew)) ** 2)
+    estimate = rng.uniform(0.5, 1, (count, 1)) * (estimate + rng.uniform(0, 0.03, (count, 1)))
+    return estimate / estimate.max()
 
 
 @pytest.mark.parametrize("bands, light", [(4, led), (7, daylight), (16, daylight)])
@@ -161,17 +161,17 @@ def test_any_number_of_bands_takes_the_same_joint_estimate(bands, light):
     spoiled = signals(truth, light(), SURFACES) * (1 - 0.2 * across)[:, None]
     spoiled = noisy(spoiled + 0.005 * spoiled.max(axis=0), 0.005, 3)
     shown = [photo(spoiled, light(), SURFACES, 0.005, terms, True)]
-    found = fit_with_prior(shown, default_prior(shown, GRID), GRID)
-    field = found.photos[0].field
+    fit = fit_with_prior(shown, default_prior(shown, GRID), GRID)
+    field = fit.photos[0].field
     # 0.5 % of noise on 24 patches; bands add up.
     np.testing.assert_allclose(field / field.mean(), (1 - 0.2 * across) / np.mean(1 - 0.2 * across),
                                atol=0.02)
-    lower, upper = np.quantile(draw_curves(found.posterior, bands, 300, 0), [0.05, 0.95],
+    lower, upper = np.quantile(draw_curves(fit.posterior, bands, 300, 0), [0.05, 0.95],
                                axis=0)
     # One camera: neighbouring wavelengths move together, so the share scatters by about 0.06 about
     # 0.9.
     assert np.mean((truth >= lower) & (truth <= upper)) > 0.7
-    assert found.model_error < 0.02 and not found.disagrees
+    assert fit.model_error < 0.02 and not fit.disagrees
 
 
 def test_a_band_of_any_brightness_is_fitted_alike():
@@ -189,10 +189,10 @@ def test_a_band_of_any_brightness_is_fitted_alike():
 
 def test_draws_follow_the_calibrations_covariance():
     signal = noisy(signals(on_grid(cameras(1, 75)[0]), daylight(), SURFACES), 0.005, 7)
-    made = calibrate_chart([ChartPhoto(samples(signal, 0.005), SURFACES, spectrum(daylight()))],
-                           GRID, CalibrationOptions(prior=prior()))
-    fit = made.calibration.sensitivity
-    draws = sensitivity_draws(made.calibration, 2000, 3)
+    result = calibrate_chart([ChartPhoto(samples(signal, 0.005), SURFACES, spectrum(daylight()))],
+                             GRID, CalibrationOptions(prior=prior()))
+    fit = result.calibration.sensitivity
+    draws = sensitivity_draws(result.calibration, 2000, 3)
     assert draws.shape == (2000, 3, 301) and draws.min() >= 0
     np.testing.assert_allclose(draws.max(axis=(1, 2)), 1, rtol=1e-12)
     far = fit.curves > 5 * fit.standard_error  # where clipping at zero plays no part
@@ -200,13 +200,13 @@ def test_draws_follow_the_calibrations_covariance():
     # them to first order only near the maximum.
     ratio = draws.std(axis=0)[far] / np.maximum(fit.standard_error[far], 1e-4)
     assert np.median(ratio) == pytest.approx(1, abs=0.15)
-    np.testing.assert_array_equal(draws, sensitivity_draws(made.calibration, 2000, 3))
+    np.testing.assert_array_equal(draws, sensitivity_draws(result.calibration, 2000, 3))
 
 
 def test_measured_curves_have_no_draws():
     curves = on_grid(cameras(1, 76)[0])
     signal = signals(curves, daylight(), SURFACES)
-    made = calibrate_chart([ChartPhoto(samples(signal), SURFACES, spectrum(daylight()))], GRID,
-                           CalibrationOptions(curves=curves))
+    fit = calibrate_chart([ChartPhoto(samples(signal), SURFACES, spectrum(daylight()))], GRID,
+                          CalibrationOptions(curves=curves))
     with pytest.raises(InputError, match=r"measured curves from a file.*carry no covariance"):
-        sensitivity_draws(made.calibration, 10, 0)
+        sensitivity_draws(fit.calibration, 10, 0)

@@ -48,16 +48,16 @@ def test_the_focal_length_comes_back_with_the_pose():
 
 @pytest.mark.parametrize("free_focal", [False, True])
 def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
-    rng, found = np.random.default_rng(4), []
+    rng, poses = np.random.default_rng(4), []
     for _ in range(100):
         places, points = box_view(rng, lens=PLAIN)
         if free_focal:
             pose, lens = pose_and_focal_length(places, points, 640, 480)
-            found.append((*camera_position(pose), lens.matrix[0, 0], lens.standard_error[0]))
+            poses.append((*camera_position(pose), lens.matrix[0, 0], lens.standard_error[0]))
         else:
-            found.append((*camera_position(pose_from_points(places, points, PLAIN)), 700.0, 1.0))
+            poses.append((*camera_position(pose_from_points(places, points, PLAIN)), 700.0, 1.0))
     position, error, direction, angle, focal, focal_error = (np.array(column)
-                                                             for column in zip(*found, strict=True))
+                                                             for column in zip(*poses, strict=True))
     # 100 draws of three numbers know a standard deviation to 4 to 7 %: 4 sigma.
     assert np.mean(error**2, axis=0) ** 0.5 / position.std(axis=0) == pytest.approx(1, abs=0.28)
     np.testing.assert_allclose(np.mean(position, axis=0), true_place()[0],

@@ -55,10 +55,10 @@ def test_a_camera_within_the_prior_is_recovered_exactly():
                                 localised=NOT_LOCALISED, jitter_sd=0.0)
     truth = known.curves(known.means[0] + factors @ np.array([0.5, -0.4, 0.3, 0.2, -0.3, 0.1]))
     signal = 0.2 * signals(on_grid(truth.reshape(3, -1)), daylight(), SURFACES)
-    found = fit_with_prior([photo(signal, daylight(), SURFACES)], known, GRID, model_errors=(1e-6,))
+    fit = fit_with_prior([photo(signal, daylight(), SURFACES)], known, GRID, model_errors=(1e-6,))
     # The last step of the iteration moved no signal by more than 8e-4; its square, times the tens
     # for the direction that the chart sees worst, is what the logarithm's curvature leaves.
-    np.testing.assert_allclose(found.sensitivity.coefficients.ravel(), truth / truth.max(),
+    np.testing.assert_allclose(fit.sensitivity.coefficients.ravel(), truth / truth.max(),
                                atol=2e-5)
 
 
@@ -100,9 +100,9 @@ def test_the_90_per_cent_band_holds_the_true_curve_nine_times_in_ten(stated):
         noise = (0.005, 0.02)[camera % 2]
         signal = noisy(curves, (daylight, led)[camera % 3 == 0](), noise, 100 + camera)
         light = (daylight, led)[camera % 3 == 0]()
-        found = fit_with_prior([photo(signal, light, SURFACES, noise if stated else 0.0)], known,
-                               GRID)
-        lower, upper = np.quantile(draw_curves(found.posterior, 3, 300, 0), [0.05, 0.95],
+        fit = fit_with_prior([photo(signal, light, SURFACES, noise if stated else 0.0)], known,
+                             GRID)
+        lower, upper = np.quantile(draw_curves(fit.posterior, 3, 300, 0), [0.05, 0.95],
                                    axis=0)
         truth = on_grid(curves / curves.max())
         # where negative values were set to zero a band says nothing
@@ -123,8 +123,8 @@ def test_fall_off_and_glare_cost_little():
     spoiled = signal * (1 - 0.2 * across)[:, None] + 0.01 * signal.max(axis=0)
     flat, distorted = (fit_with_prior([photo(given, light, SURFACES, 0.005, terms, True)], known,
                                       GRID) for given in (signal, spoiled))
-    errors = [relative_error(found.sensitivity.curves, on_grid(truth))
-              for found in (flat, distorted)]
+    errors = [relative_error(fit.sensitivity.curves, on_grid(truth))
+              for fit in (flat, distorted)]
     # One camera at one noise: the median over cameras in the benchmark is held to 1.2.
     assert errors[1] < 1.5 * errors[0] + 0.005
     field = distorted.photos[0].field
@@ -145,13 +145,13 @@ def test_a_second_photo_under_another_light_narrows_the_curves():
 
 
 def test_nothing_negative_leaves_the_fit():
-    found = fit_with_prior([photo(noisy(cameras(1, 54)[0], led(), 0.02, 55), led(), SURFACES,
-                                  0.02)], prior(), GRID)
-    assert found.sensitivity.curves.min() >= 0 and found.sensitivity.curves.max() == pytest.approx(
+    fit = fit_with_prior([photo(noisy(cameras(1, 54)[0], led(), 0.02, 55), led(), SURFACES,
+                                0.02)], prior(), GRID)
+    assert fit.sensitivity.curves.min() >= 0 and fit.sensitivity.curves.max() == pytest.approx(
         1)
-    draws = draw_curves(found.posterior, 3, 50, 1)
+    draws = draw_curves(fit.posterior, 3, 50, 1)
     assert draws.min() >= 0
-    np.testing.assert_array_equal(draws, draw_curves(found.posterior, 3, 50, 1))
+    np.testing.assert_array_equal(draws, draw_curves(fit.posterior, 3, 50, 1))
 
 
 def calibrated(signal, light=None, known=None):
@@ -224,13 +224,13 @@ def test_eight_bands_are_fitted_by_default():
 
 
 def test_a_prior_survives_its_file(tmp_path):
-    made = prior()
-    save_camera_prior(tmp_path / "p.npz", made)
+    known = prior()
+    save_camera_prior(tmp_path / "p.npz", known)
     read = load_camera_prior(tmp_path / "p.npz")
     # Stored in single precision: eps of float32 times the largest value.
-    np.testing.assert_allclose(read.means, made.means, atol=1e-6)
-    np.testing.assert_allclose(read.covariances(), made.covariances(), atol=1e-6)
-    assert read.members == made.members and read.source == "simulated"
+    np.testing.assert_allclose(read.means, known.means, atol=1e-6)
+    np.testing.assert_allclose(read.covariances(), known.covariances(), atol=1e-6)
+    assert read.members == known.members and read.source == "simulated"
 
 
 def test_a_file_that_is_no_prior_is_refused(tmp_path):
@@ -259,10 +259,10 @@ def test_preflight_expects_about_the_error_that_fits_have():
                          second={"daylight": daylight()})
     errors = []
     for camera, curves in enumerate(drawn(known, 8, 78)):
-        found = fit_with_prior([photo(noisy(curves, led(), 0.01, 200 + camera), led(), SURFACES,
-                                      0.01)], known, GRID)
+        fit = fit_with_prior([photo(noisy(curves, led(), 0.01, 200 + camera), led(), SURFACES,
+                                    0.01)], known, GRID)
         truth = on_grid(curves / curves.max())
-        errors.append(((found.sensitivity.curves - truth) ** 2).sum(axis=1)
+        errors.append(((fit.sensitivity.curves - truth) ** 2).sum(axis=1)
                       / (truth**2).sum(axis=1))
     ratio = np.sqrt(np.mean(errors, axis=0)) / expected.expected_error
     # A factor of two either way: eight cameras scatter by 30 %, and the expectation is linear.

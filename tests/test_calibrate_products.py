@@ -80,14 +80,14 @@ def shot(curves, lamp, seed, noise=0.01):
 
 
 @pytest.fixture(scope="module")
-def found():
+def fitted():
     photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3], 1)
     return photo, posterior_of_products([photo], small_prior())
 
 
-def dense(photo, found, hypothesis, rows):
+def dense(photo, fitted, hypothesis, rows):
     """Posterior of every component by textbook conditioning on some rows, and its log evidence."""
-    prior, chart = found.prior, found.chart
+    prior, chart = fitted.prior, fitted.chart
     entries, bands = prior.components.shape[1], prior.bands
     before = np.zeros((entries + chart.nuisance_mean.size + bands,) * 2)
     before[:entries, :entries] = hypothesis.width * prior.covariance
@@ -112,8 +112,8 @@ def dense(photo, found, hypothesis, rows):
 
 
 @pytest.mark.parametrize("patch", [None, 0, 17])
-def test_the_posterior_is_that_of_conditioning_on_the_same_signals(found, patch):
-    photo, posterior = found
+def test_the_posterior_is_that_of_conditioning_on_the_same_signals(fitted, patch):
+    photo, posterior = fitted
     hypothesis = max(posterior.hypotheses, key=lambda one: one.share)
     rows = np.arange(72)
     left = None
@@ -134,8 +134,8 @@ def before(posterior):
 
 
 @pytest.mark.parametrize("patch", [0, 17])
-def test_hypotheses_are_as_probable_without_a_patch_as_the_others_make_them(found, patch):
-    photo, posterior = found
+def test_hypotheses_are_as_probable_without_a_patch_as_the_others_make_them(fitted, patch):
+    photo, posterior = fitted
     own = slice(3 * patch, 3 * patch + 3)
     rows = np.delete(np.arange(72), range(own.start, own.stop))
     logs = before(posterior) + [np.logaddexp.reduce(dense(photo, posterior, h, rows)[2])
@@ -145,8 +145,8 @@ def test_hypotheses_are_as_probable_without_a_patch_as_the_others_make_them(foun
                                np.exp(logs - np.logaddexp.reduce(logs)), atol=1e-6)
 
 
-def test_the_band_of_a_light_is_that_of_its_mean_and_covariance(found):
-    _, posterior = found
+def test_the_band_of_a_light_is_that_of_its_mean_and_covariance(fitted):
+    _, posterior = fitted
     known, own = light_posterior(posterior, GRID), posterior.prior.light
     mean, covariance = posterior.moments()
     basis = interpolation_matrix(NODES, GRID.nm)
@@ -183,25 +183,25 @@ def drawn_photo(known, rng):
 
 def test_bands_of_drawn_photos_hold_as_much_as_stated():
     """Of products, white balance, light and field, nine tenths each."""
-    known, rng, found = small_prior(), np.random.default_rng(96), []
+    known, rng, fitted = small_prior(), np.random.default_rng(96), []
     entries = known.components.shape[1]
     with threadpool_limits(1, "blas"):
-        while len(found) < 20:
+        while len(fitted) < 20:
             photo, truth = drawn_photo(known, rng)
             if photo.signal.min() <= 0:     # what no fit takes
                 continue
             mean, covariance = posterior_of_products([photo], known).moments()
             own = np.r_[:entries, entries + 1:entries + 6]
             inside = np.abs(mean[own] - truth) < 1.645 * np.sqrt(np.diag(covariance)[own])
-            found.append([inside[part].mean() for part in (known.products, known.balance,
+            fitted.append([inside[part].mean() for part in (known.products, known.balance,
                                                            known.light, slice(entries, None))])
     # of 160 photos 89, 91, 91 and 89 % are held, of one photo with a scatter of 0.16 to 0.21
-    off = np.mean(found, axis=0) - 0.9
+    off = np.mean(fitted, axis=0) - 0.9
     assert np.all(np.abs(off) < 3.9 * np.array([0.16, 0.21, 0.17, 0.16]) / np.sqrt(20))
 
 
-def test_products_do_not_hang_on_the_unit_of_the_signals(found):
-    photo, posterior = found
+def test_products_do_not_hang_on_the_unit_of_the_signals(fitted):
+    photo, posterior = fitted
     other = posterior_of_products([replace(photo, signal=16383 * photo.signal,
                                            covariance=16383**2 * photo.covariance)], small_prior())
     entries = posterior.prior.components.shape[1]
@@ -213,8 +213,8 @@ def test_products_do_not_hang_on_the_unit_of_the_signals(found):
     np.testing.assert_allclose(theirs[-6:-3], 16383 * ours[-6:-3], rtol=1e-3)     # glare
 
 
-def test_kinds_of_lamps_are_as_probable_as_all_their_components_together(found):
-    photo, posterior = found
+def test_kinds_of_lamps_are_as_probable_as_all_their_components_together(fitted):
+    photo, posterior = fitted
     logs = before(posterior)[:, None] + np.array(
         [dense(photo, posterior, h, np.arange(72))[2] for h in posterior.hypotheses])
     mass = np.exp(logs - logs.max()).sum(axis=0)
@@ -231,9 +231,9 @@ def test_kinds_of_lamps_are_as_probable_as_all_their_components_together(found):
     assert np.ptp(own) > 1e-3
 
 
-def test_a_photo_that_tells_nothing_leaves_all_of_the_priors_uncertainty(found):
+def test_a_photo_that_tells_nothing_leaves_all_of_the_priors_uncertainty(fitted):
     """And one that halves every error leaves half of it, at the nodes."""
-    _, posterior = found
+    _, posterior = fitted
     prior = posterior.prior
     mass = GRID.weights_nm @ interpolation_matrix(NODES, GRID.nm)
     curves = prior.components[:, prior.products].reshape(24, 3, 61) * np.exp(
@@ -244,8 +244,8 @@ def test_a_photo_that_tells_nothing_leaves_all_of_the_priors_uncertainty(found):
     nodes = np.isin(GRID.nm, NODES)
     for factor in (1.0, 0.5):
         share = _prior_share(posterior, basis, factor**2 * covariance, GRID)[:, nodes]
-        told = scaled.std(axis=0) > 1e-3        # elsewhere no camera sees anything
-        np.testing.assert_allclose(share[told], factor, rtol=1e-6)
+        informed = scaled.std(axis=0) > 1e-3        # elsewhere no camera sees anything
+        np.testing.assert_allclose(share[informed], factor, rtol=1e-6)
 
 
 def test_pairs_of_a_camera_and_a_lamp_count_by_their_lamps():
@@ -257,8 +257,8 @@ def test_pairs_of_a_camera_and_a_lamp_count_by_their_lamps():
         known.components, rowvar=False, aweights=known.weights, ddof=0), atol=1e-12)
 
 
-def test_the_evidence_is_the_sum_over_all_that_was_tried(found):
-    photo, posterior = found
+def test_the_evidence_is_the_sum_over_all_that_was_tried(fitted):
+    photo, posterior = fitted
     widths = {h.width for h in posterior.hypotheses}
     assert len(posterior.hypotheses) > 1 and widths
     logs = [np.logaddexp.reduce(dense(photo, posterior, h, np.arange(72))[2])
@@ -341,8 +341,8 @@ def test_products_of_simulated_cameras_and_lamps_lie_in_their_bands():
         product = on_grid(unseen[number]) * lamp * GRID.weights_nm
         true = (product / product.sum(axis=1, keepdims=True)) @ basis
         with threadpool_limits(1, "blas"):
-            found = posterior_of_products([shot(unseen[number], lamp, number)], prior)
-            mean, covariance = found.moments()
+            fitted = posterior_of_products([shot(unseen[number], lamp, number)], prior)
+            mean, covariance = fitted.moments()
         mean = mean[prior.products].reshape(3, prior.nm.size)
         error = np.sqrt(np.diag(covariance)[prior.products]).reshape(3, prior.nm.size)
         held.append(np.mean(np.abs(mean - true) < 1.645 * error))
@@ -371,12 +371,11 @@ def test_colour_temperatures_are_those_of_planck_and_of_the_daylights():
     np.testing.assert_allclose(colour_temperatures(daylights(kelvin[2:])), kelvin[2:], rtol=0.01)
 
 
-@pytest.mark.parametrize("said, kinds", [(UnknownLight(), set(LIGHT_KINDS)),
-                                         (UnknownLight(kind="halogen"), {"halogen"}),
-                                         (UnknownLight(cct=9000.0), {"daylight", "led",
-                                                                     "fluorescent"})])
-def test_what_is_said_of_a_light_narrows_the_lamps(said, kinds):
-    lamps = lamps_like(said)
+@pytest.mark.parametrize("light, kinds", [
+    (UnknownLight(), set(LIGHT_KINDS)), (UnknownLight(kind="halogen"), {"halogen"}),
+    (UnknownLight(cct=9000.0), {"daylight", "led", "fluorescent"})])
+def test_what_is_said_of_a_light_narrows_the_lamps(light, kinds):
+    lamps = lamps_like(light)
     assert {LIGHT_KINDS[index] for index in np.unique(lamps.kind)} == kinds
     assert lamps.weights.sum() == pytest.approx(1)
     np.testing.assert_allclose(lamps.spectra.mean(axis=1), 1)

@@ -38,11 +38,11 @@ def fit(method, signal, light=None, surfaces=None, error=0.0):
 def test_a_camera_of_the_spline_class_is_recovered_exactly(method, light):
     truth = spline_camera()
     signal = 0.3 * signals(truth @ BASIS.T, light(), reflectances())
-    found, scale = fit(method, signal, light())
+    result, scale = fit(method, signal, light())
     # Round-off is about condition number x eps = 1e3 x 2e-16; 1e-8 is what is promised.
-    np.testing.assert_allclose(found.coefficients, truth, atol=1e-8)
+    np.testing.assert_allclose(result.coefficients, truth, atol=1e-8)
     assert scale.value == pytest.approx(0.3, rel=1e-8)
-    np.testing.assert_allclose(found.residuals, 0, atol=1e-8)
+    np.testing.assert_allclose(result.residuals, 0, atol=1e-8)
 
 
 @pytest.mark.parametrize("method", SPLINE_METHODS)
@@ -66,8 +66,8 @@ def test_the_papers_standard_errors_are_those_of_repeated_photos():
     # Compared before normalisation, where the estimate is linear: scale x curve at one wavelength
     # of the green band.
     place = 130
-    values = np.array([scale.value * found.curves[1, place] for found, scale in fits])
-    stated = np.mean([(scale.value * found.standard_error[1, place]) ** 2 for found, scale in fits])
+    values = np.array([scale.value * each.curves[1, place] for each, scale in fits])
+    stated = np.mean([(scale.value * each.standard_error[1, place]) ** 2 for each, scale in fits])
     statistic = np.sum((values - values.mean()) ** 2) / stated
     # Two-sided at 1e-3: one false alarm in a thousand seeds; the seed is fixed.
     assert chi2.ppf(5e-4, 59) < statistic < chi2.ppf(1 - 5e-4, 59)
@@ -127,8 +127,8 @@ def test_what_noise_leaves_of_a_smooth_fit_is_a_straight_line_and_no_constant():
     for seed in range(8):
         signal = signals(truth, daylight(), reflectances())
         signal = signal * (1 + 0.1 * np.random.default_rng(seed).standard_normal(signal.shape))
-        found = fit("smooth", signal)[0].curves
-        errors.append(found / found.max() - truth)
+        result = fit("smooth", signal)[0].curves
+        errors.append(result / result.max() - truth)
     off = np.mean(errors, axis=0)
     # The mean of eight fits of two numbers a band, at 10 % of noise in 24 patches.
     assert np.sqrt(np.mean(off**2)) < 0.04
@@ -141,11 +141,11 @@ def test_the_scale_is_that_of_an_integral_over_nanometres_on_any_grid(method):
     curves = spline_camera() @ basis_matrix(grid.nm, 10).T
     light, surfaces = daylight()[every_fifth], reflectances()[:, every_fifth]
     signal = 0.3 * surfaces @ (curves * light * grid.weights_nm).T
-    found, scale, _ = fit_sensitivities(samples(signal, 1e-3), surfaces, light, EVEN, grid,
-                                        method=method)
+    estimate, scale, _ = fit_sensitivities(samples(signal, 1e-3), surfaces, light, EVEN, grid,
+                                           method=method)
     # The two whose class holds the curves are exact to round-off; a smooth curve is near to them.
     atol = 0.3 * (0.15 if method == "smooth" else 1e-8)
-    np.testing.assert_allclose(scale.value * found.curves, 0.3 * curves, atol=atol)
+    np.testing.assert_allclose(scale.value * estimate.curves, 0.3 * curves, atol=atol)
 
 
 def test_a_light_that_leaves_open_which_coefficients_are_zero_is_refused():

@@ -19,11 +19,11 @@ def white_errors(method, relative_noise, camera, curves, known):
     signal = SCALE * signals(truth, POWER, SURFACES) * (IRRADIANCE / np.pi)[:, None]
     signal *= 1 + relative_noise * np.random.default_rng(500 + camera).standard_normal(signal.shape)
     lamp = Spectrum(GRID, POWER, Quantity.RADIANCE, "lamp")
-    made = calibrate_chart([ChartPhoto(samples(signal), SURFACES, lamp, IRRADIANCE)], GRID,
-                           CalibrationOptions(method, known))
-    fitted = made.scale.value * made.calibration.sensitivity.curves @ (POWER * GRID.weights_nm)
+    fit = calibrate_chart([ChartPhoto(samples(signal), SURFACES, lamp, IRRADIANCE)], GRID,
+                          CalibrationOptions(method, known))
+    fitted = fit.scale.value * fit.calibration.sensitivity.curves @ (POWER * GRID.weights_nm)
     return fitted / (SCALE * truth
-                     @ (POWER * GRID.weights_nm)) - 1, made.scale.standard_error / made.scale.value
+                     @ (POWER * GRID.weights_nm)) - 1, fit.scale.standard_error / fit.scale.value
 
 
 @pytest.mark.usefixtures("light_as_stated")
@@ -32,8 +32,8 @@ def test_white_is_known_as_well_as_stated(method):
     # Thirty makers: with one, the prior would widen every error for knowing so few.
     known = build_prior(NODES, cameras(30, 1), tuple(f"maker{index} one" for index in range(30)),
                         source="simulated", licence="none") if method == "prior" else None
-    found = [white_errors(method, NOISE, camera, curves, known)
-             for camera, curves in enumerate(cameras(16, 95))]
-    normal = np.array([errors / stated for errors, stated in found])
+    estimate = [white_errors(method, NOISE, camera, curves, known)
+                for camera, curves in enumerate(cameras(16, 95))]
+    normal = np.array([errors / stated for errors, stated in estimate])
     # 48 errors in standard errors: their rms is 1 +- 0.10; three of these either way.
     assert 0.7 < np.sqrt(np.mean(normal**2)) < 1.3

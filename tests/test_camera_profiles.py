@@ -50,21 +50,21 @@ def draws_file(folder, relative, count=6):
 
 @pytest.mark.parametrize("light", ILLUMINANTS)
 def test_a_camera_that_sees_as_the_eye_does_has_exact_matrices(light):
-    made = matrices(MIX @ sensitivities(OBSERVER, GRID), aim(light))
+    pair = matrices(MIX @ sensitivities(OBSERVER, GRID), aim(light))
     # Of what the eye sees in red under A, nearly 2 % lie beyond 700 nm, where the camera is blind.
-    np.testing.assert_allclose(made.colour / made.colour[0, 0], MIX / MIX[0, 0], atol=0.02)
-    assert made.delta_e00[0] < 0.1
+    np.testing.assert_allclose(pair.colour / pair.colour[0, 0], MIX / MIX[0, 0], atol=0.02)
+    assert pair.delta_e00[0] < 0.1
 
 
 @pytest.mark.parametrize("light", ILLUMINANTS)
 def test_white_goes_to_d50_and_scales_of_curves_do_not_matter(light):
     curves = sensitivities(CAMERA, GRID)
-    made = matrices(curves, aim(light))
-    np.testing.assert_allclose(made.forward.sum(axis=1), D50, rtol=1e-12)       # round-off
+    pair = matrices(curves, aim(light))
+    np.testing.assert_allclose(pair.forward.sum(axis=1), D50, rtol=1e-12)       # round-off
     again = matrices(7 * curves, aim(light))
-    np.testing.assert_allclose(again.colour, made.colour, rtol=1e-9)
+    np.testing.assert_allclose(again.colour, pair.colour, rtol=1e-9)
     bands = np.array([[2.0], [1.0], [0.3]])         # white balance takes them out
-    np.testing.assert_allclose(matrices(bands * curves, aim(light)).forward, made.forward,
+    np.testing.assert_allclose(matrices(bands * curves, aim(light)).forward, pair.forward,
                                rtol=1e-9)
 
 
@@ -117,42 +117,42 @@ def as_tiff(path):
 
 
 def test_pillow_reads_the_matrices_of_a_dng_profile(dcp):
-    path, made = dcp
+    path, result = dcp
     file = as_tiff(path)
     directory = TiffImagePlugin.ImageFileDirectory_v2(file.read(8))
     directory.load(file)
     for kind, tags in TAGS.items():
         for tag, light in zip(tags, ILLUMINANTS, strict=True):
             np.testing.assert_allclose(np.array(directory[tag], float).reshape(3, 3),
-                                       made[light][kind]["value"], atol=TEN_THOUSANDTH)
+                                       result[light][kind]["value"], atol=TEN_THOUSANDTH)
     assert (directory[50778], directory[50779]) == (17, 21)
     assert directory[50708] == "Nikon D5100"
 
 
 def test_exifread_reads_the_matrices_of_a_dng_profile(dcp):
-    path, made = dcp
+    path, result = dcp
     tags = exifread.process_file(as_tiff(path), details=False)
     for kind, numbers in TAGS.items():
         for number, light in zip(numbers, ILLUMINANTS, strict=True):
             tag = next(value for value in tags.values() if value.tag == number)
             np.testing.assert_allclose([float(value) for value in tag.values],
-                                       np.ravel(made[light][kind]["value"]), atol=TEN_THOUSANDTH)
+                                       np.ravel(result[light][kind]["value"]), atol=TEN_THOUSANDTH)
 
 
 def test_exiftool_reads_a_dng_profile_as_one(dcp):
     program = os.environ.get("EXIFTOOL") or shutil.which("exiftool")
     if program is None:
         pytest.skip("exiftool is not installed: apt install libimage-exiftool-perl")
-    path, made = dcp
-    told = json.loads(subprocess.run([program, "-json", "-n", path], capture_output=True,
+    path, result = dcp
+    tags = json.loads(subprocess.run([program, "-json", "-n", path], capture_output=True,
                                      check=True).stdout)[0]
-    assert told["FileType"] == "DCP" and told["UniqueCameraModel"] == "Nikon D5100"
-    assert (told["CalibrationIlluminant1"], told["CalibrationIlluminant2"]) == (17, 21)
+    assert tags["FileType"] == "DCP" and tags["UniqueCameraModel"] == "Nikon D5100"
+    assert (tags["CalibrationIlluminant1"], tags["CalibrationIlluminant2"]) == (17, 21)
     for number, light in enumerate(ILLUMINANTS, 1):
         for title, kind in ((f"ColorMatrix{number}", "color_matrix"),
                             (f"ForwardMatrix{number}", "forward_matrix")):
-            np.testing.assert_allclose([float(word) for word in told[title].split()],
-                                       np.ravel(made[light][kind]["value"]), atol=TEN_THOUSANDTH)
+            np.testing.assert_allclose([float(word) for word in tags[title].split()],
+                                       np.ravel(result[light][kind]["value"]), atol=TEN_THOUSANDTH)
 
 
 def test_curves_come_back_from_the_form_of_rawtoaces(tmp_path):
@@ -194,15 +194,15 @@ def test_curves_for_vkdt_are_four_columns_of_numbers(tmp_path):
     np.testing.assert_allclose(table[4:65, 1:].T, curves / curves.max(), atol=1e-12)
 
 
-@pytest.mark.parametrize("spoil, said", [
+@pytest.mark.parametrize("spoil, message", [
     (lambda path: path.unlink(), "is missing"),
     (lambda path: path.write_bytes(b"PK"), "holds no draws of curves"),
     (lambda path: np.savez(path, wavelengths_nm=GRID.nm, curves=np.ones((4, 2, GRID.nm.size))),
      "two or more of three curves"),
     (lambda path: np.savez(path, other=np.ones(3)), "holds no draws of curves")])
-def test_draws_that_are_none_are_refused(tmp_path, spoil, said):
+def test_draws_that_are_none_are_refused(tmp_path, spoil, message):
     path = draws_file(tmp_path, 0.01)
     spoil(path)
     result = CliRunner().invoke(app, ["camera", "profile", CAMERA, "--camera", "a", "--samples",
                                       str(path)])
-    assert result.exit_code == 3 and said in result.stderr
+    assert result.exit_code == 3 and message in result.stderr

@@ -8,11 +8,7 @@ import pytest
 from geometry_views import TRUE
 
 from spectrabox.calibrate.geometry.lens import pinhole
-from spectrabox.calibrate.geometry.pose import (
-    _require_one,
-    lens_of_focal_length,
-    pose_from_points,
-)
+from spectrabox.calibrate.geometry.pose import _require_one, lens_of_focal_length, pose_from_points
 from spectrabox.capture.chart.chart_agreement import (
     TYPICAL_SIGNALS,
     _log_fit,
@@ -76,9 +72,9 @@ def test_the_gradient_of_a_patch_is_what_its_light_changes_by_over_it(rise):
     y, x = np.mgrid[:40, :60]
     plane = 0.4 * (1 + rise * (x - 29.5) / 59 + 0 * y)
     quad = np.array([[-0.5, -0.5], [59.5, -0.5], [59.5, 39.5], [-0.5, 39.5]])
-    found = sample_patches(image(plane), ChartDetection(quad[None], 1.0, False, ""))
+    patches = sample_patches(image(plane), ChartDetection(quad[None], 1.0, False, ""))
     # single precision
-    np.testing.assert_allclose(found.gradient, rise, rtol=1e-4)
+    np.testing.assert_allclose(patches.gradient, rise, rtol=1e-4)
 
 
 def test_black_levels_that_are_off_do_not_change_the_ratio_of_two_exposures():
@@ -100,10 +96,10 @@ def test_glare_is_what_all_bands_read_more(added, expected):
     signals = np.array([0.4, 0.7, 0.5]) * TYPICAL_SIGNALS
     white = CLASSIC.neutrals[0]
     signals[7] += np.array(added) * signals[white]
-    found = white_excess(signals, TYPICAL_SIGNALS, np.ones(24), white)
+    estimate = white_excess(signals, TYPICAL_SIGNALS, np.ones(24), white)
     # one patch of 24 hardly moves the mixture
-    assert found[7] == pytest.approx(expected, abs=0.004)
-    assert np.delete(found, 7).max() < 0.004
+    assert estimate[7] == pytest.approx(expected, abs=0.004)
+    assert np.delete(estimate, 7).max() < 0.004
 
 
 @pytest.mark.parametrize("power", [0.45, 1.4])
@@ -133,15 +129,15 @@ def test_a_flat_field_does_not_know_left_from_right_nor_up_from_down(axis):
     np.testing.assert_allclose(ours / ours.max(), card.signal / card.signal.max(), rtol=2e-3)
 
 
-@pytest.mark.parametrize("errors, said", [((0.001, 0.2, 0.2), 0), ((0.2, 0.2, 0.2), 1)])
-def test_a_photo_is_too_dark_where_no_band_knows_black(errors, said):
+@pytest.mark.parametrize("errors, count", [((0.001, 0.2, 0.2), 0), ((0.2, 0.2, 0.2), 1)])
+def test_a_photo_is_too_dark_where_no_band_knows_black(errors, count):
     """Of a lamp without blue, the blue band knows it least, however long the exposure."""
     mean, white = np.full((24, 3), 0.5), 0.5
     mean[-1] = 0.02
     covariance = np.zeros((24, 3, 3))
     covariance[-1] = np.diag((0.02 * np.array(errors)) ** 2)
     samples = PatchSamples(mean, covariance, np.full(24, 100), np.zeros((24, 3)), np.zeros((24, 3)))
-    assert len(_exposure_reasons(samples, CLASSIC.names, white, 23)) == said
+    assert len(_exposure_reasons(samples, CLASSIC.names, white, 23)) == count
 
 
 def raw(mosaic, cfa, name="photo.dng"):
@@ -188,8 +184,8 @@ def test_a_mean_errs_by_its_scatter_and_by_its_calibration_independently(spread,
     ones = np.ones(3)
     series = ReadingSeries(grid, 5 * ones, spread * ones, 0 * ones, 0.0, 0.1, 9,
                            Quantity.RADIANCE, (), shared * ones)
-    found = series_spectrum(series, "lamp").standard_error
-    np.testing.assert_allclose(found**2, spread**2 / 9 + shared**2, rtol=1e-12)
+    estimate = series_spectrum(series, "lamp").standard_error
+    np.testing.assert_allclose(estimate**2, spread**2 / 9 + shared**2, rtol=1e-12)
 
 
 @pytest.mark.parametrize("worse, refused", [(2.0, True), (3.5, False)])
@@ -229,10 +225,10 @@ def test_a_result_counts_once_two_readings_in_a_row_agree():
 @pytest.mark.parametrize("exposure, back", [("Adaptive,0 msec", b"SE00000"),
                                             ("Manual,125 msec", b"SE00125")])
 def test_a_pr655_gets_its_own_exposure_and_averages_back(monkeypatch, exposure, back):
-    said = (f"MS-75,None,None,None,1 deg,SI,{exposure},Normal,3 cycles,2 deg,No Smart Dark,"
-            "No Sync,Standard Sensitivity,60.00 Hertz")
+    message = (f"MS-75,None,None,None,1 deg,SI,{exposure},Normal,3 cycles,2 deg,No Smart Dark,"
+               "No Sync,Standard Sensitivity,60.00 Hertz")
     meter, put = Pr655(SimpleNamespace(name="port")), []
-    monkeypatch.setattr(meter, "_ask", lambda command: said)
+    monkeypatch.setattr(meter, "_ask", lambda command: message)
     monkeypatch.setattr(meter, "_set", lambda new, old: put.append(old.encode()))
     meter.settings(MeterSettings(integration_ms=250.0, averages=2))
     assert put == [back, b"SN03"]
@@ -250,7 +246,7 @@ def test_the_errors_of_a_pose_are_those_of_repeated_clicks():
     rng, lens = np.random.default_rng(5), lens_of_focal_length(700.0, 640, 480)
     poses = [pose_from_points(CORNERS, seen(CORNERS, TURN, SHIFT, rng, 0.3, lens), lens)
              for _ in range(350)]
-    found = np.array([pose.world_to_camera[:3, 3] for pose in poses])
+    estimate = np.array([pose.world_to_camera[:3, 3] for pose in poses])
     stated = np.mean([np.diag(pose.covariance)[3:] for pose in poses], axis=0)
     # 350 draws know a variance to 7.6 %: three of them, 3.9 sigma
-    np.testing.assert_allclose(stated / found.var(axis=0, ddof=1), 1, atol=0.3)
+    np.testing.assert_allclose(stated / estimate.var(axis=0, ddof=1), 1, atol=0.3)

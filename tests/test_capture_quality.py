@@ -265,8 +265,8 @@ def test_develop_merges_a_bracket_with_dark_frames(tmp_path):
                       tmp_path / "out.exr", "--json")
     facts = json.loads(text)
     assert code == 0
-    ratios = [float(found[1]) for note in facts["notes"]
-              if (found := re.search(r"ratio (\d+\.\d+) measured, 4\.0000 stated", note))]
+    ratios = [float(estimate[1]) for note in facts["notes"]
+              if (estimate := re.search(r"ratio (\d+\.\d+) measured, 4\.0000 stated", note))]
     # noise of thousands of pixels
     assert ratios == [pytest.approx(4, rel=0.01)]
     developed = read_linear_file(tmp_path / "out.exr")

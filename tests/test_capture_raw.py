@@ -168,15 +168,15 @@ def test_a_file_that_is_no_raw_is_refused(photo, content, message):
         read_raw(photo)
 
 
-@pytest.mark.parametrize("sensor, found", [
+@pytest.mark.parametrize("sensor, named", [
     ((rawpy.RawType.Stack, None, 3, b"RGBG"), "full-colour pixels"),
     ((rawpy.RawType.Flat, None, 3, b"RGBG"), "no colour filter pattern"),
     ((rawpy.RawType.Flat, np.zeros((4, 4)), 3, b"RGBG"), "a 4 x 4 pattern of 3 colours"),
     ((rawpy.RawType.Flat, np.zeros((2, 2)), 4, b"GMCY"), r"a 2 x 2 pattern of 4 colours \(GMCY\)"),
 ])
-def test_an_unknown_sensor_is_refused_and_named(tmp_path, sensor, found):
+def test_an_unknown_sensor_is_refused_and_named(tmp_path, sensor, named):
     names = ("raw_type", "raw_pattern", "num_colors", "color_desc")
-    with pytest.raises(InputError, match=f"has {found}.* are known"):
+    with pytest.raises(InputError, match=f"has {named}.* are known"):
         _require_known_sensor(SimpleNamespace(**dict(zip(names, sensor, strict=True))),
                               SimpleNamespace(is_dng=False), tmp_path / "photo.raf")
 

@@ -21,12 +21,7 @@ from scipy import stats
 from test_calibrate_products import small_prior
 
 from spectrabox.calibrate import light_field
-from spectrabox.calibrate.chart_equations import (
-    FIELD_SD,
-    GLARE_SD,
-    field_terms,
-    nuisance_sd,
-)
+from spectrabox.calibrate.chart_equations import FIELD_SD, GLARE_SD, field_terms, nuisance_sd
 from spectrabox.calibrate.held_out_patches import patch_moments
 from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, _in_curves, _joint_prior
 from spectrabox.calibrate.products.product_fit import WIDENING, in_curves
@@ -69,19 +64,19 @@ def test_what_is_unknown_of_a_photo_has_the_standard_deviations_that_are_stated(
     np.testing.assert_allclose(nuisance_sd(chart), expected, rtol=1e-12)
     known = small_prior()
     nuisance = np.zeros(9)
-    found = linearised([chart], known, known.components[0], nuisance, np.zeros(3), nuisance)
-    np.testing.assert_allclose(np.sqrt(found.nuisance_variance), np.r_[EXPOSURE_SD, expected],
+    system = linearised([chart], known, known.components[0], nuisance, np.zeros(3), nuisance)
+    np.testing.assert_allclose(np.sqrt(system.nuisance_variance), np.r_[EXPOSURE_SD, expected],
                                rtol=1e-12)
 
 
 def test_the_first_photos_exposure_is_unknown_whatever_is_said_of_it():
     known, spread = coarse_prior(), coarse_prior().covariances()[-1]
-    found = []
+    means = []
     for tie in (None, 0.01):
         shots = [shot(relative_exposure_sd=tie), shot(relative_exposure_sd=0.02)]
         designs = [(each.reflectances * each.power)[:, ::15] for each in shots]
-        found.append(_joint_prior(known, spread, len(known.weights) - 1, 0.05, shots, designs)[0])
-    np.testing.assert_array_equal(*found)
+        means.append(_joint_prior(known, spread, len(known.weights) - 1, 0.05, shots, designs)[0])
+    np.testing.assert_array_equal(*means)
 
 
 def test_departures_of_cameras_have_the_standard_deviations_that_are_stated():
@@ -93,10 +88,10 @@ def test_departures_of_cameras_have_the_standard_deviations_that_are_stated():
         departures[0, [1, 3, 5]], departures[0, column] = 30.0, 0.03
         only = dataclasses.replace(known, departures=departures, shares=np.ones((1, 2)),
                                    widening=np.ones(1), level=np.zeros(len(known.weights), int))
-        found = only.covariances()[0]
-        np.testing.assert_allclose(np.sqrt(np.diag(found)), np.abs(expected), rtol=1e-9)
+        covariance = only.covariances()[0]
+        np.testing.assert_allclose(np.sqrt(np.diag(covariance)), np.abs(expected), rtol=1e-9)
         # what all bands have in common is fully correlated between them, the others not at all
-        between = found[0, 21] / np.sqrt(found[0, 0] * found[21, 21])
+        between = covariance[0, 21] / np.sqrt(covariance[0, 0] * covariance[21, 21])
         assert between == pytest.approx(float(column == 4), abs=1e-9)
 
 
@@ -181,10 +176,10 @@ def test_bands_listed_twice_tell_the_light_scale_no_better_and_no_worse():
     rng, errors = np.random.default_rng(45), {3: [], 6: []}
     for _ in range(8):
         noisy = np.tile(signal, 2) * (1 + 0.01 * rng.standard_normal((24, 6)))
-        for bands, found in errors.items():
-            found.append(fit_sensitivities(samples(noisy[:, :bands], 0.01), surfaces, light,
-                                           np.full(24, np.pi), GRID,
-                                           method="nonnegative")[1].standard_error)
+        for bands, estimate in errors.items():
+            estimate.append(fit_sensitivities(samples(noisy[:, :bands], 0.01), surfaces, light,
+                                              np.full(24, np.pi), GRID,
+                                              method="nonnegative")[1].standard_error)
     # eight photos of 24 patches know a deviation to 5 %
     assert np.mean(errors[6]) == pytest.approx(np.mean(errors[3]), rel=0.2)
 
@@ -227,7 +222,7 @@ def test_light_given_a_chart_is_that_of_conditioning_one_gaussian():
     design = field_terms(POSITIONS)
     project = np.linalg.pinv(design)
     centre, information = light_field._likelihood(white)
-    found = []
+    estimates = []
     for seed in (1, 2):
         terms, elsewhere = arrangements(np.random.default_rng(seed), places)
         evidence, moved, spread = light_field._given_the_chart(
@@ -253,9 +248,9 @@ def test_light_given_a_chart_is_that_of_conditioning_one_gaussian():
         np.testing.assert_allclose(moved[bands:2 * bands], state[bands + 5:], rtol=1e-6)
         # the patches' own say of the terms, level and glare unknown
         others = [0, 1, 7, 8]
-        told = likelihood[own, own] - likelihood[own][:, others] @ np.linalg.solve(
+        informed = likelihood[own, own] - likelihood[own][:, others] @ np.linalg.solve(
             likelihood[np.ix_(others, others)], likelihood[others][:, own])
-        exact_log = stats.multivariate_normal(m, S + np.linalg.inv(told)).logpdf(best[own])
-        found.append((evidence, exact_log))
-    (one, exact_one), (other, exact_other) = found
+        exact_log = stats.multivariate_normal(m, S + np.linalg.inv(informed)).logpdf(best[own])
+        estimates.append((evidence, exact_log))
+    (one, exact_one), (other, exact_other) = estimates
     assert one - other == pytest.approx(exact_one - exact_other, abs=1e-4)

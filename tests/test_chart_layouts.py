@@ -156,8 +156,8 @@ def test_the_order_of_a_table_is_found_out(tmp_path, classic, words):
     table = np.empty_like(classic)
     table[order] = classic                  # patch p of the chart stands at order[p] of the table
     signals = typical_camera_signals(classic, GRID)
-    found = order_correlations(typical_camera_signals(table, GRID), signals, 4)
-    assert max(found, key=found.get) == words and found[words] > 1 - 1e-12
+    estimate = order_correlations(typical_camera_signals(table, GRID), signals, 4)
+    assert max(estimate, key=estimate.get) == words and estimate[words] > 1 - 1e-12
     path = csv(tmp_path, table)
     if words == AS_ASKED:
         # Nine significant digits are written.

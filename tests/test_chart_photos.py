@@ -59,8 +59,8 @@ def test_a_camera_fitted_to_any_chart_predicts_other_paints(shot):
     chart, truth, photo, corners_px, reference = shot
     samples = sample_patches(photo, find_chart(photo, reference, corners_px, chart))
     lamp = Spectrum(GRID, POWER, Quantity.RELATIVE, "CIE A")
-    made = calibrate_chart([ChartPhoto(samples, truth, lamp, chart=chart)], GRID)
-    fitted = made.calibration.sensitivity
+    fit = calibrate_chart([ChartPhoto(samples, truth, lamp, chart=chart)], GRID)
+    fitted = fit.calibration.sensitivity
     assert fitted.residuals.shape == fitted.held_out_residuals.shape == samples.mean.shape
     unseen = random_paints(50, np.random.default_rng(9))[:, (NM >= 400) & (NM <= 700)]
     predicted = unseen @ (fitted.curves * POWER * GRID.weights_nm).T
@@ -68,7 +68,7 @@ def test_a_camera_fitted_to_any_chart_predicts_other_paints(shot):
     # Patches are known to 0.1 %; what they leave open of the curves is 1 % of unlike paints.
     assert np.std(np.log(ratio)) < 0.01
     # Errors are as stated: chi-square per signal of good data is 1, and 0.4 to 1.6 for 45 signals.
-    assert 0.4 < made.prior_fit.chi_square < 1.6
+    assert 0.4 < fit.prior_fit.chi_square < 1.6
 
 
 @pytest.mark.parametrize("words", list(table_orders(6, 4))[1:])
@@ -112,13 +112,13 @@ def test_a_digital_sg_is_found_and_read_from_its_first_patch(degrees):
     signals = published_signals(chart, GRID) * [0.5, 0.8, 0.6]
     corners_px = printed.corners(degrees, height=460)
     photo = photograph(printed, signals, corners_px)
-    found = find_chart(photo, published_signals(chart, GRID), None, chart)
+    detection = find_chart(photo, published_signals(chart, GRID), None, chart)
     by_hand = find_chart(photo, published_signals(chart, GRID), corners_px, chart)
     side = np.linalg.norm(corners_px[1] - corners_px[0]) / printed.extent[0] * printed.side[0]
     # Quadrilaterals reach 0.3 of a side from their centre: 0.1 keeps them inside the patch.
-    np.testing.assert_allclose(found.corners_px.mean(axis=1), by_hand.corners_px.mean(axis=1),
+    np.testing.assert_allclose(detection.corners_px.mean(axis=1), by_hand.corners_px.mean(axis=1),
                                atol=0.1 * side)
-    assert "found in" in found.how_found and not found.mirrored
+    assert "found in" in detection.how_found and not detection.mirrored
 
 
 def test_a_passport_is_found_with_its_own_proportions():
@@ -132,9 +132,9 @@ def test_a_passport_is_found_with_its_own_proportions():
     scene = chart_scene(600, 840, reference * [0.4, 0.7, 0.5], drawn,
                         patch_mm=patch_mm * 43.5 / pitch_mm)
     photo = noisy(scene)
-    found, by_hand = (find_chart(photo, reference, given, chart) for given in (None, corners_px))
+    chart_at, by_hand = (find_chart(photo, reference, given, chart) for given in (None, corners_px))
     # A twentieth of a patch of 74 pixels.
-    np.testing.assert_allclose(found.corners_px, by_hand.corners_px, atol=3.7)
+    np.testing.assert_allclose(chart_at.corners_px, by_hand.corners_px, atol=3.7)
     # The sampled part is 0.6 of the patch's own side.
     side = np.linalg.norm(by_hand.corners_px[0, 1] - by_hand.corners_px[0, 0])
     assert side == pytest.approx(0.6 * patch_mm * 6, rel=1e-6)

@@ -53,11 +53,11 @@ def test_a_model_is_read_as_colmap_writes_it(tmp_path, model):
 def test_exact_marks_give_back_the_cameras(tmp_path, model):
     write_model(tmp_path, model)
     images = read_colmap(tmp_path)
-    found = model_in_scene(images, marks(model), CORNERS)
-    assert found.scale == pytest.approx(1 / SCALE, rel=1e-7)
-    assert found.rms_px < 1e-5 and max(found.distances.values()) < 1e-4
+    estimate = model_in_scene(images, marks(model), CORNERS)
+    assert estimate.scale == pytest.approx(1 / SCALE, rel=1e-7)
+    assert estimate.rms_px < 1e-5 and max(estimate.distances.values()) < 1e-4
     for name, (at, target) in PLACES.items():
-        pose = pose_in_scene(images[name], found)
+        pose = pose_in_scene(images[name], estimate)
         turn, shift = world_to_camera(at, target)
         np.testing.assert_allclose(pose.world_to_camera[:3, :3], turn, atol=1e-7)
         np.testing.assert_allclose(pose.world_to_camera[:3, 3], shift, atol=1e-4)
@@ -68,12 +68,12 @@ def test_the_stated_errors_are_the_scatter_of_repetitions(tmp_path):
     images, rng = read_colmap(tmp_path), np.random.default_rng(5)
     places, squares, scales = [], [], []
     for _ in range(100):
-        found = model_in_scene(images, marks(rng=rng, noise_px=0.4), CORNERS)
-        at, error, _, _ = camera_position(pose_in_scene(images["box.jpg"], found))
+        estimate = model_in_scene(images, marks(rng=rng, noise_px=0.4), CORNERS)
+        at, error, _, _ = camera_position(pose_in_scene(images["box.jpg"], estimate))
         truth = np.array(PLACES["box.jpg"][0])
         places.append(at - truth)
         squares.append(((at - truth) / error) ** 2)
-        scales.append((found.scale - 1 / SCALE) / found.scale_error)
+        scales.append((estimate.scale - 1 / SCALE) / estimate.scale_error)
     # the mean of 100 squares of standard normals scatters by sqrt(2 / 100) = 0.14, a little more
     # since the noise is estimated with 35 degrees of freedom: 3.2 of that are allowed
     assert np.mean(squares, axis=0) == pytest.approx(1, abs=0.46)
@@ -91,7 +91,7 @@ def test_a_smaller_copy_of_the_photo_has_the_same_view(tmp_path):
         for_photo(lens, 3120, 2000, "box.jpg")
 
 
-@pytest.mark.parametrize(("file", "change", "said"), [
+@pytest.mark.parametrize(("file", "change", "message"), [
     ("cameras.txt", lambda text: text.replace("OPENCV", "FULL_OPENCV"), "FULL_OPENCV is not known"),
     ("cameras.txt", lambda text: text.replace(" -0.002", ""), "has 8 parameters, not 7"),
     ("cameras.txt", lambda text: text.replace("312 208", "312 0"), "must be positive"),
@@ -101,12 +101,12 @@ def test_a_smaller_copy_of_the_photo_has_the_same_view(tmp_path):
     ("images.txt", lambda text: "# Image list\n", "holds no picture; export the model as text"),
     ("images.txt", lambda text: "1 1 0 0 0\n\n", "a picture has an id"),
 ])
-def test_a_damaged_model_is_refused_with_its_line(tmp_path, file, change, said):
+def test_a_damaged_model_is_refused_with_its_line(tmp_path, file, change, message):
     write_model(tmp_path)
     before = (tmp_path / file).read_text(encoding="utf-8")
     assert before != change(before)
     (tmp_path / file).write_text(change(before), encoding="utf-8")
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         read_colmap(tmp_path)
 
 
@@ -218,9 +218,9 @@ def test_every_view_may_have_a_camera_of_its_own(captured):
     shutil.copy(captured / "photos" / "box.dng", captured / "photos" / "warm.dng")
     view = ('[views.left]\nphoto = "photos/left.dng"\n[views.left.camera]\nimage = "left.jpg"\n'
             '[views.warm]\nphoto = "photos/warm.dng"\n')
-    said = CliRunner().invoke(app, ["geometry", "box", str(with_model(captured, view)), "--json"])
-    assert said.exit_code == 0, said.output
-    facts = json.loads(said.output)
+    answer = CliRunner().invoke(app, ["geometry", "box", str(with_model(captured, view)), "--json"])
+    assert answer.exit_code == 0, answer.output
+    facts = json.loads(answer.output)
     names = [name.rsplit("/", 1)[-1] for name in facts["files"]]
     # the warm view was taken by the first camera
     assert names == ["scene.xml", "scene-left.xml", "chart-scene.xml", "box.png", "box-left.png"]
@@ -245,9 +245,9 @@ def test_a_view_may_have_a_measured_camera_or_one_from_corners(captured):
             "look_at_mm = [0, 100, -100]\nfov_deg = 40\n")
     config = read_session(with_model(captured, view))
     _, left, up = config.all_views
-    found = box_camera(config, left)
-    assert found.how == "corners"
-    np.testing.assert_allclose(found.at_mm, PLACES["left.jpg"][0], rtol=0.02)
+    camera = box_camera(config, left)
+    assert camera.how == "corners"
+    np.testing.assert_allclose(camera.at_mm, PLACES["left.jpg"][0], rtol=0.02)
     assert box_camera(config, up).how == "measured"
     np.testing.assert_allclose(box_camera(config, up).at_mm, (0, 300, 600), atol=1e-9)
     scenes = [read_session_scene(config, each) for each in config.all_views]
@@ -255,7 +255,7 @@ def test_a_view_may_have_a_measured_camera_or_one_from_corners(captured):
     assert 'origin="0, 300, 600"' in box_text(config, up)
 
 
-@pytest.mark.parametrize(("view", "change", "said"), [
+@pytest.mark.parametrize(("view", "change", "message"), [
     ("", ('image = "box.jpg"', 'image = "box.jpg"\nfov_deg = 30'), "image and fov_deg"),
     ("", ('[scene.box.colmap]\nfolder = "colmap"\n', ""), "folder"),
     ("", ('"left.jpg" = { "back bottom left"', '"left.jpg" = { "back bottom lift"'),
@@ -267,26 +267,26 @@ def test_a_view_may_have_a_measured_camera_or_one_from_corners(captured):
     ('[views.x]\nphoto = "photos/box.dng"\nscene = "scene/box.xml"\n[views.x.camera]\n'
      'image = "left.jpg"\n', None, "this view's scene is a file"),
 ])
-def test_cameras_that_contradict_are_said_in_a_sentence(captured, view, change, said):
+def test_cameras_that_contradict_are_said_in_a_sentence(captured, view, change, message):
     with_model(captured, view)
     if change is not None:
         text = (captured / "session.toml").read_text(encoding="utf-8")
         assert change[0] in text
         (captured / "session.toml").write_text(text.replace(*change), encoding="utf-8")
     problems = try_read_session(captured)[1]
-    assert any(said in problem for problem in problems), problems
+    assert any(message in problem for problem in problems), problems
 
 
-@pytest.mark.parametrize(("spoil", "said"), [
+@pytest.mark.parametrize(("spoil", "message"), [
     (lambda folder: (folder / "colmap" / "images.txt").unlink(), "images.txt is missing"),
     (lambda folder: with_model(folder, camera='image = "bax.jpg"'), "no picture 'bax.jpg'"),
 ])
-def test_check_says_what_is_wrong_with_the_model(captured, spoil, said):
+def test_check_says_what_is_wrong_with_the_model(captured, spoil, message):
     with_model(captured)
     spoil(captured)
     checked = CliRunner().invoke(app, ["check", str(captured)])
     assert checked.exit_code != 0 and "Traceback" not in checked.output
-    assert said in " ".join(checked.output.split())
+    assert message in " ".join(checked.output.split())
 
 
 def test_another_model_makes_photo_and_reconstruction_stale(captured):

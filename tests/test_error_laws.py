@@ -43,11 +43,7 @@ from spectrabox.radiometry.records import (
     SurfaceAgreement,
 )
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
-from spectrabox.reconstruct.agreement import (
-    model_covariance,
-    scene_errors,
-    surface_covariance,
-)
+from spectrabox.reconstruct.agreement import model_covariance, scene_errors, surface_covariance
 from spectrabox.reconstruct.misfit import SHAPE_ERROR, surface_tests
 
 SIGNIFICANCE = 1e-4
@@ -75,8 +71,8 @@ def test_p_values_of_levels_are_uniform_on_scenes_that_fit(surface_error):
     surface = np.repeat(np.arange(4), 12)[:, None] * np.ones((1, 48), int)
     scenes = [0.5 * np.exp(surface_error * rng.standard_normal((4, 3)))[surface]
               * (1 + 0.05 * rng.standard_normal((48, 48, 3))) for _ in range(70)]
-    found = p_values("level", surface, scenes, surface_error)
-    assert found.size == 840 and stats.kstest(found, "uniform").pvalue > SIGNIFICANCE
+    values = p_values("level", surface, scenes, surface_error)
+    assert values.size == 840 and stats.kstest(values, "uniform").pvalue > SIGNIFICANCE
 
 
 def test_p_values_of_shapes_are_uniform_where_blocks_err_as_stated():
@@ -85,8 +81,8 @@ def test_p_values_of_shapes_are_uniform_where_blocks_err_as_stated():
     surface = row // 8 * 6 + column // 8            # of four blocks each
     scenes = [0.5 * (1 + SHAPE_ERROR * rng.standard_normal((12, 12, 3)).repeat(4, 0).repeat(4, 1)
                      + 1e-3 * rng.standard_normal((48, 48, 3))) for _ in range(12)]
-    found = p_values("shape", surface, scenes, 0.01)
-    assert found.size == 1296 and stats.kstest(found, "uniform").pvalue > SIGNIFICANCE
+    values = p_values("shape", surface, scenes, 0.01)
+    assert values.size == 1296 and stats.kstest(values, "uniform").pvalue > SIGNIFICANCE
 
 
 @pytest.mark.parametrize("references, stated", [(1, 0.004), (60, 0.0)])
@@ -140,13 +136,13 @@ def test_covariance_of_splines_is_that_of_their_errors(method, understated):
     coefficients = np.pad(rng.uniform(0.5, 1, (bands, 8)), ((0, 0), (1, 1)))
     signal = rows @ basis_matrix(GRID.nm, 10) @ coefficients.T
     signal = signal + sigma * rng.standard_normal(signal.shape)
-    found = fit_bands(method, rows, signal, np.full(signal.shape, sigma / understated), GRID, 10,
-                      np.ones(24, bool))
+    fit = fit_bands(method, rows, signal, np.full(signal.shape, sigma / understated), GRID, 10,
+                    np.ones(24, bool))
     design = rows @ basis_matrix(GRID.nm, 10)[:, 1:-1]
     exact = np.diag(np.linalg.inv(design.T @ design)) * sigma**2
-    assert np.all(found.coefficients[:, 1:-1] > 0)
+    assert np.all(fit.coefficients[:, 1:-1] > 0)
     # 16 degrees of freedom each: the mean of 60 variances is known to 4.6 %
-    share = np.diagonal(found.covariance[:, 1:-1, 1:-1], axis1=1, axis2=2) / exact
+    share = np.diagonal(fit.covariance[:, 1:-1, 1:-1], axis1=1, axis2=2) / exact
     np.testing.assert_allclose(share.mean(axis=0), 1, atol=0.18)
 
 
@@ -159,14 +155,14 @@ def test_covariance_of_a_patch_is_that_of_its_mean(pixels, tolerance):
     corner = 2 + (pixels + 4) * np.arange(side // (pixels + 4))
     quads = np.array([[[x, y], [x + pixels - 1, y], [x + pixels - 1, y + pixels - 1],
                        [x, y + pixels - 1]] for y in corner for x in corner], float)
-    found = sample_patches(image(0.5 + noise, 1e-6), ChartDetection(quads, 1.0, False, ""))
-    scatter = (found.covariance_of_mean * found.pixels[:, None, None]).mean(axis=0)
+    patches = sample_patches(image(0.5 + noise, 1e-6), ChartDetection(quads, 1.0, False, ""))
+    scatter = (patches.covariance_of_mean * patches.pixels[:, None, None]).mean(axis=0)
     size = np.sqrt(np.diag(truth))
     # 37 000 pixels know a variance to 0.8 %, 300 000 to 0.3 %
     np.testing.assert_allclose(scatter / np.outer(size, size), truth / np.outer(size, size),
                                atol=tolerance)
-    spread = np.mean((found.mean - 0.5)**2 / np.diagonal(found.covariance_of_mean, axis1=1,
-                                                         axis2=2), axis=0)
+    spread = np.mean((patches.mean - 0.5)**2 / np.diagonal(patches.covariance_of_mean, axis1=1,
+                                                           axis2=2), axis=0)
     # means of independent patches
     np.testing.assert_allclose(spread, 1, atol=0.1 + SIGMAS * np.sqrt(2 / len(quads)))
 
@@ -182,14 +178,14 @@ def test_uneven_light_changes_nothing_of_what_counts_as_dust(slope):
     row, column = np.mgrid[:pixels, :pixels] - (pixels - 1) / 2
     light = 1 + (slope[0] * row + slope[1] * column)[..., None]
     quads = np.array([[[0, 0], [pixels - 1, 0], [pixels - 1, pixels - 1], [0, pixels - 1]]], float)
-    found = sample_patches(image(light + noise, 1e-6), ChartDetection(quads, 1.0, False, ""))
-    assert found.pixels[0] == pixels**2 - dust.sum()
+    patches = sample_patches(image(light + noise, 1e-6), ChartDetection(quads, 1.0, False, ""))
+    assert patches.pixels[0] == pixels**2 - dust.sum()
     terms = np.stack([np.ones(row.shape), row, column], axis=-1)[~dust]
     clean = noise[~dust]
     left = clean - terms @ np.linalg.lstsq(terms, clean, rcond=None)[0]
     expected = left.T @ left / (len(left) - 3) / len(left) / VARIANCE_LEFT_BY_CLIPPING
     # signals are kept as 32-bit floats: 1e-7 of them, beside noise of 4e-3
-    np.testing.assert_allclose(found.covariance_of_mean[0], expected, atol=1e-3 * expected.max())
+    np.testing.assert_allclose(patches.covariance_of_mean[0], expected, atol=1e-3 * expected.max())
 
 
 def test_pixels_at_the_clip_point_count_as_saturated_where_they_are_left_out_as_glints():
@@ -201,10 +197,10 @@ def test_pixels_at_the_clip_point_count_as_saturated_where_they_are_left_out_as_
     saturated = np.zeros(signal.shape, bool)
     saturated[glint, 0] = True
     quads = np.array([[[0, 0], [pixels - 1, 0], [pixels - 1, pixels - 1], [0, pixels - 1]]], float)
-    found = sample_patches(dataclasses.replace(image(signal), saturated=saturated),
-                           ChartDetection(quads, 1.0, False, ""))
-    assert found.pixels[0] == pixels**2 - glint.sum()
-    np.testing.assert_allclose(found.saturated_fraction[0], [glint.mean(), 0, 0], rtol=1e-12)
+    patches = sample_patches(dataclasses.replace(image(signal), saturated=saturated),
+                             ChartDetection(quads, 1.0, False, ""))
+    assert patches.pixels[0] == pixels**2 - glint.sum()
+    np.testing.assert_allclose(patches.saturated_fraction[0], [glint.mean(), 0, 0], rtol=1e-12)
 
 
 def test_errors_of_a_chart_photo_are_correlated_as_its_bands_are():
@@ -221,8 +217,8 @@ def test_errors_of_a_chart_photo_are_correlated_as_its_bands_are():
                                errors.reshape(2000, -1).T)
     # 2000 draws know a correlation to 2.2 %; 4.9 sigma for the largest of 2600
     np.testing.assert_allclose(whitened @ whitened.T / 2000, np.eye(72), atol=0.16)
-    found = posterior_of_curves([chart], coarse_prior(), GRID, model_errors=(1e-6,))
-    without = held_out_signals([chart], coarse_prior(), GRID, found)[2]
+    posterior = posterior_of_curves([chart], coarse_prior(), GRID, model_errors=(1e-6,))
+    without = held_out_signals([chart], coarse_prior(), GRID, posterior)[2]
     # a model error of 1e-6 beside a noise of 1e-3
     np.testing.assert_allclose(without.noise, chart.covariance, rtol=1e-4, atol=1e-10)
 
@@ -232,15 +228,15 @@ def test_errors_of_a_chart_photo_are_correlated_as_its_bands_are():
 def test_a_standard_error_has_the_unit_of_its_spectrum(tmp_path, role, unit, factor):
     head = f"# quantity: {role.name.lower()}\n# unit: "
     columns = "\nwavelength_nm,value,standard_error\n"
-    found = []
+    estimates = []
     for name, times in ((role.value, 1.0),
                         (unit, factor)):
         path = tmp_path / f"{times:g}.csv"
         path.write_text(head + name + columns + "".join(
             f"{nm},{times * value},{times * 0.02 * value}\n"
             for nm, value in ((400, 0.25), (500, 0.5), (600, 0.4))), encoding="utf-8")
-        found.append(read_spectrum(path, role=role))
-    one, other = found
+        estimates.append(read_spectrum(path, role=role))
+    one, other = estimates
     np.testing.assert_allclose(other.values, one.values, rtol=1e-12)
     np.testing.assert_allclose(other.standard_error, one.standard_error, rtol=1e-12)
     np.testing.assert_allclose(one.standard_error / one.values, 0.02, rtol=1e-12)
@@ -257,8 +253,8 @@ def test_a_unit_of_light_is_watts_over_square_metres(tmp_path, power, area, fact
     (tmp_path / "light.csv").write_text(
         f"# quantity: {role.name.lower()}\n# unit: {unit}\nwavelength_nm,value\n400,2\n500,3\n"
         "600,4\n", encoding="utf-8")
-    found = read_spectrum(tmp_path / "light.csv", role=role)
-    np.testing.assert_allclose(found.values, np.array([2, 3, 4]) * factor, rtol=1e-12)
+    spectrum = read_spectrum(tmp_path / "light.csv", role=role)
+    np.testing.assert_allclose(spectrum.values, np.array([2, 3, 4]) * factor, rtol=1e-12)
 
 
 def test_a_dark_patch_is_known_no_better_than_three_per_cent_of_the_brightest():
@@ -293,15 +289,16 @@ def test_a_material_is_off_by_what_its_surfaces_are_off_by_together_and_apart():
     assert not model_covariance(seen, "glass", frozenset(), 0.01).any()
 
 
-@pytest.mark.parametrize("sigmas, said", [(2.0, False), (4.0, True)])
-def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, said):
+@pytest.mark.parametrize("sigmas, claimed", [(2.0, False), (4.0, True)])
+def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, claimed):
     """Of 5 % of the brightest patch: much, where it is certain."""
     glare = np.array([0.05, 0.0, 0.0])
     state = PhotoState(1.0, 0.01, np.ones(24), glare, np.full(3, 0.05 / sigmas), np.ones((24, 3)),
                        ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
     fit = SimpleNamespace(model_error=0.002, chi_square=1.0, families=(), photos=(state,),
                           prior_share=np.zeros((3, GRID.nm.size)))
-    assert any("glare or a wrong black level of 5%" in one for one in fit_notes(fit, GRID)) == said
+    notes = " ".join(fit_notes(fit, GRID))
+    assert ("glare or a wrong black level of 5%" in notes) == claimed
 
 
 @pytest.mark.parametrize("with_glare", [True, False])
@@ -315,9 +312,9 @@ def test_derivatives_of_a_chart_photo_are_those_of_differences(with_glare):
 
     def signal(state):
         return predicted_signal(chart, design, state[:18].reshape(3, 6), state[18], state[19:])
-    found, step = signal(at)[1], 1e-6
+    estimate, step = signal(at)[1], 1e-6
     # central differences: the third derivative times the step squared, and eps over the step
     for index, unit in enumerate(np.eye(at.size)):
         ahead, behind = (signal(at + sign * step * unit)[0] for sign in (1, -1))
-        np.testing.assert_allclose(found[:, index], (ahead - behind) / (2 * step), rtol=1e-6,
+        np.testing.assert_allclose(estimate[:, index], (ahead - behind) / (2 * step), rtol=1e-6,
                                    atol=1e-8 * np.abs(ahead).max())

@@ -34,22 +34,22 @@ def test_noise_of_the_transport_is_taken_off_cost_pull_and_information():
         cost, pull, information = ViewTerms(system, model(), nuisances).expand(state)
         return np.concatenate([[cost], pull, information.ravel()])
 
-    clean, plain, found = expanded(rows, None), [], []
+    clean, plain, estimates = expanded(rows, None), [], []
     for _ in range(300):
         passes = rows * (1 + NOISE * rng.standard_normal((PASSES, REGIONS, 1)))
         mean = passes.mean(axis=0)
         plain.append(expanded(mean, None))
-        found.append(expanded(mean, (passes - mean) / np.sqrt(PASSES * (PASSES - 1))))
-    error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
+        estimates.append(expanded(mean, (passes - mean) / np.sqrt(PASSES * (PASSES - 1))))
+    error = np.std(estimates, axis=0, ddof=1) / np.sqrt(len(estimates))
     added = np.mean(plain, axis=0) - clean
     # a hundredth of a surface's noise may be left on
     allowed = SIGMAS * error + 0.02 * np.abs(added)
-    off = np.abs(np.mean(found, axis=0) - clean)
+    off = np.abs(np.mean(estimates, axis=0) - clean)
     assert np.all(off <= allowed + 1e-9 * np.abs(clean).max())
     # the test can tell: what is taken off is far more than what is allowed
     information = slice(1 + state.size, None)
-    told = added[information] > 4 * allowed[information]
-    assert np.count_nonzero(told) >= 40 and added[0] > 4 * allowed[0]
+    informed = added[information] > 4 * allowed[information]
+    assert np.count_nonzero(informed) >= 40 and added[0] > 4 * allowed[0]
 
 
 @pytest.mark.parametrize("scale", [0.2, 3.7])
@@ -63,10 +63,10 @@ def test_the_stated_error_of_a_scale_is_that_of_repeated_photos(scale):
         measured = clean * (1 + 0.02 * rng.standard_normal(clean.shape))
         system = compress(rows, measured, 1 / (0.02 * clean) ** 2, GROUP)
         fits.append(fit_spectra(system, known).views[0])
-    found, stated = (np.array([getattr(fit, name) for fit in fits])
-                     for name in ("scale", "scale_error"))
+    estimate, stated = (np.array([getattr(fit, name) for fit in fits])
+                        for name in ("scale", "scale_error"))
     # 59 degrees of freedom know a deviation to 9 %
-    assert found.std(ddof=1) / stated.mean() == pytest.approx(1, abs=SIGMAS * 0.092)
+    assert estimate.std(ddof=1) / stated.mean() == pytest.approx(1, abs=SIGMAS * 0.092)
 
 
 def test_deviations_of_passes_are_those_of_their_mean():
@@ -88,9 +88,9 @@ def test_two_traces_together_are_one_of_as_many_paths():
     def traced(part):
         return TracedTransport(np.zeros((2, 1), int), part.mean(axis=1).astype(np.float32),
                                PASSES * part.shape[1], 0.0)
-    whole, found = traced(paths), joined(traced(paths[:, :16]), traced(paths[:, 16:]))
-    assert found.spp == whole.spp
-    np.testing.assert_allclose(found.passes, whole.passes, rtol=1e-5)       # single precision
+    whole, parts = traced(paths), joined(traced(paths[:, :16]), traced(paths[:, 16:]))
+    assert parts.spp == whole.spp
+    np.testing.assert_allclose(parts.passes, whole.passes, rtol=1e-5)       # single precision
 
 
 @pytest.mark.parametrize("block_error", [0.0, 0.04])

@@ -21,15 +21,15 @@ def test_the_blue_peak_is_half_as_high_at_half_of_its_width(monkeypatch, side, w
 
 def test_a_small_lamp_lights_a_plane_by_the_square_of_its_distance_and_the_cosine():
     height, rows, columns = 0.8, 40, 60
-    found = lamplight((rows, columns), [(0.3, 0.2, height, 1.7)])
+    estimate = lamplight((rows, columns), [(0.3, 0.2, height, 1.7)])
     y, x = ((np.arange(count) + 0.5) / columns for count in (rows, columns))
     squared = (x - 0.3) ** 2 + (y[:, None] - 0.2) ** 2 + height**2
     expected = height / np.sqrt(squared) / squared
     # single precision
-    np.testing.assert_allclose(found / found[7, 9], expected / expected[7, 9], rtol=1e-5)
+    np.testing.assert_allclose(estimate / estimate[7, 9], expected / expected[7, 9], rtol=1e-5)
     # light from all sides is the same everywhere
     mixed = lamplight((rows, columns), [(0.3, 0.2, height, 1.7)], ambient=0.25)
-    np.testing.assert_allclose(mixed, 0.25 + 0.75 * found, rtol=1e-5)
+    np.testing.assert_allclose(mixed, 0.25 + 0.75 * estimate, rtol=1e-5)
 
 
 @pytest.mark.parametrize("point", [(0.0, 0.0), (-12.0, 8.0), (14.0, -10.0)])
@@ -64,9 +64,9 @@ def test_a_lens_dims_the_corners_as_stated_and_not_the_middle(lens):
 
 def test_charts_differ_from_the_published_one_by_as_much_as_is_stated():
     rng = np.random.default_rng(1)
-    made = np.array([paints.chart_truth(rng) for _ in range(15)])
+    paint = np.array([paints.chart_truth(rng) for _ in range(15)])
     # 24 patches of 15 charts, smooth over wavelengths: a deviation is known to 4 %
-    apart = (made / made.mean(axis=0)).std(axis=0, ddof=1)
+    apart = (paint / paint.mean(axis=0)).std(axis=0, ddof=1)
     assert np.sqrt(np.mean(apart**2)) == pytest.approx(paints.PATCH_DEVIATION, rel=0.16)
 
 

@@ -108,12 +108,12 @@ def test_signals_and_their_errors_are_those_of_draws_of_all_that_is_unknown(seen
     rng = np.random.default_rng(62)
     draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
                        rng.standard_normal((DRAWS, len(causes))) * list(causes.values())])
-    found = signals_of(white, draws)
+    estimate = signals_of(white, draws)
     for region in (0, 1):
         total = np.sum(list(white.errors(region).values()), axis=0)
         size = np.sqrt(np.diag(total))
         # 40 000 draws know a variance to 0.7 %; 2 % of curvature
-        np.testing.assert_allclose(np.cov(found[:, region], rowvar=False) / np.outer(size, size),
+        np.testing.assert_allclose(np.cov(estimate[:, region], rowvar=False) / np.outer(size, size),
                                    total / np.outer(size, size), atol=0.04)
         both = np.outer(white.signal[region], white.signal[region])
         for cause, relative in causes.items():
@@ -130,7 +130,7 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(s
     white = dataclasses.replace(white, samples=dataclasses.replace(
         white.samples, covariance_of_mean=noisier**2 * white.samples.covariance_of_mean))
     model = np.diag((0.003 * target) ** 2)
-    found = condition_on_known(white, {"card": target}, {"card": model})
+    estimate = condition_on_known(white, {"card": target}, {"card": model})
     rng = np.random.default_rng(63)
     draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
                        REPEATS * rng.standard_normal((DRAWS, 1)), np.zeros((DRAWS, 1))])
@@ -143,10 +143,10 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(s
     rest = draws - draws.mean(axis=0) - centred @ slope
     size = np.sqrt(np.diag(white.covariance)) + 1e-12
     # 1.2 % off is about a standard error; the regression knows its slopes to 0.5 % of that
-    np.testing.assert_allclose(found.mean / size, mean / size, atol=0.04)
-    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)) / size,
+    np.testing.assert_allclose(estimate.mean / size, mean / size, atol=0.04)
+    np.testing.assert_allclose(np.sqrt(np.diag(estimate.covariance)) / size,
                                rest.std(axis=0) / size, atol=0.03)
-    assert np.sqrt(found.covariance[8, 8]) < (0.9 if noisier == 1 else 0.99) * REPEATS
+    assert np.sqrt(estimate.covariance[8, 8]) < (0.9 if noisier == 1 else 0.99) * REPEATS
 
 
 @pytest.mark.parametrize("model", [0.0, 0.02])
@@ -168,11 +168,11 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
         / (LEVEL * np.exp(draws[:, :3]))
     read = read * (1 + 0.01 * rng.standard_normal((DRAWS, 3))) \
         * (1 + model * rng.standard_normal((DRAWS, 3)))
-    found = errors.at_white(signal, white, noise)[0]
-    size = np.sqrt(np.diag(found))
+    estimate = errors.at_white(signal, white, noise)[0]
+    size = np.sqrt(np.diag(estimate))
     # as above
     np.testing.assert_allclose(np.cov(read, rowvar=False) / np.outer(size, size),
-                               found / np.outer(size, size), atol=0.04)
+                               estimate / np.outer(size, size), atol=0.04)
 
 
 def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
@@ -190,29 +190,29 @@ def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
     plane = rng.uniform(size=(24, 2))
     white = ChartWhite(LEVEL, np.zeros(5), GLARE, 1e-4 * np.eye(11))
     places = PicturePoints(plane, plane)
-    found = light_at_regions(white, places, [places, places], True)
+    light = light_at_regions(white, places, [places, places], True)
     shares = np.r_[np.full(len(kinds) - 1, (1 - FLAT_SHARE) / (len(kinds) - 1)), FLAT_SHARE]
     weights = shares * np.exp([evidence for evidence, _, _ in kinds])
     counts = rng.multinomial(200_000, weights / weights.sum())
     draws = np.vstack([rng.multivariate_normal(mean, inside, count)
                        for count, (_, mean, inside) in zip(counts, kinds, strict=True)])
-    size = np.sqrt(np.diag(found.covariance))
+    size = np.sqrt(np.diag(light.covariance))
     # 200 000 draws know a variance to 0.5 %
     np.testing.assert_allclose(np.cov(draws, rowvar=False) / np.outer(size, size),
-                               found.covariance / np.outer(size, size), atol=0.02)
-    np.testing.assert_allclose(found.level, LEVEL * np.exp(draws[:, :3].mean(axis=0)), rtol=1e-3)
-    np.testing.assert_allclose(found.field, draws[:, 6:].mean(axis=0), atol=1e-3)
+                               light.covariance / np.outer(size, size), atol=0.02)
+    np.testing.assert_allclose(light.level, LEVEL * np.exp(draws[:, :3].mean(axis=0)), rtol=1e-3)
+    np.testing.assert_allclose(light.field, draws[:, 6:].mean(axis=0), atol=1e-3)
 
 
 @pytest.mark.parametrize("photos", [1, 2, 4])
 def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, photos):
     white = seen()
-    found = errors_of_region("cloth", [(flat_photo(), white)] * photos, ERRORS)
-    np.testing.assert_allclose(found[PHOTO_NOISE], white.noise(0) / photos, rtol=1e-12)
+    estimate = errors_of_region("cloth", [(flat_photo(), white)] * photos, ERRORS)
+    np.testing.assert_allclose(estimate[PHOTO_NOISE], white.noise(0) / photos, rtol=1e-12)
     for cause, covariance in white.errors(0).items():
-        np.testing.assert_allclose(found[cause], covariance, rtol=1e-12)
+        np.testing.assert_allclose(estimate[cause], covariance, rtol=1e-12)
     both = np.outer(white.signal[0], white.signal[0])
-    np.testing.assert_allclose(found[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
+    np.testing.assert_allclose(estimate[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
 
 
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):
@@ -225,10 +225,10 @@ def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):
     for first in (0, 2, 7):                         # rows come in parts of any height
         rows = slice(first, {0: 2, 2: 7, 7: 9}[first])
         reduced.add(first, seen[rows], {"map.png": values[rows]})
-    found = reduced.mean("map.png")
-    assert found.shape == (3, 4, 2) and np.all(np.isnan(found[0, 0]))
-    for row, column in np.argwhere(~np.isnan(found[..., 0])):
+    estimate = reduced.mean("map.png")
+    assert estimate.shape == (3, 4, 2) and np.all(np.isnan(estimate[0, 0]))
+    for row, column in np.argwhere(~np.isnan(estimate[..., 0])):
         block = np.s_[3 * row:3 * row + 3, 3 * column:3 * column + 3]
         # single precision
-        np.testing.assert_allclose(found[row, column], values[block][seen[block]].mean(axis=0),
+        np.testing.assert_allclose(estimate[row, column], values[block][seen[block]].mean(axis=0),
                                    rtol=1e-6)

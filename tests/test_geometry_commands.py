@@ -131,12 +131,12 @@ def test_board_photos_give_the_lens_and_the_camera_its_place(folder):
     photos = [bent_photo(folder, tilt, f"view{number}.exr") for number, tilt in enumerate(TILTS)]
     facts = json.loads(call("lens", *photos, "--board", folder / "board.toml", "--out",
                             folder / "found.json", "--overlay", folder / "shown", "--json").stdout)
-    found = read_lens(folder / "found.json")
+    lens = read_lens(folder / "found.json")
     assert facts["rms_px"] < 0.3 and len(facts["views"]) == 6 and (
         folder / "shown" / "view5.png").is_file()
     # Corners of a drawn board are found to about 0.1 pixel; OpenCV's own errors do not know of the
     # drawing's.
-    np.testing.assert_allclose(found.matrix, TRUE.matrix, atol=5)
+    np.testing.assert_allclose(lens.matrix, TRUE.matrix, atol=5)
     placed = folder / "board.toml"
     placed.write_text(BOARD + "origin = [0, 1, 2]\nright = [1, 0, 0]\ndown = [0, -1, 0]\n",
                       encoding="utf-8")
@@ -206,8 +206,8 @@ def test_undistorting_a_photo_writes_a_linear_one(folder):
 
 def test_a_lens_file_comes_back_whole(tmp_path):
     write_lens(tmp_path / "lens.json", TRUE)
-    found = read_lens(tmp_path / "lens.json")
-    assert all(np.array_equal(getattr(found, name), value) for name, value in vars(TRUE).items())
+    lens = read_lens(tmp_path / "lens.json")
+    assert all(np.array_equal(getattr(lens, name), value) for name, value in vars(TRUE).items())
 
 
 @pytest.mark.parametrize("change, sentence", [
@@ -236,20 +236,20 @@ def test_what_is_wrong_is_said_and_nothing_is_written(folder):
                                     scene, code=3).stderr
     assert "give either --points or --board" in call("pose", photo, "--scene", scene, "--out", out,
                                                      code=2).stderr
-    said = call("pose", photo, "--scene", scene, "--board", board, "--lens", folder / "lens.json",
-                "--out", out, code=3)
-    assert "does not say where the board lies in the scene" in said.stderr
+    shown = call("pose", photo, "--scene", scene, "--board", board, "--lens", folder / "lens.json",
+                 "--out", out, code=3)
+    assert "does not say where the board lies in the scene" in shown.stderr
     blank = folder / "blank.exr"
     write_exr(blank, np.full((480, 640, 3), 0.4), ["R", "G", "B"], 0.1)
-    said = call("lens", photo, blank, blank, "--board", board, "--out", folder / "none.json",
-                code=4)
-    assert "blank.exr is left out: 0 corners" in said.stderr
+    shown = call("lens", photo, blank, blank, "--board", board, "--out", folder / "none.json",
+                 code=4)
+    assert "blank.exr is left out: 0 corners" in shown.stderr
     small = folder / "small.exr"
     write_exr(small, np.full((48, 64, 3), 0.4), ["R", "G", "B"], 0.1)
     points = points_file(folder, seen(CORNERS, TURN, BOX_SHIFT))
-    said = call("pose", small, "--scene", scene, "--points", points, "--lens", folder / "lens.json",
-                "--out", out, code=3)
-    assert "has 64 x 48 pixels, the lens was calibrated at 640 x 480" in said.stderr
+    shown = call("pose", small, "--scene", scene, "--points", points, "--lens",
+                 folder / "lens.json", "--out", out, code=3)
+    assert "has 64 x 48 pixels, the lens was calibrated at 640 x 480" in shown.stderr
     assert "0 of 3 photos show the board" in call("lens", blank, blank, blank, "--board", board,
                                                   "--out", folder / "none.json", code=4).stderr
     assert not out.exists() and not (folder / "none.json").exists()
@@ -258,8 +258,8 @@ def test_what_is_wrong_is_said_and_nothing_is_written(folder):
 def test_inputs_are_not_written_over(folder):
     photo = bent_photo(folder, TILTS[0])
     before = photo.read_bytes()
-    said = call("undistort", photo, "--lens", folder / "lens.json", "-o", photo, "--force", code=3)
-    assert "is an input of this command" in said.stderr and photo.read_bytes() == before
+    shown = call("undistort", photo, "--lens", folder / "lens.json", "-o", photo, "--force", code=3)
+    assert "is an input of this command" in shown.stderr and photo.read_bytes() == before
 
 
 def test_a_board_goes_into_a_new_folder_and_needs_markers_enough(folder):
@@ -267,8 +267,8 @@ def test_a_board_goes_into_a_new_folder_and_needs_markers_enough(folder):
     call("board", "--board", board, "-o", folder / "new" / "board.png")
     assert (folder / "new" / "board.png").is_file()
     board.write_text(BOARD.replace("columns = 9", "columns = 60"), encoding="utf-8")
-    said = call("board", "--board", board, "-o", folder / "large.png", code=3)
-    assert "60 x 7 squares needs 210 markers and DICT_5X5_100 holds 100" in said.stderr
+    answer = call("board", "--board", board, "-o", folder / "large.png", code=3)
+    assert "60 x 7 squares needs 210 markers and DICT_5X5_100 holds 100" in answer.stderr
 
 
 @pytest.mark.parametrize("before, after, sentence", [

@@ -116,11 +116,11 @@ def test_everything_that_is_not_understood_is_said_at_once(tmp_path):
              '<shape type="instance" id="lost"><ref id="nothing"/></shape>')
     with pytest.raises(InputError) as refused:
         scene_of(tmp_path, *parts)
-    said = str(refused.value).splitlines()
-    assert len(said) == 3 and all(line.startswith("scene.xml: ") for line in said)
-    assert any("'wood' is coloured by a picture" in line for line in said)
-    assert any("'fur' is of type 'hair'" in line for line in said)
-    assert any("'lost' refers to no group" in line for line in said)
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 3 and all(line.startswith("scene.xml: ") for line in lines)
+    assert any("'wood' is coloured by a picture" in line for line in lines)
+    assert any("'fur' is of type 'hair'" in line for line in lines)
+    assert any("'lost' refers to no group" in line for line in lines)
 
 
 def test_a_picture_that_colours_nothing_is_left_alone(tmp_path):
@@ -230,10 +230,10 @@ NO_SPECTRUM = {
 }
 
 
-@pytest.mark.parametrize("said", NO_SPECTRUM)
-def test_a_surface_without_one_spectrum_is_refused_before_anything_runs(tmp_path, said):
-    odd = NO_SPECTRUM[said]
-    with pytest.raises(InputError, match=f"the BSDF 'odd' {said}"):
+@pytest.mark.parametrize("message", NO_SPECTRUM)
+def test_a_surface_without_one_spectrum_is_refused_before_anything_runs(tmp_path, message):
+    odd = NO_SPECTRUM[message]
+    with pytest.raises(InputError, match=f"the BSDF 'odd' {message}"):
         scene_of(tmp_path, odd, FLOOR.format(bsdf='<ref id="odd"/>'))
     # of a lamp, or of nothing, it does not matter
     bulb = '<shape type="sphere"><ref id="odd"/><emitter type="area"/></shape>'
@@ -249,15 +249,15 @@ def test_lights_and_files_that_cannot_be_used_are_said_with_the_rest(tmp_path):
                  '<emitter type="sunsky"/><emitter type="volumelight"/>',
                  '<shape type="ply" id="out"><string name="filename" value="../../up.ply"/>'
                  '</shape>')
-    said = str(refused.value).splitlines()
-    assert len(said) == 5
-    assert said[0] == "scene.xml includes 'gone.xml', which is missing; copy it next to the scene"
-    assert next(line for line in said if "emitter type" in line).startswith(
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 5
+    assert lines[0] == "scene.xml includes 'gone.xml', which is missing; copy it next to the scene"
+    assert next(line for line in lines if "emitter type" in line).startswith(
         "scene.xml: emitter type 'sunsky' is not supported; use one of area, constant")
     assert any("names '../../up.ply', which lies outside the session folder" in line
-               for line in said)
-    assert said[-1] == ("scene.xml names 7 files that are missing: 'mesh0.ply', 'mesh1.ply', "
-                        "'mesh2.ply', 'mesh3.ply', 'mesh4.ply' and 2 more")
+               for line in lines)
+    assert lines[-1] == ("scene.xml names 7 files that are missing: 'mesh0.ply', 'mesh1.ply', "
+                         "'mesh2.ply', 'mesh3.ply', 'mesh4.ply' and 2 more")
 
 
 def test_what_includes_itself_or_lies_elsewhere_is_refused(tmp_path):
@@ -298,8 +298,8 @@ def test_a_scene_of_several_files_is_not_copied_in_part(tmp_path):
 def test_no_two_things_share_an_id_whatever_a_lifted_bsdf_would_be_called(tmp_path):
     inside = INSIDE.replace("0.5 0.5 0.5", "0.2 0.3 0.4")
     named = INSIDE.replace("<bsdf ", '<bsdf id="Wall_bsdf" ')
-    found = scene_of(tmp_path, named, FLOOR.format(bsdf='<ref id="Wall_bsdf" name="bsdf"/>'),
+    scene = scene_of(tmp_path, named, FLOOR.format(bsdf='<ref id="Wall_bsdf" name="bsdf"/>'),
                      FLOOR.replace("Floor", "Wall").format(bsdf=inside))
-    assert found.surfaces["Wall"] != found.surfaces["Floor"] == "Wall_bsdf"
-    ids = [node.get("id") for node in found.root.iter() if node.get("id") and node.tag != "ref"]
+    assert scene.surfaces["Wall"] != scene.surfaces["Floor"] == "Wall_bsdf"
+    ids = [node.get("id") for node in scene.root.iter() if node.get("id") and node.tag != "ref"]
     assert len(ids) == len(set(ids))

@@ -142,10 +142,10 @@ def test_replay_shows_a_recording_and_that_it_is_synthetic(tmp_path):
 
 
 def test_wrong_options_are_usage_errors(tmp_path):
-    for word, said in (("moon", "--as"), ("paint", "--name")):
+    for word, option in (("moon", "--as"), ("paint", "--name")):
         code, _, err = run("measure", tmp_path, "--port", "x", "--instrument", "cr250", "--as",
                            word)
-        assert code == 2 and said in err, err
+        assert code == 2 and option in err, err
 
 
 def play_with_serial(number):

@@ -41,11 +41,11 @@ def conversation(meter, replies=None):
     events = []
     for sent, answers in meter.exchanges:
         events.append(Event(">", 0.0, sent))
-        said = [reply for _, reply in answers]
+        answer = [reply for _, reply in answers]
         for command, reply in (replies or {}).items():
             if sent == command:
-                said = [reply(b"".join(said)) if callable(reply) else reply]
-        events += [Event("<", 0.0, reply) for reply in said]
+                answer = [reply(b"".join(answer)) if callable(reply) else reply]
+        events += [Event("<", 0.0, reply) for reply in answer]
     return Transcript({"instrument": meter.driver, "line": meter.line, "settings": meter.settings},
                       tuple(events), meter.name)
 
@@ -135,18 +135,18 @@ def test_a_jetis_error_number_means_what_the_manual_says(name, number, outcome):
     ("cr250", b"M\r", b"OK:-305:M:No errors\r\n", LineFaultError),
     ("cr250", b"M\r", b"ER:0:M:No errors\r\n", LineFaultError),
     ("cr250", b"M\r", b"ER:102:M:No errors\r\n", LineFaultError),
-    ("cr250", b"RM XYZ\r", lambda said: said.replace(b"OK:0", b"OK:-331"), LineFaultError),
-    ("cr250", b"RM Exposure\r", lambda said: said.replace(b"OK:0", b"ER:0"), LineFaultError),
+    ("cr250", b"RM XYZ\r", lambda reply: reply.replace(b"OK:0", b"OK:-331"), LineFaultError),
+    ("cr250", b"RM Exposure\r", lambda reply: reply.replace(b"OK:0", b"ER:0"), LineFaultError),
     ("cs2000", b"MEAS,1\n", b"OK10,005\n", LineFaultError),
-    ("cs2000", b"MEDR,2,0,00\n", lambda said: b"OK05" + said[4:], LineFaultError),
+    ("cs2000", b"MEDR,2,0,00\n", lambda reply: b"OK05" + reply[4:], LineFaultError),
     ("pr655", b"M1\r", b"00008,0,1.0e+00,0.3,0.3\r\n", RefusedError),
-    ("pr655", b"D5\r", lambda said: b"-4" + said[5:], RefusedError),
-    ("pr655", b"D2\r", lambda said: b"-8\r\n", RefusedError),
+    ("pr655", b"D5\r", lambda reply: b"-4" + reply[5:], RefusedError),
+    ("pr655", b"D2\r", lambda reply: b"-8\r\n", RefusedError),
     # the answer to another question
     ("cr250", b"RM XYZ\r", b"OK:0:RM xy:0.4,0.4,0.2\r\n", LineFaultError),
     # an announced duration that cannot be
     ("cs2000", b"MEAS,1\n", b"OK00,999\n", LineFaultError),
-    ("cs2000", b"MEDR,1,0,2\n", lambda said: said[:-10] + b"-9.9999e9\n", UntrustedReadingError),
+    ("cs2000", b"MEDR,1,0,2\n", lambda reply: reply[:-10] + b"-9.9999e9\n", UntrustedReadingError),
     ("specbos1211", b"*CONTR:MHEAD?\r", b"mhead: 1\r", LineFaultError)])
 def test_a_reply_that_contradicts_itself_is_refused_though_it_is_repeated(name, command, reply,
                                                                           error):
@@ -170,12 +170,12 @@ def test_a_pr655_confirms_a_setting_with_a_code_that_stands_alone(reply, error):
 def test_a_pr650_spectrum_of_bad_quality_is_refused_though_both_readings_say_so(quality):
     code = b"%02d" % quality
     with pytest.raises(RefusedError, match=f"'d5' with error {quality}: "):
-        measured(CLEAN["pr650"], {b"d5\n": lambda said: code + said[2:],
-                                  b"d2\n": lambda said: code + said[2:]})
+        measured(CLEAN["pr650"], {b"d5\n": lambda reply: code + reply[2:],
+                                  b"d2\n": lambda reply: code + reply[2:]})
 
 
 def test_a_pr650_spectrum_at_low_light_is_one_and_one_of_two_qualities_is_none():
-    low = {command: lambda said: b"18" + said[2:] for command in (b"d5\n", b"d2\n")}
+    low = {command: lambda reply: b"18" + reply[2:] for command in (b"d5\n", b"d2\n")}
     assert measured(CLEAN["pr650"], {b"m0\n": b"018\r\n", **low})[0].outcome is LOW
     with pytest.raises(LineFaultError, match="is no reply to 'd2'"):
         measured(CLEAN["pr650"], {b"d5\n": low[b"d5\n"]})
@@ -189,8 +189,8 @@ def test_the_stated_integral_is_the_sum_of_the_values_times_the_step(name, comma
     meter = CLEAN[name]
     total = factor * meter.values.sum() * 4
 
-    def with_total(said):
-        lines = said.split(b"\r\n")
+    def with_total(reply):
+        lines = reply.split(b"\r\n")
         cells = lines[row].split(b",")
         cells[3 if name == "pr655" else 0] = f"{total:.3e}".encode()
         return b"\r\n".join([*lines[:row], b",".join(cells), *lines[row + 1:]])
@@ -205,13 +205,13 @@ def test_the_stated_integral_is_the_sum_of_the_values_times_the_step(name, comma
 def test_wavelengths_other_than_the_stated_grid_are_refused_though_both_readings_agree(name,
                                                                                        command):
     with pytest.raises(UntrustedReadingError, match="wavelengths are not those"):
-        measured(CLEAN[name], {command: lambda said: said.replace(b"384", b"385", 1)})
+        measured(CLEAN[name], {command: lambda reply: reply.replace(b"384", b"385", 1)})
 
 
 @pytest.mark.parametrize("name, grid, reply", [
     ("pr655", b"D120\r", b"00000,101,0.00,380,784,4,256,7,247\r\n"),
     ("pr650", b"d120\n", b"0100,008.0,0380.,0776.,004.\r\n"),
-    ("cr250", b"RM Spectrum\r", lambda said: said.replace(b"780.0,2.0", b"780.0,4.0")),
+    ("cr250", b"RM Spectrum\r", lambda reply: reply.replace(b"780.0,2.0", b"780.0,4.0")),
     ("specbos2501", b"*para:wran?\r", b"380 780 5\r")])
 def test_a_grid_that_cannot_be_is_refused(name, grid, reply):
     with pytest.raises((LineFaultError, UntrustedReadingError)):
@@ -223,9 +223,9 @@ def test_a_grid_that_cannot_be_is_refused(name, grid, reply):
 def test_a_quantity_that_is_neither_radiance_nor_irradiance_is_refused(name, command, unit):
     start = {"pr655": b"00000,", "pr650": b"00,", "cr250": b"OK:0:RM Radiometric:"}[name]
 
-    def other(said):
-        assert said.startswith(start + b"0")
-        return start + unit + said[len(start) + 1:]
+    def other(reply):
+        assert reply.startswith(start + b"0")
+        return start + unit + reply[len(start) + 1:]
     with pytest.raises(LineFaultError):
         measured(CLEAN[name], {command: other})
 

@@ -141,21 +141,21 @@ def spectrum(values, error=None, nm=NM):
 def test_reflectance_is_the_ratio_to_the_white_and_does_not_see_the_light():
     truth = 0.2 + 0.5 * (NM > 550)
     for light in (np.ones(NM.size), 1 + np.sin(NM / 30) / 2):
-        found = reflectance_from(spectrum(0.99 * truth / 0.99 * light), spectrum(light), 0.99, "x")
+        curve = reflectance_from(spectrum(0.99 * truth / 0.99 * light), spectrum(light), 0.99, "x")
         # a ratio and a product: round-off
-        np.testing.assert_allclose(found.values, 0.99 * truth, rtol=1e-14)
-        assert found.quantity is Quantity.REFLECTANCE
+        np.testing.assert_allclose(curve.values, 0.99 * truth, rtol=1e-14)
+        assert curve.quantity is Quantity.REFLECTANCE
 
 
 def test_the_reflectances_standard_error_is_that_of_simulated_ratios():
     rng = np.random.default_rng(5)
     target, white = np.full(NM.size, 0.3), np.full(NM.size, 2.0)
-    found = reflectance_from(spectrum(target, 0.003 + 0 * NM), spectrum(white, 0.01 + 0 * NM), 1.0,
+    curve = reflectance_from(spectrum(target, 0.003 + 0 * NM), spectrum(white, 0.01 + 0 * NM), 1.0,
                              "x")
     ratios = rng.normal(0.3, 0.003, 200_000) / rng.normal(2.0, 0.01, 200_000)
     # 200 000 draws give the spread to 0.16 %; first-order propagation leaves out terms of (0.5 %)
     # squared: 1 %.
-    np.testing.assert_allclose(found.standard_error, ratios.std(), rtol=0.01)
+    np.testing.assert_allclose(curve.standard_error, ratios.std(), rtol=0.01)
 
 
 def test_a_light_without_blue_cannot_give_a_reflectance_there():
@@ -238,8 +238,8 @@ def test_what_is_no_calibration_is_refused(tmp_path, text, body, message):
 def test_a_calibration_is_read_with_its_error(tmp_path):
     file = tmp_path / "c.csv"
     file.write_text("# quantity: relative\nnm,value,standard_error\n380,1.02,0.01\n780,0.98,0.01\n")
-    found = read_calibration(f"65123456={file}")
-    assert found.serial_number == "65123456" and found.factor.standard_error[0] == 0.01
+    factors = read_calibration(f"65123456={file}")
+    assert factors.serial_number == "65123456" and factors.factor.standard_error[0] == 0.01
 
 
 CSV = "# quantity: {}\nwavelength_nm,value\n380,0.5\n780,0.5\n"

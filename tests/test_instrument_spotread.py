@@ -68,18 +68,18 @@ def reading(quantity=Quantity.RADIANCE, said=None, **options):
                                               (Quantity.IRRADIANCE, "-a")])
 def test_the_real_programs_words_and_file_are_read_as_the_true_spectrum(spotread, quantity,
                                                                         option):
-    folder, said = spotread(), []
-    found = reading(quantity, said)
+    folder, shown = spotread(), []
+    taken = reading(quantity, shown)
     # The instrument sent five digits.
-    np.testing.assert_allclose(found.spectrum.values, lamp(NM), rtol=5.1e-5)
-    np.testing.assert_array_equal(found.spectrum.grid.nm, NM)
-    assert found.quantity is found.spectrum.quantity is quantity
-    assert (found.instrument, found.serial_number, found.firmware) == ("JETI_SB1211", "2012345",
+    np.testing.assert_allclose(taken.spectrum.values, lamp(NM), rtol=5.1e-5)
+    np.testing.assert_array_equal(taken.spectrum.grid.nm, NM)
+    assert taken.quantity is taken.spectrum.quantity is quantity
+    assert (taken.instrument, taken.serial_number, taken.firmware) == ("JETI_SB1211", "2012345",
                                                                        "V3.10")
-    assert found.luminance == pytest.approx(luminance_of(NM, lamp(NM)), rel=1e-4)
+    assert taken.luminance == pytest.approx(luminance_of(NM, lamp(NM)), rel=1e-4)
     assert f"-v {option} -x -s -c 1 -O " in (folder / "asked").read_text()
     assert "interactive:yes" in (folder / "asked").read_text()
-    assert "Place instrument on spot" in "".join(said)
+    assert "Place instrument on spot" in "".join(shown)
 
 
 def test_without_the_program_it_says_what_to_install(tmp_path, monkeypatch):

@@ -91,8 +91,8 @@ def test_a_printed_number_is_known_to_half_a_unit_of_its_last_digit(text, value,
 
 def test_a_watt_at_the_peak_of_vision_is_so_many_photons():
     # 555 nm: E = h c / lambda = 3.5792e-19 J
-    found = mean_wavelength(Number(1.0, 0.0), Number(1 / 3.57922e-19, 0.0))
-    assert found.value == pytest.approx(555, abs=0.01)
+    estimate = mean_wavelength(Number(1.0, 0.0), Number(1 / 3.57922e-19, 0.0))
+    assert estimate.value == pytest.approx(555, abs=0.01)
     assert mean_wavelength(Number(1.0, 0.0), Number(51.47, 0.0)) is None
 
 

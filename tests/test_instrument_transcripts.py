@@ -11,11 +11,7 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
     UntrustedReadingError,
 )
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
-from spectrabox.capture.meter.measurement import (
-    open_instrument,
-    take_reading,
-    trusted_identity,
-)
+from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts import transcript_replay
 from spectrabox.capture.transcripts.player import TranscriptPlayer

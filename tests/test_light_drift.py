@@ -36,12 +36,12 @@ def drift(ratio, regions=(LEFT, RIGHT), error=ERROR, rng=None, **options):
 
 def test_a_change_of_level_is_found_whatever_the_exposure():
     for exposure_s in (0.1, 0.04):
-        found = drift(1.03, exposure_s=exposure_s)
-        assert found.level == pytest.approx(1.03, rel=1e-6)  # single precision
+        drifts = drift(1.03, exposure_s=exposure_s)
+        assert drifts.level == pytest.approx(1.03, rel=1e-6)  # single precision
         # sqrt(2) x 0.2 % over the square root of two references.
-        assert found.level_error == pytest.approx(1.03 * ERROR, rel=1e-5)
-        assert not found.colour_changed and "3.00% brighter" in found.sentence
-        np.testing.assert_array_equal(drift_covariance(found), 0)
+        assert drifts.level_error == pytest.approx(1.03 * ERROR, rel=1e-5)
+        assert not drifts.colour_changed and "3.00% brighter" in drifts.sentence
+        np.testing.assert_array_equal(drift_covariance(drifts), 0)
 
 
 @pytest.mark.parametrize("setting", ["iso", "f_number"])
@@ -52,10 +52,10 @@ def test_a_setting_that_only_one_photo_states_is_not_taken_for_drift(setting):
 
 def test_rounded_exposures_are_not_blamed_on_the_light_alone():
     chart, thing = photo(exposure_s=1 / 60), photo(64 / 60 * 250 / 256, exposure_s=1 / 250)
-    found = drift_between(chart, region_signals(chart, (LEFT,)), thing,
-                          region_signals(thing, (LEFT,)), ERROR)
-    assert "4.17% brighter" in found.sentence
-    assert "; 4.0% of it may be how the camera rounds" in found.sentence
+    drifts = drift_between(chart, region_signals(chart, (LEFT,)), thing,
+                           region_signals(thing, (LEFT,)), ERROR)
+    assert "4.17% brighter" in drifts.sentence
+    assert "; 4.0% of it may be how the camera rounds" in drifts.sentence
     assert "rounds" not in drift(1.03).sentence
 
 
@@ -68,10 +68,10 @@ def test_the_scale_follows_the_light_with_its_error():
 
 
 def test_a_change_of_colour_widens_the_errors():
-    found = drift([1.05, 1.0, 1.0])
-    assert found.colour_changed and "its colour changed by up to 3.3" in found.sentence
+    drifts = drift([1.05, 1.0, 1.0])
+    assert drifts.colour_changed and "its colour changed by up to 3.3" in drifts.sentence
     shift = np.array([1.05, 1, 1]) / 1.05 ** (1 / 3) - 1
-    np.testing.assert_allclose(drift_covariance(found), np.outer(shift, shift), atol=1e-8)
+    np.testing.assert_allclose(drift_covariance(drifts), np.outer(shift, shift), atol=1e-8)
 
 
 def test_an_image_of_half_size_is_outlined_in_pixels_of_the_photo():

@@ -83,15 +83,15 @@ def two_wavelengths():
     mass = np.array([weight * stats.multivariate_normal(mean, spread).pdf(x) * likelihood
                      for weight, mean, spread in zip(known.weights, known.means,
                                                      known.covariances, strict=True)])
-    found = posterior(known, response, signal, np.array([[sigma**2]]))
-    return found, x, mass / mass.sum()
+    estimate = posterior(known, response, signal, np.array([[sigma**2]]))
+    return estimate, x, mass / mass.sum()
 
 
 def test_weights_of_a_mixture_are_those_of_integration(two_wavelengths):
-    found, _, mass = two_wavelengths
+    estimate, _, mass = two_wavelengths
     # Laplace's method errs by the cubic term, the squared spread of 0.35 logits, in the wide one
-    np.testing.assert_allclose(found.weights[0], mass.sum(axis=1), atol=0.01)
-    assert 0.2 < found.weights[0, 0] < 0.8      # neither component decides alone
+    np.testing.assert_allclose(estimate.weights[0], mass.sum(axis=1), atol=0.01)
+    assert 0.2 < estimate.weights[0, 0] < 0.8      # neither component decides alone
 
 
 def test_weights_under_an_error_common_to_all_bands_are_those_of_integration():
@@ -108,25 +108,25 @@ def test_weights_under_an_error_common_to_all_bands_are_those_of_integration():
     mass = np.array([weight * stats.multivariate_normal(mean, spread).pdf(x) @ likelihood
                      for weight, mean, spread in zip(known.weights, known.means,
                                                      known.covariances, strict=True)])
-    found = posterior(known, response, signal, noise)
+    estimate = posterior(known, response, signal, noise)
     # Laplace's method errs by the cubic term, as above
-    np.testing.assert_allclose(found.weights[0], mass / mass.sum(), atol=0.01)
+    np.testing.assert_allclose(estimate.weights[0], mass / mass.sum(), atol=0.01)
     # the case can tell: neither decides alone, and the narrow one misses by 1 % of white or more
-    assert 0.2 < found.weights[0, 0] < 0.8
-    missed = signal[0] - response @ reflectance(found.logits[0, 0])
+    assert 0.2 < estimate.weights[0, 0] < 0.8
+    missed = signal[0] - response @ reflectance(estimate.logits[0, 0])
     assert np.abs(missed).max() > 0.01
 
 
 def test_mean_spread_and_quantiles_of_a_mixture_are_those_of_integration(two_wavelengths):
-    found, x, mass = two_wavelengths
+    estimate, x, mass = two_wavelengths
     density, values = mass.sum(axis=0), reflectance(x)
     mean = density @ values
     spread = np.sqrt(density @ (values - mean)**2)
     # Laplace's method: a few hundredths of the spread
-    np.testing.assert_allclose(mean_and_spread(found)[0][0], mean, atol=0.03 * spread.max())
-    np.testing.assert_allclose(mean_and_spread(found)[1][0], spread, rtol=0.04)
+    np.testing.assert_allclose(mean_and_spread(estimate)[0][0], mean, atol=0.03 * spread.max())
+    np.testing.assert_allclose(mean_and_spread(estimate)[1][0], spread, rtol=0.04)
     for probability in (0.025, 0.95):
-        at = mixture_quantile(found, probability)[0]
+        at = mixture_quantile(estimate, probability)[0]
         below = [density[x[:, axis] <= at[axis]].sum() for axis in (0, 1)]
         np.testing.assert_allclose(below, probability, atol=0.008)
 
@@ -145,7 +145,7 @@ def test_evidence_of_a_scene_is_exact_where_the_logit_is_linear():
     problem = JointProblem(("a", "b"), np.eye(materials), np.ones((materials, size)), reading,
                            targets, response, log_weights, means, roots)
     labels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-    found = fit_modes(problem, labels, np.zeros((len(labels), materials * size))).evidence
+    fit = fit_modes(problem, labels, np.zeros((len(labels), materials * size))).evidence
     exact = []
     for chosen in labels:
         covariance = np.zeros((materials * size,) * 2)
@@ -156,7 +156,7 @@ def test_evidence_of_a_scene_is_exact_where_the_logit_is_linear():
                                             slopes @ covariance @ slopes.T + np.eye(rows))
         exact.append(density.logpdf(targets) + log_weights[[0, 1], chosen].sum())
     # The fit stops within 0.01 nats; the curvature of the logit is of the order of 1e-3 of it.
-    np.testing.assert_allclose(found - found[0], np.array(exact) - exact[0], atol=0.02)
+    np.testing.assert_allclose(fit - fit[0], np.array(exact) - exact[0], atol=0.02)
 
 
 def a_posterior(rng, apart, spread, exposure):
@@ -182,28 +182,28 @@ def states_of(made, rng, count):
 
 def test_moments_of_curves_are_those_of_draws_of_the_mixture():
     rng = np.random.default_rng(5)
-    made = a_posterior(rng, 0.02, 0.004, 0.01)
-    moments = curve_moments(made, 2)
-    drawn = states_of(made, rng, 60_000)[:, :6]
+    fit = a_posterior(rng, 0.02, 0.004, 0.01)
+    moments = curve_moments(fit, 2)
+    drawn = states_of(fit, rng, 60_000)[:, :6]
     # the largest value is that of the fifth; a linear scaling, exact to spreads of 1 %
     shares = np.delete(drawn / drawn[:, 4:5], 4, axis=1)
     kept = np.delete(np.arange(6), 4)
-    found = moments.covariance[np.ix_(kept, kept)]
-    sizes = np.sqrt(np.diag(found))
+    covariance = moments.covariance[np.ix_(kept, kept)]
+    sizes = np.sqrt(np.diag(covariance))
     # a covariance of 60 000 draws is known to 1 / sqrt(60 000) of the variances, times a few
     np.testing.assert_allclose(np.cov(shares.T) / np.outer(sizes, sizes),
-                               found / np.outer(sizes, sizes), atol=0.04)
+                               covariance / np.outer(sizes, sizes), atol=0.04)
 
 
 def test_error_of_the_white_signal_is_that_of_draws_with_their_exposure():
     rng = np.random.default_rng(6)
-    made = a_posterior(rng, 0.01, 0.004, 0.01)
+    fit = a_posterior(rng, 0.01, 0.004, 0.01)
     power = np.array([1.0, 2.0, 0.5])
     chart = dataclasses.replace(
         photo(np.ones((4, 2)), np.ones(FINE.nm.size), np.ones((4, FINE.nm.size))),
         power=power, reflectances=np.ones((4, 3)))
-    state = photo_states(made, [chart], curve_moments(made, 2))[0]
-    drawn = states_of(made, rng, 60_000)
+    state = photo_states(fit, [chart], curve_moments(fit, 2))[0]
+    drawn = states_of(fit, rng, 60_000)
     white = np.exp(drawn[:, 6:]) * (drawn[:, :6].reshape(-1, 2, 3) @ power)
     variance = white.var(axis=0)
     # linear in errors of 1 %; 60 000 draws know a standard deviation to 0.3 %
@@ -214,8 +214,8 @@ def test_error_of_the_white_signal_is_that_of_draws_with_their_exposure():
 
 
 def one_family(**changes):
-    made = coarse_prior()
-    alone = dataclasses.replace(made, weights=np.ones(1), means=made.means[-1:], level=[2],
+    prior = coarse_prior()
+    alone = dataclasses.replace(prior, weights=np.ones(1), means=prior.means[-1:], level=[2],
                                 members=("all",))
     return dataclasses.replace(alone, **changes)
 
@@ -231,18 +231,18 @@ def chart_photo():
 def test_families_that_a_photo_cannot_tell_keep_their_weights(chart_photo):
     alike = one_family(weights=np.array([0.85, 0.15]), level=[2, 2], members=("a", "b"),
                        means=np.repeat(coarse_prior().means[-1:], 2, axis=0))
-    found = posterior_of_curves([chart_photo], alike, FINE, model_errors=(0.01,))
+    result = posterior_of_curves([chart_photo], alike, FINE, model_errors=(0.01,))
     # the second is linearised where the first ended: the same to a hundredth of a nat
-    np.testing.assert_allclose(found.families, [0.85, 0.15], atol=0.005)
+    np.testing.assert_allclose(result.families, [0.85, 0.15], atol=0.005)
 
 
 def test_widening_multiplies_every_standard_error_of_the_curves(chart_photo):
     narrow, wide = (one_family(widening=np.array([1.0, 1.0, factor])) for factor in (1.0, 1.7))
     curves, without, expected = [], [], []
     for known in (narrow, wide):
-        found = posterior_of_curves([chart_photo], known, FINE, model_errors=(0.01,))
-        curves.append(found.covariances[np.argmax(found.weights)])
-        without.append(held_out_signals([chart_photo], known, FINE, found)[2].covariance)
+        result = posterior_of_curves([chart_photo], known, FINE, model_errors=(0.01,))
+        curves.append(result.covariances[np.argmax(result.weights)])
+        without.append(held_out_signals([chart_photo], known, FINE, result)[2].covariance)
         expected.append(expected_covariance([chart_photo], known, 0, 0.01, FINE,
                                             spread=known.covariances()[2]))
     for one, other in (curves, without, expected):
@@ -279,9 +279,9 @@ def test_cameras_alike_of_one_maker_count_as_one():
 
 
 def test_the_90_per_cent_band_of_curves_holds_90_per_cent_of_draws():
-    made = a_posterior(np.random.default_rng(9), 0.02, 0.02, 0.01)
+    fit = a_posterior(np.random.default_rng(9), 0.02, 0.02, 0.01)
     sensitivity = SimpleNamespace(curves=np.ones((2, 3)), standard_error=np.full((2, 3), 0.02))
-    fitted = SimpleNamespace(prior_fit=SimpleNamespace(posterior=made),
+    fitted = SimpleNamespace(prior_fit=SimpleNamespace(posterior=fit),
                              calibration=SimpleNamespace(sensitivity=sensitivity))
     band = curve_band(fitted)
     share = ((band.draws > band.lower) & (band.draws < band.upper)).mean(axis=0)
@@ -376,9 +376,9 @@ def test_matern_kernels_are_those_of_rasmussen_and_williams(smoothness, length_n
 def test_gains_that_a_photo_cannot_tell_keep_their_shares(chart_photo):
     known = one_family(weights=np.array([1.0]), level=[2], members=("a",),
                        means=coarse_prior().means[-1:])
-    found = posterior_of_curves([chart_photo], known, FINE, model_errors=(50.0,))
+    result = posterior_of_curves([chart_photo], known, FINE, model_errors=(50.0,))
     # patches that may be off by fifty times tell nothing
-    np.testing.assert_allclose(found.weights.reshape(len(GAINS), -1).sum(axis=1),
+    np.testing.assert_allclose(result.weights.reshape(len(GAINS), -1).sum(axis=1),
                                [share for _, share in GAINS], atol=0.01)
 
 
@@ -392,7 +392,7 @@ def test_a_prior_is_that_of_cameras_whose_white_signal_is_one_whatever_their_gai
     design = unlit_design(chart, basis)
     spread, gain_sd = 1e-4 * known.covariances()[known.level[-1]], 0.01
     family = len(known.weights) - 1
-    found, start = _joint_prior(known, spread, family, gain_sd, [chart], [design])
+    prior, start = _joint_prior(known, spread, family, gain_sd, [chart], [design])
     rng, size = np.random.default_rng(52), known.means.shape[1]
     states = rng.multivariate_normal(known.means[family], spread, 30_000)
     curves = known.curves(states) * np.repeat(
@@ -400,11 +400,11 @@ def test_a_prior_is_that_of_cameras_whose_white_signal_is_one_whatever_their_gai
     whole = np.tile(design.sum(axis=0), 3)
     whole = whole / (whole @ (known.weights @ known.curves(known.means)))
     drawn = known.state(curves / (curves @ whole)[:, None])
-    sigma = np.sqrt(np.diag(found)[:size])
+    sigma = np.sqrt(np.diag(prior)[:size])
     np.testing.assert_allclose(start[:size], drawn.mean(axis=0), atol=0.03 * sigma.max())
     # 30 000 draws know a variance to 0.8 %, a correlation to 0.6 %; 3 % of curvature
     np.testing.assert_allclose(np.cov(drawn, rowvar=False) / np.outer(sigma, sigma),
-                               found[:size, :size] / np.outer(sigma, sigma), atol=0.06)
+                               prior[:size, :size] / np.outer(sigma, sigma), atol=0.06)
 
 
 def test_exposures_that_are_tied_differ_beforehand_by_what_ties_them():
@@ -413,10 +413,10 @@ def test_exposures_that_are_tied_differ_beforehand_by_what_ties_them():
     shots = [photo(np.full((24, 3), level), light, surfaces, 0.01, relative_exposure_sd=tie)
              for level, tie in ((0.3, None), (0.6, 0.01), (0.2, 0.02), (0.1, None))]
     designs = [unlit_design(shot, interpolation_matrix(known.nm, FINE.nm)) for shot in shots]
-    found, start = _joint_prior(known, known.covariances()[-1], len(known.weights) - 1, 0.05,
-                                shots, designs)
-    at = found.shape[0] - len(shots) + np.arange(len(shots))    # no field, no glare
-    exposures = found[np.ix_(at, at)]
+    covariance, start = _joint_prior(known, known.covariances()[-1], len(known.weights) - 1, 0.05,
+                                     shots, designs)
+    at = covariance.shape[0] - len(shots) + np.arange(len(shots))    # no field, no glare
+    exposures = covariance[np.ix_(at, at)]
 
     def apart(one, other):
         return np.sqrt(exposures[one, one] + exposures[other, other] - 2 * exposures[one, other])

@@ -72,11 +72,11 @@ def test_a_surface_that_is_brighter_in_the_photo_is_named_with_its_ratio():
     measured = rendered.copy()
     surface = np.repeat([[0] * 4 + [1] * 4], 8, axis=0)
     measured[surface == 1] *= np.array([1.2, 1.0, 0.9])
-    found = surface_agreement(("left", "right"), ("white", "red"), photo_of(measured),
-                              rendered[None], surface, np.ones((8, 8), bool))
-    assert found.names == ("white / left", "red / right")
+    agreement = surface_agreement(("left", "right"), ("white", "red"), photo_of(measured),
+                                  rendered[None], surface, np.ones((8, 8), bool))
+    assert agreement.names == ("white / left", "red / right")
     # exact but for the single precision of photos
-    np.testing.assert_allclose(found.ratio, [[1, 1, 1], [1.2, 1.0, 0.9]], rtol=1e-7)
+    np.testing.assert_allclose(agreement.ratio, [[1, 1, 1], [1.2, 1.0, 0.9]], rtol=1e-7)
 
 
 def test_the_noise_of_renderings_is_no_scatter_of_the_surface():
@@ -100,12 +100,12 @@ def test_the_noise_of_the_photo_is_no_scatter_of_the_surface(block_error):
     blocks = RNG.normal(0, block_error, (size // 4, size // 4, 3)).repeat(4, 0).repeat(4, 1)
     signal = np.exp(blocks) * (1 + noise * RNG.standard_normal(blocks.shape))
     photo = replace(photo_of(signal), variance=np.full(signal.shape, noise**2))
-    found = surface_agreement(("wall",), ("white",), photo, np.ones((2, *signal.shape)),
-                              np.zeros((size, size), int), np.ones((size, size), bool))
+    agreement = surface_agreement(("wall",), ("white",), photo, np.ones((2, *signal.shape)),
+                                  np.zeros((size, size), int), np.ones((size, size), bool))
     # 4096 blocks know a variance to sqrt(2 / 4096) = 2.2 % of it: 0.9e-4 of 0.0036 + 0.0004, times
     # 4; the logarithm of a noisy sum adds 1 % of the noise. Its own noise is ten times as much.
-    np.testing.assert_allclose(found.spread**2, block_error**2, atol=4e-4)
-    assert np.all(found.spread**2 < 0.3 * (noise / 4)**2)
+    np.testing.assert_allclose(agreement.spread**2, block_error**2, atol=4e-4)
+    assert np.all(agreement.spread**2 < 0.3 * (noise / 4)**2)
 
 
 def test_the_scale_comes_from_sums_so_that_rendering_noise_does_not_bias_it():
@@ -121,10 +121,10 @@ def test_the_scale_comes_from_sums_so_that_rendering_noise_does_not_bias_it():
 def test_the_shift_between_photo_and_rendering_is_found(moved):
     y, x = np.mgrid[:64, :64]
     picture = np.where((x > 20) & (x < 44) & (y > 15) & (y < 40), 2.0, 1.0) + 0.01 * x
-    found, _ = edge_shift(shift(picture, moved, order=1, mode="nearest")[..., None],
-                          picture[..., None])
+    shift_px, _ = edge_shift(shift(picture, moved, order=1, mode="nearest")[..., None],
+                             picture[..., None])
     # A third of a pixel: the parabola through the peak of a correlation of blurred edges.
-    np.testing.assert_allclose(found, (moved[1], moved[0]), atol=0.35)
+    np.testing.assert_allclose(shift_px, (moved[1], moved[0]), atol=0.35)
 
 
 def test_a_shift_is_said_only_where_the_edges_bear_it_out():

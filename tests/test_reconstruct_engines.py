@@ -72,14 +72,14 @@ def true_signals(found):
 
 
 def test_the_transport_engine_finds_the_band_signals(box, photo, quick):
-    found = reconstruct(view_of(box, photo), plain_settings(7), silent)
-    wanted, _ = true_signals(found)
+    fit = reconstruct(view_of(box, photo), plain_settings(7), silent)
+    wanted, _ = true_signals(fit)
     # Photo and transport are each good to about 1 % per surface at this size, the small red and
     # green signals to 3 %.
-    np.testing.assert_allclose(found.signal, wanted, rtol=0.05, atol=0.01)
-    assert found.outcome is Outcome.ILL_POSED and "light transport" in found.engine
-    assert found.known == (False, False, False) and np.isfinite(found.signal_covariance).all()
-    assert found.spectra.min() >= 0 and found.spectra.max() <= 1
+    np.testing.assert_allclose(fit.signal, wanted, rtol=0.05, atol=0.01)
+    assert fit.outcome is Outcome.ILL_POSED and "light transport" in fit.engine
+    assert fit.known == (False, False, False) and np.isfinite(fit.signal_covariance).all()
+    assert fit.spectra.min() >= 0 and fit.spectra.max() <= 1
 
 
 @pytest.mark.parametrize("error", [0.3, 0.01])
@@ -99,28 +99,28 @@ def test_tracing_ends_where_its_noise_falls_below_the_photo_s(box, photo, error,
 def test_a_known_material_gives_the_scale(box, photo, quick):
     dimmed = replace(photo, signal=photo.signal * np.float32(0.4),
                      variance=photo.variance * np.float32(0.16))
-    found = reconstruct(view_of(box, dimmed, scale=None, materials=specs(known=("white",))),
-                        plain_settings(7), silent)
+    fit = reconstruct(view_of(box, dimmed, scale=None, materials=specs(known=("white",))),
+                      plain_settings(7), silent)
     # Each of seven white surfaces, some of a dozen pixels, is good to 2 to 4 %; they count alike.
-    assert found.light_scale.value == pytest.approx(0.4, rel=0.06)
-    assert found.known == (True, False, False) and np.isnan(found.coefficients[0]).all()
+    assert fit.light_scale.value == pytest.approx(0.4, rel=0.06)
+    assert fit.known == (True, False, False) and np.isnan(fit.coefficients[0]).all()
 
 
 def test_direct_light_alone_explains_interreflection_as_brightness(box, photo, quick):
     wanted, _ = true_signals(None)
-    found = reconstruct(view_of(box, photo), plain_settings(7, engine="single-bounce"), silent)
+    fit = reconstruct(view_of(box, photo), plain_settings(7, engine="single-bounce"), silent)
     # The walls light each other: without that the fit must make them brighter by far more than the
     # noise of 1 %.
-    assert np.all(found.signal.mean(axis=1) > 1.05 * wanted.mean(axis=1))
+    assert np.all(fit.signal.mean(axis=1) > 1.05 * wanted.mean(axis=1))
 
 
 def test_the_gradient_engine_finds_the_same_signals(box, photo):
     settings = plain_settings(7, steps=80, spp=8, engine="gradient")
-    found = reconstruct(view_of(box, photo), settings, silent)
-    wanted, _ = true_signals(found)
+    fit = reconstruct(view_of(box, photo), settings, silent)
+    wanted, _ = true_signals(fit)
     # Eighty steps of eight paths, half the default: still within a tenth.
-    np.testing.assert_allclose(found.signal, wanted, rtol=0.12, atol=0.03)
-    assert found.loss_history[-5:].mean() < 0.2 * found.loss_history[0]
+    np.testing.assert_allclose(fit.signal, wanted, rtol=0.12, atol=0.03)
+    assert fit.loss_history[-5:].mean() < 0.2 * fit.loss_history[0]
 
 
 def test_an_unknown_engine_is_named(box, photo):
@@ -176,9 +176,10 @@ def test_light_that_few_paths_miss_is_looked_for_by_all_of_the_first_trace(box, 
     shot, followed = view_of(box, photo), []
 
     def traced(*arguments, **settings):
-        made = trace_transport(*arguments, **settings)
+        trace = trace_transport(*arguments, **settings)
         followed.append(settings["spp"])
-        return replace(made, passes=0 * made.passes) if settings["spp"] == FEW_SPP and dim else made
+        few = settings["spp"] == FEW_SPP and dim
+        return replace(trace, passes=0 * trace.passes) if few else trace
 
     monkeypatch.setattr(transport_engine, "trace_transport", traced)
     dim = False

@@ -14,11 +14,7 @@ from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import relative_operator, response_matrix
 from spectrabox.reconstruct.fit.band_system import compress, huber_weight
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
-from spectrabox.reconstruct.fit.spectrum_prior import (
-    SpectrumPrior,
-    learnt_prior,
-    smooth_prior,
-)
+from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior, learnt_prior, smooth_prior
 from spectrabox.reconstruct.fit.transport_fit import fit_views
 from spectrabox.reconstruct.fit.view_terms import Nuisances, SpectrumModel, ViewTerms
 
@@ -112,11 +108,11 @@ def test_monte_carlo_noise_in_the_transport_does_not_darken_the_spectra():
         passes = rows * (1 + 0.4 * rng.standard_normal((4, REGIONS, 1)))
         mean = passes.mean(axis=0)
         deviations = (passes - mean) / np.sqrt(12)
-        for found, noise in ((plain, None), (corrected, deviations)):
+        for estimate, noise in ((plain, None), (corrected, deviations)):
             system = compress(mean, measured, 1 / (0.2 * measured) ** 2, GROUP, noise)
             fit = fit_spectra(system, model(), smoothness=0, scale=1.0)
             signals = fit.coefficients @ OPERATOR.T
-            found.append((signals / (truth @ OPERATOR.T)).mean())
+            estimate.append((signals / (truth @ OPERATOR.T)).mean())
     # Variance of the mean of four passes: (0.4^2) / 4 = 4 %. What is left is of second order, the
     # covariance being known from four passes only: below 2 %, and less than half of it.
     assert np.mean(plain) < 0.98
@@ -138,7 +134,7 @@ def test_the_smoothness_prior_leaves_the_band_signals_to_the_photo():
 
 
 def test_the_covariance_of_the_signals_is_that_of_repeated_photos():
-    found, stated = [], []
+    estimates, stated = [], []
     for seed in range(40):
         rng = np.random.default_rng(seed)
         rows = transport(np.random.default_rng(0))
@@ -148,9 +144,9 @@ def test_the_covariance_of_the_signals_is_that_of_repeated_photos():
         system = compress(rows, measured, 1 / (0.01 * clean) ** 2, GROUP)
         fit = fit_spectra(system, model(), scale=1.0)
         signals, covariance = band_signals(fit, OPERATOR, 2)
-        found.append(signals)
+        estimates.append(signals)
         stated.append(np.sqrt(np.einsum("mkk->mk", covariance)))
-    scatter = np.std(found, axis=0, ddof=1)
+    scatter = np.std(estimates, axis=0, ddof=1)
     # Linearised at a solution whose hidden directions the prior chose: good to a factor of two, no
     # more is claimed.
     ratio = scatter / np.mean(stated, axis=0)
@@ -178,15 +174,15 @@ def test_what_the_photo_cannot_tell_is_left_to_the_prior_and_said():
         y = transport_rows @ model().signals(truth)
         system = compress(transport_rows, y, 1 / (0.0003 * y) ** 2, GROUP)
         fit = fit_spectra(system, model(), scale=1.0)
-        found = identifiability(fit, ("wall", "block"), OPERATOR)
+        fixed = identifiability(fit, ("wall", "block"), OPERATOR)
         # light that was reflected once tells three numbers of it, with three bands
         if name == "colour":
-            assert [item.by_photo for item in found] == [3, 3] and [item.by_prior
-                                                                    for item in found] == [4, 4]
+            assert [item.by_photo for item in fixed] == [3, 3] and [item.by_prior
+                                                                    for item in fixed] == [4, 4]
         else:
-            assert all(item.by_photo >= 3 for item in found) and any(item.by_interreflection > 0
-                                                                     for item in found)
-    assert sentences(found)[0].startswith("wall: of 7 coefficients the photo decides")
+            assert all(item.by_photo >= 3 for item in fixed) and any(item.by_interreflection > 0
+                                                                     for item in fixed)
+    assert sentences(fixed)[0].startswith("wall: of 7 coefficients the photo decides")
 
 
 def test_free_gains_take_information_from_the_photo():

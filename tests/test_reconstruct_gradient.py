@@ -161,6 +161,6 @@ def test_the_engine_is_chosen_by_the_materials_and_the_choice_is_said(tmp_path, 
                                                                       engine):
     monkeypatch.setattr(transport_engine, "MAX_SPP", 64)
     view = ball(tmp_path, kind)
-    found = reconstruct(view, plain_settings(5, steps=4, spp=2, engine="auto"), silent)
-    assert engine in found.engine
-    assert ("paint" in found.notes[0] and "gradient" in found.notes[0]) == (kind != "diffuse")
+    fit = reconstruct(view, plain_settings(5, steps=4, spp=2, engine="auto"), silent)
+    assert engine in fit.engine
+    assert ("paint" in fit.notes[0] and "gradient" in fit.notes[0]) == (kind != "diffuse")

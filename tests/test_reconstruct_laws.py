@@ -46,9 +46,9 @@ def test_errors_from_few_surfaces_hold_the_next_one_95_times_in_a_hundred(freedo
     """One band; what is stated is one deviation more, and is drawn as the others are."""
     rng = np.random.default_rng(1)
     stated, following, *seen = 0.02 * rng.standard_normal((2 + freedom, 6000))
-    found = [covariance_from_few(np.array([[own @ own]]), freedom, abs(one))[0, 0]
-             for own, one in zip(np.array(seen).T, stated, strict=True)]
-    inside = np.abs(following) < stats.norm.ppf(0.975) * np.sqrt(found)
+    covariance = [covariance_from_few(np.array([[own @ own]]), freedom, abs(one))[0, 0]
+                  for own, one in zip(np.array(seen).T, stated, strict=True)]
+    inside = np.abs(following) < stats.norm.ppf(0.975) * np.sqrt(covariance)
     # Student's interval is exact for normal deviations
     assert abs(inside.mean() - 0.95) < SIGMAS * np.sqrt(0.95 * 0.05 / inside.size)
 
@@ -57,35 +57,35 @@ def test_errors_from_few_surfaces_hold_the_next_one_95_times_in_a_hundred(freedo
 def test_errors_that_are_even_are_estimated_without_bias(freedom):
     rng, root = np.random.default_rng(15), np.linalg.cholesky(0.02**2 * EVEN)
     seen = rng.standard_normal((3000, freedom, 3)) @ root.T
-    found = np.mean([covariance_from_few(own.T @ own, freedom, 0.02) for own in seen], axis=0)
+    covariance = np.mean([covariance_from_few(own.T @ own, freedom, 0.02) for own in seen], axis=0)
     # 3000 sets of two deviations know a variance to 1.8 %
-    np.testing.assert_allclose(found / np.trace(found), EVEN / 3, atol=0.01)
+    np.testing.assert_allclose(covariance / np.trace(covariance), EVEN / 3, atol=0.01)
 
 
 @pytest.mark.parametrize("freedom", [2, 4, 12])
 def test_a_matrix_from_few_deviations_is_drawn_to_the_even_one_by_k_plus_1_over_nu_plus_k(freedom):
     """As the docstring has it: by all of its weight at nu = 1."""
     scatter = freedom * 1e-4 * np.diag([4.0, 1.0, 1.0])
-    found = covariance_from_few(scatter, freedom, 1e-9)
+    covariance = covariance_from_few(scatter, freedom, 1e-9)
     drawn = 4 / (freedom + 3)
     expected = (1 - drawn) * np.diag([4.0, 1.0, 1.0]) + drawn * 2 * EVEN
-    np.testing.assert_allclose(found / np.trace(found), expected / 6, atol=1e-9)
+    np.testing.assert_allclose(covariance / np.trace(covariance), expected / 6, atol=1e-9)
 
 
 def test_one_deviation_tells_the_size_of_errors_and_nothing_of_their_colour():
     for seen in ([0.02, -0.01, 0.0], [0.02, 0.02, 0.02], [0.0, 0.0, 0.03]):
-        found = covariance_from_few(np.outer(seen, seen), 1, 1e-9)
-        np.testing.assert_allclose(found / np.trace(found), EVEN / 3, atol=1e-12)
+        covariance = covariance_from_few(np.outer(seen, seen), 1, 1e-9)
+        np.testing.assert_allclose(covariance / np.trace(covariance), EVEN / 3, atol=1e-12)
 
 
 def test_many_deviations_tell_their_own_covariance():
     rng = np.random.default_rng(2)
     truth = np.array([[4.0, 1.0, 0.0], [1.0, 1.0, -0.3], [0.0, -0.3, 0.25]]) * 1e-4
     seen = rng.multivariate_normal(np.zeros(3), truth, 20_000)
-    found = covariance_from_few(seen.T @ seen, len(seen), 0.01)
+    covariance = covariance_from_few(seen.T @ seen, len(seen), 0.01)
     # 20 000 deviations know a variance to 1 %
-    np.testing.assert_allclose(found, truth, atol=0.04 * truth[0, 0])
-    np.testing.assert_allclose(np.diag(found), np.diag(truth), rtol=0.04)
+    np.testing.assert_allclose(covariance, truth, atol=0.04 * truth[0, 0])
+    np.testing.assert_allclose(np.diag(covariance), np.diag(truth), rtol=0.04)
 
 
 @pytest.mark.parametrize("regions, surfaces", [(600, 6), (90, 3)])
@@ -192,9 +192,9 @@ def test_paths_are_traced_until_their_noise_is_that_of_the_photo(monkeypatch, no
 
 def test_a_loss_that_does_not_fall_is_said_to_have_stalled_as_often_as_one_sigma_says():
     rng = np.random.default_rng(9)
-    said = [stalled(list(row)) for row in rng.standard_normal((3000, 2 * WINDOW))]
+    stops = [stalled(list(row)) for row in rng.standard_normal((3000, 2 * WINDOW))]
     expected = stats.t.cdf(1, 2 * WINDOW - 2)
-    assert abs(np.mean(said) - expected) < SIGMAS * np.sqrt(expected * (1 - expected) / len(said))
+    assert abs(np.mean(stops) - expected) < SIGMAS * np.sqrt(expected * (1 - expected) / len(stops))
 
 
 @pytest.mark.parametrize("passes", [2, 3, 8])
@@ -256,18 +256,18 @@ def test_light_that_rises_evenly_is_off_by_its_slope_where_pixels_are_misplaced(
     _, row, column = nodes.keys
     slope = np.array([0.003, -0.004])           # down and across, per pixel
     light = 1 + cell * (slope[0] * row + slope[1] * column)
-    found = nodes.unevenness(light, 2.0) * light
+    estimate = nodes.unevenness(light, 2.0) * light
     inner = (row > 0) & (row < row.max()) & (column > 0) & (column < column.max())
-    np.testing.assert_allclose(found[inner], 2.0 * 0.005, rtol=1e-9)
+    np.testing.assert_allclose(estimate[inner], 2.0 * 0.005, rtol=1e-9)
 
 
 def test_a_lamp_that_is_brightest_aside_is_one_straight_ahead(tmp_path):
     (tmp_path / "wings.csv").write_text("angle_deg,radiance\n0,40\n30,60\n60,20\n")
     table = read_profile(tmp_path / "wings.csv")
     angles = np.array([0, 15, 30, 45, 60, 80])
-    found = relative_radiance(table, np.cos(np.radians(angles)))
+    estimate = relative_radiance(table, np.cos(np.radians(angles)))
     # straight lines between the angles, the last value up to 90 degrees; round-off of cosines
-    np.testing.assert_allclose(found, [1, 1.25, 1.5, 1, 0.5, 0.5], atol=1e-9)
+    np.testing.assert_allclose(estimate, [1, 1.25, 1.5, 1, 0.5, 0.5], atol=1e-9)
 
 
 def test_errors_of_a_model_are_no_smaller_for_a_second_photo_of_it():
@@ -280,8 +280,8 @@ def test_errors_of_a_model_are_no_smaller_for_a_second_photo_of_it():
                              spectra=np.full((2, grid.nm.size), 0.5), signal=np.full((2, 3), 0.5),
                              signal_covariance=np.zeros((2, 3, 3)))
     for times in (1, 2, 3):
-        found = joint_record((view,) * times, (record,) * times, None, (None,) * times)
-        np.testing.assert_allclose(found.model_covariance, errors, rtol=1e-12)
+        joint = joint_record((view,) * times, (record,) * times, None, (None,) * times)
+        np.testing.assert_allclose(joint.model_covariance, errors, rtol=1e-12)
 
 
 def test_surfaces_of_a_replayed_photo_err_as_stated_in_each_band_and_in_all():
@@ -289,9 +289,9 @@ def test_surfaces_of_a_replayed_photo_err_as_stated_in_each_band_and_in_all():
     traced = SimpleNamespace(nuisances=Nuisances(surface_error=colour,
                                                  brightness_error=brightness),
                              measured=np.zeros((4000, 3)), group=np.arange(4000))
-    found = np.log(_gains(traced, np.random.default_rng(17)))
+    estimate = np.log(_gains(traced, np.random.default_rng(17)))
     # 4000 surfaces know a variance to 2.2 %
-    np.testing.assert_allclose(np.cov(found.T), colour**2 * np.eye(3) + brightness**2,
+    np.testing.assert_allclose(np.cov(estimate.T), colour**2 * np.eye(3) + brightness**2,
                                atol=0.09 * brightness**2)
 
 

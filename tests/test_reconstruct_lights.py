@@ -20,13 +20,7 @@ from spectrabox.reconstruct.scene.light_profile import TABLE_DEG, read_profile, 
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.tracer.transport import trace_transport
 
-from tests.cornell_problem import (
-    GRID,
-    TRUTH,
-    WIDTH,
-    scene,
-    view_of,
-)
+from tests.cornell_problem import GRID, TRUTH, WIDTH, scene, view_of
 
 pytestmark = pytest.mark.usefixtures("mitsuba")
 

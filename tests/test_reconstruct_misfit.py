@@ -90,14 +90,14 @@ def test_the_errors_of_a_scene_are_read_off_surfaces_of_one_paint():
     ratio = np.exp(grey + colour)
     agreement = SurfaceAgreement(("s",) * 400, ("white",) * 400, np.full(400, 160), ratio,
                                  np.full((400, 3), 0.1))
-    found = scene_errors(agreement, frozenset({"white"}), regions=400 * 20)
+    errors = scene_errors(agreement, frozenset({"white"}), regions=400 * 20)
     # 400 surfaces: standard deviations good to 3.5 %. The mean of three bands has colour / sqrt(3)
     # in it, 0.4 % of it.
-    assert found.brightness == pytest.approx(0.2, rel=0.12)
-    assert found.colour == pytest.approx(0.03, rel=0.12)
-    assert found.block == pytest.approx(0.1 * np.sqrt(20 / 5))  # 20 blocks on a surface speak for 5
+    assert errors.brightness == pytest.approx(0.2, rel=0.12)
+    assert errors.colour == pytest.approx(0.03, rel=0.12)
+    assert errors.block == pytest.approx(0.1 * np.sqrt(20 / 5))  # 20 blocks of a surface count as 5
     unknown = scene_errors(agreement, frozenset(), regions=400)
-    assert unknown.brightness == pytest.approx(found.brightness,
+    assert unknown.brightness == pytest.approx(errors.brightness,
                                                rel=0.1) and unknown.block == pytest.approx(0.1)
 
 
@@ -139,10 +139,10 @@ def test_a_rendered_glossy_panel_that_the_scene_calls_matt_fails(tmp_path):
     noise = 1e-3 * light.mean()
     taken = photo_of(light + noise * np.random.default_rng(1).standard_normal(light.shape),
                      variance=np.full(light.shape, noise**2))
-    made = reconstruct(view_of(scene(tmp_path), taken),
-                       plain_settings(8, errors_from_scene=True), lambda *_: None)
-    worst = made.misfits[0]
+    fit = reconstruct(view_of(scene(tmp_path), taken),
+                      plain_settings(8, errors_from_scene=True), lambda *_: None)
+    worst = fit.misfits[0]
     # Fresnel reflection of 4 % at the normal on a red of 8 to 58 %, several times as much at the
     # angles at which the box shows it.
     assert worst.surface == "red / red_wall" and worst.deviation > 0.15
-    assert _misfits(made, "").status is Status.FAIL
+    assert _misfits(fit, "").status is Status.FAIL

@@ -30,13 +30,7 @@ from spectrabox.reconstruct.tracer.transport import (
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
-from tests.cornell_problem import (
-    TRUTH,
-    WIDTH,
-    plain_settings,
-    scene,
-    view_of,
-)
+from tests.cornell_problem import TRUTH, WIDTH, plain_settings, scene, view_of
 
 pytestmark = pytest.mark.usefixtures("mitsuba")
 
@@ -116,8 +110,8 @@ def test_the_shaded_image_is_the_transport_with_signals_put_in(view):
     exponents = exponents_up_to(3, 4)
     signals = band_products(exponents, SPECTRA, view.response)
     image, = shaded_images(unit_scene(view, 4), exponents, signals, spp=256, seed=5)
-    found = traced(view, spp=256, seed=6)
-    other = signal(found.coefficients, found.exponents, SPECTRA,
+    plain = traced(view, spp=256, seed=6)
+    other = signal(plain.coefficients, plain.exponents, SPECTRA,
                    view.response).reshape(image.shape)
     # Two renderings of 260 000 paths, each mean good to 0.4 %: five standard deviations of their
     # difference.
@@ -169,10 +163,10 @@ def test_two_traces_join_to_one_of_more_paths(view):
 
 def test_many_products_are_pruned_within_the_stated_bound(view, monkeypatch):
     monkeypatch.setattr(transport, "PRUNE_ABOVE", 10)
-    found = traced(view, spp=16)
-    assert len(found.exponents) < len(exponents_up_to(3, 4)) or found.dropped == 0
+    result = traced(view, spp=16)
+    assert len(result.exponents) < len(exponents_up_to(3, 4)) or result.dropped == 0
     # What is lost is judged by other paths than those that picked: a little more than they saw.
-    assert 0 <= found.dropped <= 2 * transport.DROPPED
+    assert 0 <= result.dropped <= 2 * transport.DROPPED
 
 
 def test_a_transport_that_does_not_fit_into_memory_is_refused_beforehand():
@@ -194,17 +188,17 @@ def test_eight_materials_and_eight_bounces_are_pruned_to_what_is_worth_its_memor
                                 bands={"one": np.ones(2)}, range_nm=(400.0, 700.0), size=SIZE))
     unit = UnitScene(many, {name: name for name in names}, SIZE, 8)
     whole_picture = np.zeros_like(ALL)
-    found = trace_transport(unit, whole_picture, spp=64, seed=3)
-    assert product_count(8, 8) == 12870 and len(found.exponents) < 10000
-    assert transport.DROPPED < found.dropped < 1e-3
+    result = trace_transport(unit, whole_picture, spp=64, seed=3)
+    assert product_count(8, 8) == 12870 and len(result.exponents) < 10000
+    assert transport.DROPPED < result.dropped < 1e-3
     whole = trace_transport(unit, whole_picture, spp=256, seed=4, exponents=exponents_up_to(8, 8))
-    kept = {tuple(row) for row in found.exponents.tolist()}
+    kept = {tuple(row) for row in result.exponents.tolist()}
     bright = whole.coefficients[0] * transport.BRIGHTEST ** whole.exponents.sum(axis=1)
     lost = sum(value for row, value in zip(whole.exponents.tolist(), bright, strict=True)
                if tuple(row) not in kept)
     # Two estimates from 500 000 and 260 000 paths, of which a few hundred end in the dropped
     # products.
-    assert lost / bright.sum() == pytest.approx(found.dropped, rel=0.4)
+    assert lost / bright.sum() == pytest.approx(result.dropped, rel=0.4)
 
 
 def eight_materials(names):

@@ -119,7 +119,7 @@ def test_another_exposure_needs_no_scale_and_adds_no_band(first):
     # Seven white surfaces share one scale: well below the 2 % that each block is allowed.
     assert scale.value == pytest.approx(2.5, rel=0.02)
     alone = reconstruct_views([first], SETTINGS, silent)
-    variances = [np.einsum("mkk->m", found.signal_covariance).sum() for found in (joint, alone)]
+    variances = [np.einsum("mkk->m", each.signal_covariance).sum() for each in (joint, alone)]
     assert variances[0] < variances[1]
 
 
@@ -250,12 +250,12 @@ def test_what_a_material_is_said_to_be_decides_what_the_photo_leaves_open(first)
     names = [material.name for material in first.materials]
     broad = LearntSpectra(GRID.nm, np.full(GRID.nm.size, 0.4), 0.04 * np.eye(GRID.nm.size))
     narrow = LearntSpectra(GRID.nm, TRUTH["red"], 1e-4 * np.eye(GRID.nm.size))
-    said = replace(first, materials=tuple(
+    message = replace(first, materials=tuple(
         replace(material, learnt=narrow if material.name == "red" else None)
         for material in first.materials))
     settings = replace(SETTINGS, spectrum_prior="learnt", learnt=broad)
     free, stated = (np.sqrt(np.mean((reconstruct_views([one], settings, silent).views[0].spectra
-                                     - SPECTRA)**2, axis=1)) for one in (first, said))
+                                     - SPECTRA)**2, axis=1)) for one in (first, message))
     red = names.index("red")
     # within the narrow prior, and a fraction of what the broad one leaves open
     assert stated[red] < 0.015 and stated[red] < free[red] / 3
@@ -264,5 +264,5 @@ def test_what_a_material_is_said_to_be_decides_what_the_photo_leaves_open(first)
 
 
 def test_what_only_the_prior_says_is_said(first):
-    found = reconstruct_views([first], replace(SETTINGS, coefficients=20), silent).views[0]
-    assert "left to the prior" in found.notes[0] and "Solved, but" in found.outcome.value
+    fit = reconstruct_views([first], replace(SETTINGS, coefficients=20), silent).views[0]
+    assert "left to the prior" in fit.notes[0] and "Solved, but" in fit.outcome.value

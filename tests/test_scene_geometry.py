@@ -44,15 +44,15 @@ def placed(x):
 def test_a_scene_carries_what_was_estimated_of_it(tmp_path):
     path = tmp_path / "scene.xml"
     path.write_text(SCENE, encoding="utf-8")
-    for said, write in ((placed(1), lambda said: scene_with_camera(path, CAMERA, (8, 6), tmp_path,
-                                                                   said)),
-                        (moved(), lambda said: scene_with_light_moved(
-                            path, 0, np.array(said.moved), tmp_path, said)),
-                        (moved(by=(0.5, 0.0, 0.0)), lambda said: scene_with_light_moved(
-                            path, 0, np.array(said.moved), tmp_path, said)),
-                        (placed(2), lambda said: scene_with_camera(path, CAMERA, (8, 6), tmp_path,
-                                                                   said))):
-        path.write_text(write(said), encoding="utf-8")
+    for new, write in ((placed(1), lambda new: scene_with_camera(path, CAMERA, (8, 6), tmp_path,
+                                                                 new)),
+                       (moved(), lambda new: scene_with_light_moved(
+                            path, 0, np.array(new.moved), tmp_path, new)),
+                       (moved(by=(0.5, 0.0, 0.0)), lambda new: scene_with_light_moved(
+                            path, 0, np.array(new.moved), tmp_path, new)),
+                       (placed(2), lambda new: scene_with_camera(path, CAMERA, (8, 6), tmp_path,
+                                                                 new))):
+        path.write_text(write(new), encoding="utf-8")
     # the camera of the last pose, and every move of the light
     assert refinements(path) == (moved(), moved(by=(0.5, 0.0, 0.0)), placed(2))
     text = path.read_text(encoding="utf-8")
@@ -179,17 +179,17 @@ def test_geometry_light_says_what_to_write_into_a_box(captured):
     from spectrabox.reconstruct.scene.box_scene import is_of_box
     from spectrabox.reconstruct.scene.light_position import LightPosition
     from spectrabox.session.commands.lamp import _light_text
-    made = CliRunner().invoke(app, ["geometry", "box", str(rewritten(captured, **FAR).folder)])
-    assert made.exit_code == 0, made.output
+    answer = CliRunner().invoke(app, ["geometry", "box", str(rewritten(captured, **FAR).folder)])
+    assert answer.exit_code == 0, answer.output
     assert is_of_box(captured / "scene.xml")
     assert not is_of_box(captured / "scene" / "box.xml")
     estimate = LightPosition("lamp", np.array([2.0, -1.234, 5.0]), np.array([1.0, 1.0, 2.0]),
                              np.eye(3), LightScale(1.0, 0.1, None, "surfaces"), 3.0, 1.1,
                              np.zeros((2, 3)), Outcome.CONVERGED)
-    said = _light_text(estimate, captured / "lit.xml", True)
-    assert "moved_mm = [2.0, -1.23, 5.0]\nmoved_error_mm = [1.0, 1.0, 2.0]" in said
+    message = _light_text(estimate, captured / "lit.xml", True)
+    assert "moved_mm = [2.0, -1.23, 5.0]\nmoved_error_mm = [1.0, 1.0, 2.0]" in message
     text = (captured / "session.toml").read_text(encoding="utf-8")
-    lines = "\n".join(line for line in said.splitlines() if line.startswith("moved"))
+    lines = "\n".join(line for line in message.splitlines() if line.startswith("moved"))
     text = text.replace("radius_mm = 8 ", f"{lines}\nradius_mm = 8 ")
     (captured / "session.toml").write_text(text, encoding="utf-8")
     assert read_session(captured).box.lamp.position_mm == (52.0, 268.77, 385.0)

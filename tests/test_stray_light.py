@@ -42,8 +42,8 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
     surface = np.repeat([[0, 0, 1]], 40, axis=0).repeat(10, axis=1)
     irradiance = rng.uniform(0.2, 1.0, surface.shape)
     clean = joint(irradiance, surface)
-    found = {stray.cause: stray.relative
-             for stray in with_stray_light(clean, np.full(3, 0.01), 0.004).stray_light}
+    estimate = {stray.cause: stray.relative
+                for stray in with_stray_light(clean, np.full(3, 0.01), 0.004).stray_light}
     photo = clean.views[0].measured
     hazy = photo + 0.01 * photo.mean(axis=(0, 1))
     lit = joint(irradiance + 0.004 * np.percentile(irradiance, 99), surface).views[0].measured
@@ -51,7 +51,7 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
         more = [spoilt[surface == paint].mean(axis=0) / photo[surface == paint].mean(axis=0) - 1
                 for paint in (0, 1)]
         # Round-off.
-        np.testing.assert_allclose(found[cause], more, rtol=1e-9)
+        np.testing.assert_allclose(estimate[cause], more, rtol=1e-9)
 
 
 def test_dark_paint_owes_most_to_glare_and_shadow_to_ambient_light():
@@ -84,14 +84,14 @@ def test_the_lamps_position_moves_the_light_on_the_chart_as_a_moved_lamp_does(tm
 def test_a_session_names_each_cause_in_its_budget(finished):
     config = read_session(finished)
     records = load_finished(config).records
-    made, calibrations = records.reconstruct.joint, records.calibrations(config)
-    parts = errors_by_cause(scene_signals(made, calibrations), 0)
+    session, calibrations = records.reconstruct.joint, records.calibrations(config)
+    parts = errors_by_cause(scene_signals(session, calibrations), 0)
     assert parts.keys() <= CAUSES.keys()
     assert {GLARE, STRAY_LIGHT, LAMP_AT_CHART} <= set(parts)
     # Inverse squares, 0.5 % along each axis: 1 %, less where the light falls at an angle.
-    errors = {error.cause: error.relative for error in made.views[0].light_scale.common_errors}
+    errors = {error.cause: error.relative for error in session.views[0].light_scale.common_errors}
     assert 0.005 < errors[LAMP_AT_CHART] < 0.012
-    without = dataclasses.replace(made, stray_light=())
+    without = dataclasses.replace(session, stray_light=())
     total = sum(errors_by_cause(scene_signals(without, calibrations), 0).values())
     # Round-off.
     np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[STRAY_LIGHT],

@@ -11,11 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
-from spectrabox.capture.meter.measurement import (
-    open_instrument,
-    take_reading,
-    trusted_identity,
-)
+from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.serial_line import Hold, Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, Transcript
