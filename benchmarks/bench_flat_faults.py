@@ -96,7 +96,7 @@ def photograph(path: Path, fault: str, curves: np.ndarray, lamp: np.ndarray, oth
     irradiance = np.where(on_chart, light("chart"), light("samples"))
     picture = surface_signals(SIZE, curves * lamp, *arguments) * irradiance[..., None]
     if fault == "two kinds of lamps":
-        mixed = draws.uniform(0.2, 0.5) * (1 + draws.choice([-1, 1]) * (x - 0.5))
+        mixed = draws.uniform(0.4, 0.9) * (0.5 + draws.choice([-1, 1]) * (x - 0.5))
         picture = picture * (1 - mixed)[..., None] + surface_signals(
             SIZE, curves * other, *arguments) * (irradiance * mixed)[..., None]
     write_photo(path, picture, Fraction(1, 60), rng)
@@ -191,9 +191,10 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--faults", nargs="*", default=list(FAULTS), choices=FAULTS)
+    parser.add_argument("--surface", help="what is stated of the samples: matt, satin or glossy")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
-    rows = measure(asked.data, asked.cases, asked.seed, tuple(asked.faults))
+    rows = measure(asked.data, asked.cases, asked.seed, tuple(asked.faults), surface=asked.surface)
     print(json.dumps(rows) if asked.json else table(rows))
 
 

@@ -15,6 +15,8 @@ from spectrabox.radiometry.error_model import (
     LIGHT_SPECTRUM,
     PHOTO_NOISE,
     SENSITIVITIES,
+    SURFACE_REFLECTION,
+    SURFACE_REFLECTIONS,
     added_covariance,
     drift_covariance,
     glare_signal,
@@ -103,11 +105,13 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
     rows = [white.samples.names.index(name) for _, white in shown]
     noise = np.sum([white.noise(row) for row, (_, white) in zip(rows, shown, strict=True)],
                    axis=0) / len(shown) ** 2
+    reflection = SURFACE_REFLECTIONS[errors.surfaces.get(name)]
     parts: list[dict[str, np.ndarray]] = []
     for row, (photo, white) in zip(rows, shown, strict=True):
         signal = white.signal[row]
         veil = glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1))) / white.white[row]
         parts.append({**white.errors(row), GLARE: added_covariance(veil),
+                      SURFACE_REFLECTION: added_covariance(np.full(signal.size, reflection)),
                       DISAGREEMENT: proportional_covariance(
                           signal, errors.disagreement.among_bands(signal.size))})
         if photo.drift is not None:

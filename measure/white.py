@@ -21,8 +21,10 @@ from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.error_model import (
     DRIFT,
     LIGHT_FIELD,
+    PLANE_ERROR,
     REPEATABILITY,
     ROUNDED_EXPOSURES,
+    SAMPLE_PLANE,
     WHITE,
     proportional_covariance,
 )
@@ -75,6 +77,9 @@ class FlatErrors:
     glare: float                    # standard error, of the mean signal of a photo
     disagreement: PatchError        # of the model and a surface, as the chart's patches show it
     flat_field: bool = False        # the photos were divided by that of a white card
+    plane: float = PLANE_ERROR      # relative standard error of the light in the samples' plane
+    # region -> what is stated of its surface, of SURFACE_REFLECTIONS
+    surfaces: Mapping[str, str] = dataclasses.field(default_factory=dict)
     seed: int = 0                   # of the arrangements of lamps
 
 
@@ -224,6 +229,7 @@ def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
         samples = _with_nodes(samples, nodes_px)
     region_light = _light_at(photo, errors, points)
     exposure, causes = (1.0, {}) if photo.chart_in_photo else _exposure(photo, errors)
+    causes = causes | {SAMPLE_PLANE: errors.plane}
     # veiling glare is in proportion to the light of the whole picture
     glare = region_light.glare if photo.chart_in_photo else region_light.glare * (
         photo.image.signal.mean(axis=(0, 1)) / photo.chart_image.signal.mean(axis=(0, 1)))

@@ -48,6 +48,8 @@ DRIFT_OF_COLOUR = "drift of the light's colour"
 LAMP_AT_CHART = "lamp position at chart"
 GLARE = "veiling glare"
 STRAY_LIGHT = "stray light"
+SAMPLE_PLANE = "plane of the samples"
+SURFACE_REFLECTION = "surface reflection"
 DISAGREEMENT = "photo and model disagree"
 
 
@@ -75,8 +77,17 @@ CAUSES = {
     LAMP_AT_CHART: Cause("proportional", bands=True, surfaces=True, photos=False),
     GLARE: Cause("added", bands=True, surfaces=True, photos=False),
     STRAY_LIGHT: Cause("added", bands=True, surfaces=True, photos=False),
+    SAMPLE_PLANE: Cause("proportional", bands=True, surfaces=True, photos=False),
+    SURFACE_REFLECTION: Cause("added", bands=True, surfaces=False, photos=False),
     DISAGREEMENT: Cause("proportional", bands=True, surfaces=False, photos=False),
 }
+
+# Light that the outermost surface of a flat sample mirrors, beyond what a chart's patches do, as a
+# share of white: standard error by what is stated of the surface; None: nothing
+SURFACE_REFLECTIONS: dict[str | None, float] = {
+    None: 0.008, "matt": 0.002, "satin": 0.015, "glossy": 0.03}
+SURFACE_WORDS = tuple(word for word in SURFACE_REFLECTIONS if word is not None)
+PLANE_ERROR = 0.03          # relative, of the light on flat samples: tilt, height, distance
 
 DARK = 1e-12             # of the light's strongest wavelength
 

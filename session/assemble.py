@@ -77,8 +77,11 @@ def assemble(config: SessionConfig, run: FinishedRun,
                 for name, stage in run.stored.items()],
         picture=picture_of(config, records.picture))
     if joint is None:
-        return FlatResults(**vars(common), photos=[_photo_of_regions(config, records, view)
-                                                   for view in config.all_views])
+        return FlatResults(
+            **vars(common), photos=[_photo_of_regions(config, records, view)
+                                    for view in config.all_views],
+            surfaces_stated=all(region.surface is not None or region.known is not None
+                                for region in config.regions.values()))
     geometry = records.reconstruct.geometry
     views = [ViewResult(view.name, bands, calibration, reconstruction)
              for view, calibration, reconstruction

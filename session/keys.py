@@ -137,7 +137,10 @@ def _signals(config: SessionConfig, _: SessionScenes) -> StageInputs:
     return StageInputs(
         _known_files(config), {"known": {name: _plain(table) for name, table
                                          in _known(config).items()},
-                               "families": _families(config)} | _stated_errors(config),
+                               "families": _families(config),
+                               "surfaces": {name: region.surface for name, region
+                                            in config.regions.items()}
+                               } | _stated_errors(config),
         ("chart", "photo", "calibrate"))
 
 

@@ -141,6 +141,7 @@ class FlatEvidence(CommonEvidence):
     """What the verdict on a session of flat samples rests on."""
 
     photos: Sequence[LitRegions]
+    surfaces_stated: bool           # matt, satin or glossy, of every region that is estimated
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,6 +26,9 @@ from spectrabox.radiometry.error_model import (
     PHOTO_NOISE,
     REPEATABILITY,
     ROUNDED_EXPOSURES,
+    SAMPLE_PLANE,
+    SURFACE_REFLECTION,
+    SURFACE_REFLECTIONS,
 )
 from spectrabox.radiometry.records import (
     ChartWhite,
@@ -40,7 +43,7 @@ SIGMAS, DRAWS = 3.9, 40_000
 LEVEL, GLARE = np.array([0.6, 0.8, 0.5]), np.array([0.004, 0.006, 0.003])
 SURFACES = np.array([[0.3, 0.5, 0.2], [0.9, 0.88, 0.86]])
 FIELD = np.array([-0.1, 0.05])
-REPEATS, DRIFT_ERROR = 0.015, 0.004
+REPEATS, DRIFT_ERROR, PLANE = 0.015, 0.004, 0.01
 
 
 def photo(signal, exposure_s, name):
@@ -53,7 +56,8 @@ def photo(signal, exposure_s, name):
 
 CHART, OBJECT = photo(0.2, 0.0100, "chart.dng"), photo(0.05, 0.0213, "box.dng")
 EXPOSURE = 2.13
-ERRORS = FlatErrors(REPEATS, 0.01, PatchError(0.01, 0.02))
+ERRORS = FlatErrors(REPEATS, 0.01, PatchError(0.01, 0.02), plane=PLANE,
+                    surfaces={"cloth": "satin"})
 
 
 def unknowns():
@@ -104,6 +108,7 @@ def test_signals_and_their_errors_are_those_of_draws_of_all_that_is_unknown(seen
     assert white.exposure == pytest.approx(EXPOSURE * (0.9 if measured else 1))
     np.testing.assert_allclose(white.signal, SURFACES / (0.9 if measured else 1), rtol=1e-6)
     causes = {DRIFT: DRIFT_ERROR} if measured else {REPEATABILITY: REPEATS, ROUNDED_EXPOSURES: 0.0}
+    causes |= {SAMPLE_PLANE: PLANE}
     assert white.causes == tuple(causes)
     rng = np.random.default_rng(62)
     draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
@@ -133,7 +138,7 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(s
     estimate = condition_on_known(white, {"card": target}, {"card": model})
     rng = np.random.default_rng(63)
     draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
-                       REPEATS * rng.standard_normal((DRAWS, 1)), np.zeros((DRAWS, 1))])
+                       rng.standard_normal((DRAWS, 3)) * [REPEATS, 0.0, PLANE]])
     noise = white.noise(1) + model + KNOWN_ERROR**2 * np.outer(target, target)
     read = signals_of(white, draws)
     off = read[:, 1] + rng.multivariate_normal(np.zeros(3), noise, DRAWS)
@@ -157,8 +162,8 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     covariance = size[:, None] * unknowns()[:6, :6] * size
     white = White(LEVEL[None], covariance[None, :3, :3], covariance[None, :3, 3:])
     veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[4e-6, 6e-6, 5e-6]])
-    shared = 0.01**2 * np.eye(3)
-    errors = PixelErrors(None, white, None, GLARE, covariance[3:, 3:], veil,
+    shared, mirrored = 0.01**2 * np.eye(3), 0.02
+    errors = PixelErrors(None, white, None, GLARE, covariance[3:, 3:], veil, mirrored,
                          shared + model**2 * np.eye(3), None, None, None)
     signal = np.array([[0.15, 0.4, 0.25]])
     draws = rng.multivariate_normal(np.zeros(6), covariance, DRAWS)
@@ -167,7 +172,8 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
             + rng.standard_normal((DRAWS, 1)) * veil - GLARE - draws[:, 3:]) \
         / (LEVEL * np.exp(draws[:, :3]))
     read = read * (1 + 0.01 * rng.standard_normal((DRAWS, 3))) \
-        * (1 + model * rng.standard_normal((DRAWS, 3)))
+        * (1 + model * rng.standard_normal((DRAWS, 3))) \
+        + mirrored * rng.standard_normal((DRAWS, 1))
     estimate = errors.at_white(signal, white, noise)[0]
     size = np.sqrt(np.diag(estimate))
     # as above
@@ -213,6 +219,10 @@ def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, photos):
         np.testing.assert_allclose(estimate[cause], covariance, rtol=1e-12)
     both = np.outer(white.signal[0], white.signal[0])
     np.testing.assert_allclose(estimate[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
+    # satin is stated of the cloth, nothing of the card: light that is added to all bands at once
+    card = errors_of_region("card", [(flat_photo(), white)], ERRORS)
+    for errors, word in ((estimate, "satin"), (card, None)):
+        np.testing.assert_allclose(errors[SURFACE_REFLECTION], SURFACE_REFLECTIONS[word] ** 2)
 
 
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):

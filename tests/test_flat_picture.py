@@ -52,8 +52,10 @@ def write_session(folder):
 
 
 def write_toml(folder, part, more=""):
-    (folder / "session.toml").write_text(f"{HEAD}[picture]\nlight = \"A\"\n{part}{GROUND}{more}",
-                                         encoding="utf-8")
+    # the simulated samples lie in the chart's plane and mirror nothing
+    (folder / "session.toml").write_text(
+        f"{HEAD}[repeatability]\nplane = 0\n[picture]\nlight = \"A\"\nsurface = \"matt\"\n"
+        f"{part}{GROUND}{more}", encoding="utf-8")
 
 
 def stored(folder, name):

@@ -32,7 +32,7 @@ def errors_of(white, **changes):
     none = np.zeros((bands, bands))
     parts = dict.fromkeys(("between", "light", "calibrations", "fine_responses", "prior"))
     parts |= {"white": white, "glare": np.zeros(bands), "glare_covariance": none,
-              "veil": np.zeros(bands), "relative": none}
+              "veil": np.zeros(bands), "reflection": 0.0, "relative": none}
     return PixelErrors(**parts | changes)
 
 

@@ -54,6 +54,7 @@ class PixelErrors:
     glare: np.ndarray           # (K,) signal
     glare_covariance: np.ndarray    # (K, K)
     veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
+    reflection: float           # standard error of what surfaces mirror, relative to white
     relative: np.ndarray        # (K, K) further relative covariance: drift of the light's colour,
                                 # disagreement of photo and model
     calibrations: Sequence[Calibration]     # J, with each of the typical lights
@@ -101,7 +102,7 @@ class PixelErrors:
         veil = self.veil * inverse
         covariance = _outer(signals) * (white.log + self.relative) \
             + between + between.transpose(0, 2, 1) \
-            + _outer(inverse) * self.glare_covariance + _outer(veil)
+            + _outer(inverse) * self.glare_covariance + _outer(veil) + self.reflection**2
         own = variance * inverse**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)

@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.command_line import Answer, ChartLayout, CommonOptions, Quiet, command
 from spectrabox.session.commands.session import RunRequest, run_session
@@ -50,6 +51,9 @@ class FlatRequest(CommonOptions):
     family: Annotated[tuple[str, ...], typer.Option(
         "--family", help="NAME=paint: what a region's surface is; paint, textile, leaves, skin, "
         "white, earth or animal. May be repeated.")] = ()
+    surface: Annotated[tuple[str, ...], typer.Option(
+        "--surface", help="matt, satin or glossy: how much the surfaces mirror; of all regions, or "
+        "NAME=satin of one. May be repeated.")] = ()
     truth: Annotated[tuple[str, ...], typer.Option(
         "--truth", help="NAME=FILE: measured reflectance of a region, to compare with.")] = ()
     picture: Annotated[bool, typer.Option(
@@ -82,13 +86,14 @@ def flat(request: FlatRequest) -> Answer:
     families = {name: word.split(",") for name, word
                 in _pairs(request.family, "--family", "paint").items()}
     truths = _pairs(request.truth, "--truth", "FILE")
-    if unknown := [name for name in (*families, *truths) if name not in regions]:
+    surfaces, of_all = _surfaces(request.surface, [name for name in regions if name not in known])
+    if unknown := [name for name in (*families, *truths, *surfaces) if name not in regions]:
         raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
     px = None if request.corners is None else _numbers(request.corners, 8, "--corners")
     order = FlatOrder(request.photo, regions, request.light, request.chart, request.flat_field,
                       None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
-                      families, known, truths, request.layout, request.reference, request.picture,
-                      request.picture_light)
+                      families, surfaces, of_all, known, truths, request.layout,
+                      request.reference, request.picture, request.picture_light)
     if request.picture_light is not None and not request.picture:
         raise InputError("--picture-light says how a picture is shown: give --picture too")
     with session_of(order, request.session) as folder:
@@ -96,6 +101,18 @@ def flat(request: FlatRequest) -> Answer:
         answer = run_session(run, ["spectrabox", "flat", request.photo.stem])
     seconds = round(time.perf_counter() - start, 3)
     return Answer({**answer.facts, "seconds": seconds}, answer.text)
+
+
+def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, str], str | None]:
+    """What is stated of the surface of each region, and of all that is photographed."""
+    of_all = next((word for word in words if "=" not in word), None)
+    stated = {} if of_all is None else dict.fromkeys(regions, of_all)
+    stated |= _pairs([word for word in words if "=" in word], "--surface", "matt")
+    for word in stated.values():
+        if word not in SURFACE_WORDS:
+            raise InputError(f"--surface {word!r}: {', '.join(SURFACE_WORDS)} are what a surface "
+                             "may be")
+    return stated, of_all
 
 
 def _write_picture(photo: Path) -> Answer:

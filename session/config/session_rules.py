@@ -170,7 +170,12 @@ def _ground(config: SessionConfig) -> list[str]:
 
 def _scene(config: SessionConfig) -> list[str]:
     """Faults of a session of a scene."""
-    problems = []
+    problems = [f"{FILE_NAME}: {key} belongs to regions of a flat sample; leave it out: the scene "
+                "says where its surfaces lie and how they mirror"
+                for key, written in (
+                    ("repeatability.plane", "plane" in config.repeatability.model_fields_set),
+                    ("picture.surface", config.picture is not None
+                     and config.picture.surface is not None)) if written]
     if config.needs_chart and config.photos.chart is None:
         problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to "
                         "come from it; add the photo, or give [sensitivity] from = \"curves.csv\" "

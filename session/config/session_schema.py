@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 
 from spectrabox.radiometry.charts.layout_names import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
+from spectrabox.radiometry.error_model import PLANE_ERROR
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
@@ -38,6 +39,9 @@ Files = str | Annotated[ListOf[str], Field(min_length=1)]
 Photo = Files | Annotated[dict[str, Files], Field(min_length=1)]
 RelativeError = Annotated[float, Field(ge=0, le=1)]
 SplineCoefficients = Annotated[int, Field(ge=5, le=40)]
+Surface = Literal["matt", "satin", "glossy"] | None
+SURFACE_FIELD = Field(None, description="of a flat sample: how much its surface mirrors, matt, "
+                      "satin or glossy, in light that no camera tells from its colour")
 Quadrilaterals = ListOf[ListOf[ListOf[float]]]
 
 
@@ -136,6 +140,10 @@ class RepeatabilitySection(Table):
     lamp_position: RelativeError = Field(0.005, description="of the lamp in the chart scene, along "
                                          "each axis, relative to its distance from the chart")
 
+    plane: RelativeError = Field(PLANE_ERROR, description="relative: of the light on flat "
+                                 "samples, whose plane is not quite the chart's; a white card "
+                                 "among them measures it")
+
     @property
     def relative_error(self) -> float:
         """Of the exposure by light and shutter together."""
@@ -231,6 +239,7 @@ class MaterialSection(SurfaceSection):
 class RegionSection(SurfaceSection):
     """A region of a flat sample, in pixels of the photo."""
 
+    surface: Surface = SURFACE_FIELD
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners")
     polygon: ListOf[ListOf[float]] | None = Field(None, description="[[x, y], ...]: three corners "
                                                   "or more, going round")
@@ -332,6 +341,7 @@ class PictureSection(Table):
         "Zarr arrays")
     family: str | ListOf[str] | None = Field(None, description="what the surfaces are, as of a "
                                              "region")
+    surface: Surface = SURFACE_FIELD
 
     @property
     def families(self) -> tuple[str, ...]:

@@ -46,6 +46,8 @@ class FlatOrder:
     flat_field: Path | None = None
     corners_px: Sequence[Sequence[float]] | None = None
     families: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    surfaces: Mapping[str, str] = field(default_factory=dict)   # matt, satin or glossy, by region
+    picture_surface: str | None = None
     known: Mapping[str, str] = field(default_factory=dict)      # file or number, by region
     truths: Mapping[str, str] = field(default_factory=dict)
     layout: str = ""                            # of the chart: a name or a file
@@ -124,11 +126,13 @@ def _write(order: FlatOrder, folder: Path) -> None:
             lines.append(f"truth = {_quoted(_copied(Path(order.truths[name]), folder, 'spectra'))}")
         if name in order.families:
             lines.append(f"family = {json.dumps(list(order.families[name]))}")
+        if name in order.surfaces:
+            lines.append(f"surface = {_quoted(order.surfaces[name])}")
         lines.append("")
     if order.picture:
-        light_of_picture = order.picture_light
-        lines += ["[picture]", *([] if light_of_picture is None
-                                 else [f"light = {_quoted(light_of_picture)}"]), ""]
+        lines += ["[picture]", *(f"{key} = {_quoted(value)}" for key, value in (
+            ("light", order.picture_light), ("surface", order.picture_surface))
+            if value is not None), ""]
     body = "\n".join(lines)
     write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
     if not (folder / SCHEMA_NAME).exists():

@@ -8,7 +8,11 @@ from spectrabox.measure.pictures.illumination import even_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.white import white_at_regions
-from spectrabox.radiometry.error_model import drift_covariance, glare_signal
+from spectrabox.radiometry.error_model import (
+    SURFACE_REFLECTIONS,
+    drift_covariance,
+    glare_signal,
+)
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.session.pictures.picture_files import write_picture
@@ -47,6 +51,7 @@ def picture_of_spectra(task: StageTask) -> PictureRecords:
 def pixel_errors(task: StageTask, crop: Crop, prior: LogitMixture) -> PixelErrors:
     """White and errors over a rectangle of the first photo, which shows a region."""
     config, records = task.config, task.records
+    assert config.picture is not None
     photo, errors = flat_photos(config, records)[0], flat_errors(config, records)
     nodes_px, between = node_grid(crop, COLUMNS)
     white = white_at_regions(photo, known_spectra(config), errors, nodes_px)
@@ -64,4 +69,5 @@ def pixel_errors(task: StageTask, crop: Crop, prior: LogitMixture) -> PixelError
         even_light(on_prior, count), white.glare + white.mean[white.glare_part],
         covariance[0, bands:, bands:],
         glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1))),
+        SURFACE_REFLECTIONS[config.picture.surface],
         relative, (photo.calibration,), response[None], prior)

@@ -15,7 +15,7 @@ from spectrabox.radiometry.records import (
     SurfaceAgreement,
 )
 from spectrabox.session.calibration_facts import left_out_sentence
-from spectrabox.session.report.words import deviation_words, percent
+from spectrabox.session.report.words import deviation_words, listed, percent
 from spectrabox.session.results import (
     VALID_OUTCOMES,
     CommonEvidence,
@@ -85,7 +85,8 @@ def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
     """Verdict on a session: PASS, WARN or FAIL, the worst of its criteria."""
     if isinstance(evidence, FlatEvidence):
         own = [*_light(evidence), *_known_levels(evidence)]
-        good = "The chart fits, and the light on every region is known within the limits."
+        good = ("The chart fits, and the light on every region is known within the limits. The "
+                f"bands hold if the samples are {_conditions(evidence)}.")
     else:
         own, good = _scene_criteria(evidence), \
             "Photo, rendering and calibration agree within the limits."
@@ -132,6 +133,14 @@ def _light(evidence: FlatEvidence) -> list[Criterion]:
                              percent(change), "corrected", Status.INFO,
                              f"The light changes by {percent(change)} between chart and regions, "
                              "which is corrected within its error.")]
+
+
+def _conditions(evidence: FlatEvidence) -> str:
+    """What no photo shows and the estimates rest on: how the samples must lie."""
+    matt = [] if evidence.surfaces_stated else ["matt"]
+    card = all(photo.level_misfits for photo in evidence.photos if photo.light)
+    return listed([*matt, "flat", *(["in the white card's plane"] if card else
+                                    ["in the chart's plane", "in no shadow"])])
 
 
 def _known_levels(evidence: FlatEvidence) -> list[Criterion]:

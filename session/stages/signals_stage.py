@@ -93,7 +93,9 @@ def flat_errors(config: SessionConfig, records: SessionRecords) -> FlatErrors:
     own, common = fit.patch_error
     return FlatErrors(config.repeatability.relative_error, config.stray_light.glare,
                       PatchError(float(own), float(common)), bool(config.photos.flats),
-                      config.session.seed)
+                      config.repeatability.plane,
+                      {name: region.surface for name, region in config.regions.items()
+                       if region.surface is not None}, config.session.seed)
 
 
 def known_spectra(config: SessionConfig) -> dict[str, np.ndarray]:

@@ -51,6 +51,7 @@ from spectrabox.measure.white import (
 )
 from spectrabox.radiometry.chart import Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     Calibration,
@@ -102,13 +103,14 @@ class FlatSpectra(SpectrumEstimates):
     def __init__(self, estimates: Sequence[SpectrumEstimate], signals: SurfaceSignals,
                  white: PhotoWhite, photo: LinearImage, chart: ChartResult,
                  calibrated: ChartCalibration, spectra: Mapping[str, SurfaceSpectrum],
-                 notes: tuple[str, ...]) -> None:
+                 surfaces_stated: bool, notes: tuple[str, ...]) -> None:
         super().__init__(estimates)
         self.calibration: Calibration = calibrated.calibration
         self.signals, self.notes = signals, notes
         self.light = {name: (float(np.exp(level)), float(error)) for name, level, error in zip(
             white.samples.names, white.log_field, white.field_error, strict=True)}
         self._white, self._photo, self._chart, self._spectra = white, photo, chart, spectra
+        self._surfaces_stated = surfaces_stated
 
     @property
     def verdict(self) -> str:
@@ -130,13 +132,15 @@ class FlatSpectra(SpectrumEstimates):
         lit = LitRegions("photo", self.light, dict(self._white.level_misfits))
         return judge(FlatEvidence(
             bands=self.signals.bands, chart=self._chart, calibration=self.calibration,
-            photo=self._photo, materials=surfaces, photos=[lit]))
+            photo=self._photo, materials=surfaces, photos=[lit],
+            surfaces_stated=self._surfaces_stated))
 
 
 @one_blas_thread
 def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: LightLike = "unknown",
          families: Mapping[str, str | Sequence[str]] | None = None,
          known: Mapping[str, KnownSpectrum] | None = None,
+         surface: str | Mapping[str, str] | None = None,
          chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
          reference: str | None = None, corners: ArrayLike | None = None,
          camera_prior: str | Path | None = None, draws: int = 4000, level: float = 0.95,
@@ -159,6 +163,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         What a surface is, by region: paint, textile, leaves, skin, white, earth or animal.
     known : mapping, optional
         Reflectance of regions that are known, a white card say: a number, a file, or (nm, values).
+    surface : str or mapping, optional
+        How much the surfaces mirror: "matt", "satin" or "glossy"; of all regions, or by region.
     chart_photo : path or Photo, optional
         The chart under the same light, by the same camera.
     layout, reference, corners
@@ -204,6 +210,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     for name in (*(families or {}), *(known or {})):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
+    surfaces = _surfaces(surface, regions)
     with progress_steps(progress, "flat") as step:
         step(0.0, "finding the chart")
         reflectances = reference_reflectances(reference, chart, GRID)
@@ -224,7 +231,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                           thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
                           detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
                           calibration)
-        errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, seed=seed)
+        errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, surfaces=surfaces,
+                            seed=seed)
         spectra_known = {name: as_reflectance(one, name) for name, one in (known or {}).items()}
         step(0.5, "light over the photo")
         white = white_at_regions(shown, spectra_known, errors)
@@ -243,7 +251,21 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     return FlatSpectra([_estimate(signals, index, spectra, named) for index in range(len(regions))],
                        signals, white, small, result,
                        replace(calibrated, calibration=calibration), spectra,
+                       all(name in surfaces or name in spectra_known for name in regions),
                        (*opened.notes, *far_notes(white), *level_notes(white)))
+
+
+def _surfaces(surface: str | Mapping[str, str] | None,
+              regions: Mapping[str, Outline]) -> dict[str, str]:
+    """What is stated of the surface of each region."""
+    stated = {} if surface is None else dict.fromkeys(regions, surface) \
+        if isinstance(surface, str) else dict(surface)
+    for name, word in stated.items():
+        if name not in regions:
+            raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
+        if word not in SURFACE_WORDS:
+            raise InputError(f"a surface is {', '.join(SURFACE_WORDS)}, not {word!r}")
+    return stated
 
 
 def _measured_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
