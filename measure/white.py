@@ -45,7 +45,8 @@ KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the li
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
 LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
 MAP_COLUMNS = 24            # of the map of the light over a photo
-FAR = 0.05                  # relative error of the light on a region, above which to say so
+# relative error of the light on a region, above which to say so: 5 % beside the 3 % of its plane
+FAR = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +136,11 @@ class PhotoWhite:
 
     @property
     def field_error(self) -> np.ndarray:
-        """Relative standard error (R,) of the light on each region."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)[self.field_part]))
+        """Relative standard error (R,) of the light on each region, its plane's among it."""
+        plane = self.exposure_part.start + self.causes.index(SAMPLE_PLANE)
+        rows = np.eye(self.mean.size)[self.field_part]
+        rows[:, plane] = 1
+        return np.asarray(np.sqrt(np.einsum("rz,zy,ry->r", rows, self.covariance, rows)))
 
     @property
     def signal(self) -> np.ndarray:

@@ -60,7 +60,7 @@ scene = "scene/chart.xml"           # light and chart in place; the chart is a r
 # light = {REPEATABILITY.light}
 # shutter = {REPEATABILITY.shutter}
 # lamp_position = {REPEATABILITY.lamp_position}             # in the chart scene, of its distance
-# plane = {REPEATABILITY.plane}                      # of the light on flat samples, beside the chart
+# plane = {REPEATABILITY.plane}                      # of the light on flat samples
 
 # [stray_light]                     # in the object photo; a dark room and a lens hood lower it
 # glare = {STRAY_LIGHT.glare}                     # of the picture's mean signal

@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from spectrabox.measure.white import LEVEL_DOUBTED
+from spectrabox.measure.white import FAR, LEVEL_DOUBTED
 from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.radiometry.records import (
     CalibrationDoubt,
@@ -33,7 +33,7 @@ CLIPPED_LIMITS = (0.05, float("inf"))
 # of wavelengths of patches left out, that the band should hold and does not: simulated charts of
 # cameras and lamps outside the prior stay below it (benchmarks/bench_patch_errors.py)
 LEFT_OUT_SHORT = 0.03
-LIGHT_LIMITS = (0.05, 0.15)           # relative error of the light on a region of a flat sample
+LIGHT_LIMITS = (FAR, 0.15)            # relative error of the light on a region of a flat sample
 DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured cameras",
           CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
           CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file",
