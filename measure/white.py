@@ -295,10 +295,14 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
         misfits[name] = _level_misfit(white, region, known[name], errors[name])
         rows, target = white.jacobian(region), known[name]
         residual = target - white.signal[region]
-        spread = rows @ white.covariance @ rows.T + white.noise(region) + errors[name] \
-            + KNOWN_ERROR**2 * np.outer(target, target)
-        _require_one_light(white.samples.names[region], residual / target,
-                           spread / np.outer(target, target))
+        own = white.noise(region) + errors[name] + KNOWN_ERROR**2 * np.outer(target, target)
+        spread = rows @ white.covariance @ rows.T + own
+        # an error of the level is one of the target's: in proportion to the reading, a difference
+        # of colour would take itself for one of level
+        expected = white.jacobian(region, target)
+        _require_one_light(name, residual / target,
+                           (expected @ white.covariance @ expected.T + own)
+                           / np.outer(target, target))
         _require_one_level(name, white.signal[region], target, misfits[name])
         gain = np.linalg.solve(spread, rows @ white.covariance).T
         white = dataclasses.replace(
@@ -385,7 +389,7 @@ def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray) 
     weights = np.linalg.solve(covariance, np.ones(len(relative)))
     level = float(weights @ relative / weights.sum())
     off = relative - level
-    errors = np.sqrt(np.diag(covariance))
+    errors = np.sqrt(np.diag(covariance) - 1 / weights.sum())   # of what differs from the level
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > OTHER_COLOUR and abs(off[worst]) > SIGMAS * errors[worst]:
         raise CheckError(f"region {name!r} of known spectrum reads {abs(off[worst]):.0%} "
