@@ -20,7 +20,7 @@ from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.measure.second_photo import LampsAtHand, lamp_candidates
 from spectrabox.radiometry.error_model import curve_errors, proportional_covariance
-from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import (
     Calibration,
     PatchSamples,
@@ -41,8 +41,7 @@ from spectrabox.sampling.prior.mixture import (
 )
 from spectrabox.sampling.prior.summaries import summaries
 
-GRID = visible_grid(1)
-TO_FINE = interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LEVEL, REFERENCE_LIGHT = 0.95, "D65"
 PHOTOS, SURFACES, SEED = 3, 20, 1
 COVARIANCE_DRAWS = 400          # of a family, for what a second photo brings
@@ -121,7 +120,7 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
     """
     rng, known = np.random.default_rng(seed), load_prior()
     cameras = draw_cameras(shoot.cameras, photos, rng) @ interpolation_matrix(shoot.cameras.nm,
-                                                                             GRID.nm).T
+                                                                             FINE_GRID.nm).T
     lamps = _lamps(shoot.light, photos, rng)
     rows, steps = [], []
     for curves, lamp in zip(cameras, lamps, strict=True):
@@ -130,7 +129,7 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
         fitted = _recovered(shoot, _fit(shoot, curves, lamp, rng), curves * lamp, truth, noise,
                             known)
         exact, daylight = (_exact(shoot, curves * light, truth, noise, known)
-                           for light in (lamp, named_light(REFERENCE_LIGHT, GRID)))
+                           for light in (lamp, named_light(REFERENCE_LIGHT, FINE_GRID)))
         rows.append(np.array([*fitted, *exact[:2], daylight[0]]).reshape(
             6, len(known.families), surfaces).mean(axis=2))
         steps.append(_second(shoot, curves, lamp, hand, known, rng))
@@ -145,7 +144,7 @@ def _lamps(light: Spectrum | UnknownLight, count: int, rng: np.random.Generator)
     if isinstance(light, UnknownLight):
         likely = lamps_like(light)
         return likely.spectra[rng.choice(len(likely.names), count, p=likely.weights)]
-    return np.tile(spectrum_on_grid(light, GRID), (count, 1))
+    return np.tile(spectrum_on_grid(light, FINE_GRID), (count, 1))
 
 
 def _surfaces(prior: LogitMixture, family: str, count: int,
@@ -161,18 +160,18 @@ def _surfaces(prior: LogitMixture, family: str, count: int,
 def _fit(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray,
          rng: np.random.Generator) -> PriorFit:
     """The fit to a simulated photo by curves (K, P) under a lamp (P,)."""
-    signal = shoot.reflectances @ response_matrix(GRID, curves, lamp).T
+    signal = shoot.reflectances @ response_matrix(FINE_GRID, curves, lamp).T
     signal = signal / signal.max() * (1 + shoot.noise * rng.standard_normal(signal.shape))
     patches, bands = signal.shape
     samples = PatchSamples(signal, np.zeros((patches, bands, bands)), np.ones(patches),
                            0 * signal, 0 * signal)
     stated = not isinstance(shoot.light, UnknownLight)
     photo = chart_equations(samples, shoot.reflectances, lamp if stated else np.ones_like(lamp),
-                            np.full(patches, np.pi), GRID, positions=shoot.positions)
+                            np.full(patches, np.pi), FINE_GRID, positions=shoot.positions)
     if isinstance(shoot.light, UnknownLight):
-        return fit_products([photo], shoot.cameras, lamps_like(shoot.light), GRID,
+        return fit_products([photo], shoot.cameras, lamps_like(shoot.light), FINE_GRID,
                             shoot.light.words).fit
-    return fit_with_prior([photo], shoot.cameras, GRID)
+    return fit_with_prior([photo], shoot.cameras, FINE_GRID)
 
 
 def _recovered(shoot: Shoot, fit: PriorFit, products: np.ndarray, truth: np.ndarray,
@@ -182,17 +181,18 @@ def _recovered(shoot: Shoot, fit: PriorFit, products: np.ndarray, truth: np.ndar
     Their signals are off by factors (n, K).
     """
     white = fit.photos[0].white
-    exact = response_matrix(GRID, products, np.ones(GRID.nm.size))
+    exact = response_matrix(FINE_GRID, products, np.ones(FINE_GRID.nm.size))
     # the photo's scale, from its brightest patch
     scale = 1 / (shoot.reflectances @ exact.T).max()
     signals = scale * truth @ TO_FINE.T @ exact.T * off / white.level
-    light = (Spectrum(GRID, np.ones(GRID.nm.size), Quantity.RELATIVE, "products")
+    light = (Spectrum(FINE_GRID, np.ones(FINE_GRID.nm.size), Quantity.RELATIVE, "products")
              if isinstance(shoot.light, UnknownLight) else shoot.light)
-    response = response_matrix(GRID, fit.sensitivity.curves, spectrum_on_grid(light, GRID))
+    response = response_matrix(FINE_GRID, fit.sensitivity.curves,
+                               spectrum_on_grid(light, FINE_GRID))
     response = response / white_signal(response)[:, None]
     bands = len(response)
     calibration = Calibration(fit.sensitivity, light, None, np.zeros((bands, bands)), ())
-    curves = curve_errors(calibration, GRID)
+    curves = curve_errors(calibration, FINE_GRID)
     relative = white.covariance[:bands, :bands] + fit.patch_error.among_bands(bands)
     estimate = truth.mean(axis=0) * np.ones_like(truth)
     for _ in range(2):
@@ -206,7 +206,7 @@ def _recovered(shoot: Shoot, fit: PriorFit, products: np.ndarray, truth: np.ndar
 def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: np.ndarray,
            prior: LogitMixture) -> list[np.ndarray]:
     """The same with products and white known."""
-    response = response_matrix(GRID, products, np.ones(GRID.nm.size))
+    response = response_matrix(FINE_GRID, products, np.ones(FINE_GRID.nm.size))
     response = response / white_signal(response)[:, None]
     signals = truth @ TO_FINE.T @ response.T * off
     noise = (shoot.noise * signals)[:, :, None] ** 2 * np.eye(len(response))
@@ -225,7 +225,7 @@ def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
 def _second(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, hand: LampsAtHand,
             prior: LogitMixture, rng: np.random.Generator) -> list[PlannedStep]:
     """What a second photo with each lamp or filter brings, over the families; linear-Gaussian."""
-    response = response_matrix(GRID, curves, lamp)
+    response = response_matrix(FINE_GRID, curves, lamp)
     first = photo_candidate("first", response / white_signal(response)[:, None] @ TO_FINE)
     candidates = lamp_candidates(curves, lamp, PRIOR_GRID, hand)
     each = []

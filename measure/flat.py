@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spectrabox.measure.surface_signals import with_errors
-from spectrabox.measure.white import GRID, FlatErrors, FlatPhoto, PhotoWhite
+from spectrabox.measure.white import FlatErrors, FlatPhoto, PhotoWhite
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     DRIFT_OF_COLOUR,
@@ -24,7 +24,7 @@ from spectrabox.radiometry.error_model import (
     proportional_covariance,
     sensitivity_covariance,
 )
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
@@ -79,8 +79,8 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     spectra = np.array([known[name] if name in known
                         else _expected_spectrum(families[name], response, signal[index])
                         for index, name in enumerate(names)])
-    signals = SurfaceSignals(names, tuple(name in known for name in names), GRID, spectra, labels,
-                             np.repeat(distinct, count), response, signal, ())
+    signals = SurfaceSignals(names, tuple(name in known for name in names), FINE_GRID, spectra,
+                             labels, np.repeat(distinct, count), response, signal, ())
     filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
     calibrations = [photo.calibration for photo in photos]
     causes[SENSITIVITIES] = sensitivity_covariance(calibrations, filled)
@@ -127,10 +127,10 @@ def _expected_spectrum(families: Sequence[str], response: np.ndarray,
                        signal: np.ndarray) -> np.ndarray:
     """The spectrum (P,) that the learnt prior expects behind a signal (J,)."""
     seen = np.isfinite(signal)
-    coarse = response[seen] @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+    coarse = response[seen] @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
     mixture = posterior(of_families(load_prior(), families), coarse, signal[None, seen],
                         EXPECTED**2 * np.eye(int(seen.sum())))
-    return np.interp(GRID.nm, PRIOR_GRID.nm, mean_and_spread(mixture)[0][0])
+    return np.interp(FINE_GRID.nm, PRIOR_GRID.nm, mean_and_spread(mixture)[0][0])
 
 
 def _same(response: np.ndarray, other: np.ndarray) -> bool:

@@ -9,14 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.signals import (
-    SIGNAL_GRID,
-    SampleOptions,
-    SignalEstimate,
-    measurement_of_signal,
-)
+from spectrabox.measure.signals import SampleOptions, SignalEstimate, measurement_of_signal
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
@@ -174,7 +169,7 @@ def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable |
         if signals is None:
             measurement = measurement_of_signal(
                 relative_response,
-                relative_response @ hold_ends(truth_nm, truth, SIGNAL_GRID.nm))
+                relative_response @ hold_ends(truth_nm, truth, FINE_GRID.nm))
         else:
             measurement = measurement_of_signal(relative_response, signals[index], white, noise)
         measures = _judge_region(cube, region, measurement, nm,

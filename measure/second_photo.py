@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import Calibration, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
 from spectrabox.sampling.further.planner import (
@@ -22,7 +22,6 @@ from spectrabox.sampling.further.planner import (
 )
 
 DARK = 1e-3             # of the brightest: no curve is divided by a light below it
-FINE = visible_grid(1)
 
 
 @dataclass(frozen=True)
@@ -52,11 +51,11 @@ def lamp_candidates(curves: np.ndarray, present: np.ndarray, grid: WavelengthGri
     minutes : float
         Of a photo.
     """
-    to_draws = interpolation_matrix(grid.nm, FINE.nm)
+    to_draws = interpolation_matrix(grid.nm, FINE_GRID.nm)
     filtered = {name: present * passed for name, passed in hand.filters.items()}
     candidates = []
     for name, light in (hand.lamps | filtered).items():
-        rows = curves * light * FINE.weights_nm
+        rows = curves * light * FINE_GRID.weights_nm
         total = rows.sum(axis=1, keepdims=True)
         if np.any(total <= 0):
             raise InputError(f"a band of the camera sees nothing with {name}; leave it out")
@@ -72,10 +71,10 @@ def curves_and_light(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
     calibration : Calibration
     """
     fit = calibration.sensitivity
-    curves = on_grid(fit.grid.nm, np.maximum(fit.curves, 0), FINE, "the camera's curves")
+    curves = on_grid(fit.grid.nm, np.maximum(fit.curves, 0), FINE_GRID, "the camera's curves")
     if calibration.light_posterior is None:
-        return curves, spectrum_on_grid(calibration.light, FINE)
+        return curves, spectrum_on_grid(calibration.light, FINE_GRID)
     known = calibration.light_posterior
-    light = on_grid(known.grid.nm, known.mean, FINE, "the light's posterior")
+    light = on_grid(known.grid.nm, known.mean, FINE_GRID, "the light's posterior")
     light = np.maximum(light, DARK * light.max())
     return curves / light, light

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.error_model import stated_causes
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.checks import check_measurement
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
@@ -36,7 +37,6 @@ from spectrabox.sampling.spline_measurement import response_on, spline_operator
 from spectrabox.sampling.summary import check_level, summarise
 from spectrabox.sampling.uniform import as_spectra, into_reach
 
-SIGNAL_GRID = visible_grid(1)   # of the integration; draws and bands are at every 5 nm
 MAX_SAMPLES = 5_000_000
 READING_ERROR = 0.005           # standard error of a reading that states none
 FWHM_TO_SD = 1 / (2 * np.sqrt(2 * np.log(2)))
@@ -99,6 +99,8 @@ class SignalEstimate:
     draws : SpectrumSamples, optional
     measurement : SpectralMeasurement
         The signal alone, with the errors of all causes.
+    causes : mapping of (K, K) arrays
+        Their covariances, which add up to that of the measurement.
     """
 
     wavelengths_nm: np.ndarray
@@ -124,6 +126,7 @@ class SignalEstimate:
     certificate: str | None
     draws: SpectrumSamples | None
     measurement: SpectralMeasurement
+    causes: Mapping[str, np.ndarray]
 
 
 def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: SampleOptions, *,
@@ -161,14 +164,16 @@ def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: 
         With what to change; contradictory measurements are named.
     """
     check_options(options)
+    for name, error in (("light", light_error), ("sensitivity", sensitivity_error)):
+        if not 0 <= error < 0.5:
+            raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
     if not with_draws and options.method == "prior" and not more and twice is None:
         return _estimate_without_draws(relative_response, signals, options, white, noise,
                                        light_error, sensitivity_error, prior or load_prior())
     estimates = []
     for signal in signals:
         base = measurement_of_signal(relative_response, signal, white, noise)
-        causes = causes_of_error(base.signal, base.noise_covariance, light_error,
-                                 sensitivity_error)
+        causes = stated_causes(base.signal, base.noise_covariance, light_error, sensitivity_error)
         estimates.append(_estimate_from_draws(base, causes, options, prior, list(more), twice))
     return estimates
 
@@ -237,7 +242,7 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
         summary.next_measurement_nm,
         "the signal alone" if over_determined or options.keep else "all measurements",
         doubtful(base, more, prior or load_prior(), options.seed) if more else None,
-        budget, families, certified, certificate, draws, base)
+        budget, families, certified, certificate, draws, base, causes)
 
 
 def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasurement,
@@ -264,7 +269,7 @@ def _estimate_without_draws(relative_response: np.ndarray, signals: np.ndarray,
     check_measurement(first)
     y = relative_to_white(np.asarray(signals), white)
     photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
-    causes = causes_of_error(y, photo_noise, light_error, sensitivity_error)
+    causes = stated_causes(y, photo_noise, light_error, sensitivity_error)
     total = np.sum(list(causes.values()), axis=0)
     bound_lower, bound_upper = bounds_of_many(
         spline_operator(first, options.coefficients).A, y, total,
@@ -273,10 +278,9 @@ def _estimate_without_draws(relative_response: np.ndarray, signals: np.ndarray,
     estimates = []
     for row, outcome in enumerate(summary.outcome):
         base = replace(first, signal=y[row])
+        own = {name: covariance[row] for name, covariance in causes.items()}
         if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
-            estimates.append(_estimate_from_draws(
-                base, {name: covariance[row] for name, covariance in causes.items()}, options,
-                prior, [], None))
+            estimates.append(_estimate_from_draws(base, own, options, prior, [], None))
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
         method = "learnt prior" if outcome is Outcome.FAMILIAR else "smoothness prior"
@@ -290,7 +294,7 @@ def _estimate_without_draws(relative_response: np.ndarray, signals: np.ndarray,
             float(summary.next_measurement_nm[row]), "all measurements", None,
             dict(zip((METAMERISM, *causes, FLOOR), summary.budget[row].tolist(), strict=True)),
             shares, *_certificate(prior, shares, outcome), None,
-            replace(base, noise_covariance=total[row])))
+            replace(base, noise_covariance=total[row]), own))
     return estimates
 
 
@@ -301,24 +305,6 @@ def _certificate(prior: LogitMixture, shares: dict[str, float],
         return [], "No certificate: bands of unfamiliar signals were never judged."
     families = family_coverages(shares, prior.stated, prior.certificates)
     return coverage_facts(families), certified_sentence(families)
-
-
-def causes_of_error(signals: np.ndarray, noise_covariance: np.ndarray, light_error: float,
-                    sensitivity_error: float) -> dict[str, np.ndarray]:
-    """Covariances (..., K, K) of signals (..., K) by cause: a light error moves all bands together,
-    a curve's its own band.
-
-    Raises
-    ------
-    InputError
-        For a relative error outside 0 to 0.5.
-    """
-    for name, error in (("light", light_error), ("sensitivity", sensitivity_error)):
-        if not 0 <= error < 0.5:
-            raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
-    products = signals[..., :, None] * signals[..., None, :]
-    return {"photo noise": noise_covariance, "light": light_error**2 * products,
-            "sensitivities": sensitivity_error**2 * np.eye(signals.shape[-1]) * products}
 
 
 def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
@@ -345,7 +331,7 @@ def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
     noise = np.zeros_like(signal) if noise is None else noise
     if np.any(noise < 0):
         raise InputError(f"the noise {listed(noise)} is negative; give standard errors")
-    return SpectralMeasurement(SIGNAL_GRID, relative_response, relative,
+    return SpectralMeasurement(FINE_GRID, relative_response, relative,
                                np.diag((noise if white is None else noise / white)**2))
 
 
@@ -386,6 +372,6 @@ def reading_at(nm: float, reflectance: float, error: float = READING_ERROR,
     narrow = Reading.at_wavelength(nm, reflectance, error)
     if fwhm_nm <= 0:
         return narrow
-    weights = np.exp(-0.5 * ((SIGNAL_GRID.nm - nm) / (fwhm_nm * FWHM_TO_SD))**2)
-    return Reading(f"the reading at {nm:g} nm, {fwhm_nm:g} nm wide", SIGNAL_GRID.nm, weights,
+    weights = np.exp(-0.5 * ((FINE_GRID.nm - nm) / (fwhm_nm * FWHM_TO_SD))**2)
+    return Reading(f"the reading at {nm:g} nm, {fwhm_nm:g} nm wide", FINE_GRID.nm, weights,
                    reflectance, error)

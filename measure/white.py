@@ -29,7 +29,7 @@ from spectrabox.radiometry.error_model import (
     proportional_covariance,
 )
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import exposure_ratio, rounding_error
 from spectrabox.radiometry.records import (
     Calibration,
@@ -40,7 +40,6 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.response import relative_response
 
-GRID = visible_grid()
 KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
 LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
@@ -67,7 +66,7 @@ class FlatPhoto:
     @property
     def response(self) -> np.ndarray:
         """Response (K, P) of the bands to reflectances; rows sum to 1."""
-        return relative_response(self.calibration, GRID)
+        return relative_response(self.calibration, FINE_GRID)
 
 
 @dataclass(frozen=True)

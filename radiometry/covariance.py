@@ -36,6 +36,18 @@ def block_diagonal(*blocks: np.ndarray) -> np.ndarray:
     return whole
 
 
+def error_patterns(covariance: np.ndarray) -> np.ndarray:
+    """Independent errors (Q, K) of one standard deviation each that have this covariance together.
+
+    Parameters
+    ----------
+    covariance : (K, K) array
+        Of rank Q.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0))).T[values > 0])
+
+
 def chi_square_beyond(probability: float, degrees: int) -> float:
     """The value that a chi-square variable exceeds with that probability.
 

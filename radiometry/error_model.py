@@ -37,6 +37,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 PHOTO_NOISE = "photo noise"
 RENDERING_NOISE = "photo and rendering noise"
 SENSITIVITIES = "sensitivities"
+LIGHT = "light"     # its strength and its spectrum as one stated error, of a signal alone
 LIGHT_SPECTRUM = "light spectrum"
 WHITE = "white on the chart"
 LIGHT_FIELD = "light over the picture"
@@ -66,6 +67,7 @@ CAUSES = {
     PHOTO_NOISE: Cause("added", bands=False, surfaces=False, photos=False),
     RENDERING_NOISE: Cause("added", bands=False, surfaces=False, photos=False),
     SENSITIVITIES: Cause("response", bands=True, surfaces=True, photos=True),
+    LIGHT: Cause("proportional", bands=True, surfaces=True, photos=False),
     LIGHT_SPECTRUM: Cause("response", bands=True, surfaces=True, photos=False),
     WHITE: Cause("proportional", bands=True, surfaces=True, photos=False),
     LIGHT_FIELD: Cause("proportional", bands=True, surfaces=False, photos=False),
@@ -119,6 +121,26 @@ def proportional_covariance(signal: np.ndarray, relative: np.ndarray) -> np.ndar
         Relative covariance.
     """
     return np.asarray(signal[..., :, None] * signal[..., None, :] * relative)
+
+
+def stated_causes(signals: np.ndarray, noise_covariance: np.ndarray, light_error: float,
+                  sensitivity_error: float) -> dict[str, np.ndarray]:
+    """Covariances (..., K, K) of signals by cause, one error being stated of camera and light each.
+
+    An error of the light is common to all bands; that of a curve changes its own band alone.
+
+    Parameters
+    ----------
+    signals : (..., K) array
+    noise_covariance : (..., K, K) array
+        Of the photo.
+    light_error, sensitivity_error : float
+        Relative standard errors.
+    """
+    bands = signals.shape[-1]
+    return {PHOTO_NOISE: noise_covariance,
+            LIGHT: proportional_covariance(signals, light_error**2 * np.ones((bands, bands))),
+            SENSITIVITIES: proportional_covariance(signals, sensitivity_error**2 * np.eye(bands))}
 
 
 def glare_signal(share: np.ndarray | float, mean_signal: np.ndarray) -> np.ndarray:
@@ -234,8 +256,7 @@ class ResponseErrors:
             self, by_spectrum=interpolation_matrix(nm, grid.nm).T @ self.by_spectrum)
 
 
-def curve_errors(calibration: Calibration, grid: WavelengthGrid,
-                 kept: float = 0.0) -> ResponseErrors:
+def curve_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErrors:
     """Errors of the camera's curves, SENSITIVITIES.
 
     With a covariance of the curves they are its principal directions, the same in photos under
@@ -247,8 +268,6 @@ def curve_errors(calibration: Calibration, grid: WavelengthGrid,
     calibration : Calibration
     grid : WavelengthGrid
         Of the curves.
-    kept : float
-        Directions whose variance is less than this share of the largest are left out.
     """
     fit, bands = calibration.sensitivity, len(calibration.sensitivity.curves)
     if fit.covariance is None or fit.basis is None:
@@ -257,7 +276,7 @@ def curve_errors(calibration: Calibration, grid: WavelengthGrid,
     weight = spectrum_on_grid(calibration.light, grid) * grid.weights_nm
     white = white_signal(fit.curves * weight)[:, None, None]
     variances, directions = np.linalg.eigh(fit.covariance)
-    chosen = variances > kept * variances[-1]
+    chosen = variances > 0
     independent = (directions[:, chosen] * np.sqrt(variances[chosen])).reshape(
         bands, fit.basis.shape[1], -1)
     changes = (weight[:, None] * fit.basis / white) @ independent

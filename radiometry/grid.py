@@ -79,3 +79,6 @@ def visible_grid(step_nm: float = 1.0) -> WavelengthGrid:
     """
     intervals = round((VISIBLE_NM[1] - VISIBLE_NM[0]) / step_nm)
     return grid_from_nm(np.linspace(*VISIBLE_NM, intervals + 1))
+
+
+FINE_GRID = visible_grid()       # on which everything is integrated

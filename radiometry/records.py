@@ -106,6 +106,11 @@ class UnknownLight(Record):
         return "unknown light" if self.kind is None else f"unknown light, {self.kind}"
 
 
+def default_band_names(count: int) -> tuple[str, ...]:
+    """Names of bands that nobody named: R, G, B of three, else band 1, band 2 ..."""
+    return ("R", "G", "B") if count == 3 else tuple(f"band {band + 1}" for band in range(count))
+
+
 # ---- capture -------------------------------------------------------------------------------------
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.measure.surface_signals import noise_and_disagreement, relative_errors
 from spectrabox.measure.surface_spectra import score
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -33,7 +34,7 @@ from spectrabox.session.results import (
     SessionResults,
     ViewResult,
 )
-from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
+from spectrabox.session.stages.inputs import band_names, read_reflectance
 from spectrabox.session.stages.records import SessionRecords
 from spectrabox.session.store.rehearsals import stored_rehearsal
 
@@ -115,7 +116,7 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
     if spectrum is None:
         return MaterialResult(name, signals.spectra[index], signal, noise, disagreement, None, None,
                               {}, truth, None)
-    scores = None if truth is None else score(spectrum_on_grid(truth, GRID), inverse_rendering,
+    scores = None if truth is None else score(spectrum_on_grid(truth, FINE_GRID), inverse_rendering,
                                               spectrum.summary, spectrum.samples)
     return MaterialResult(name, inverse_rendering, signal, noise, disagreement, spectrum.summary,
                           spectrum.samples, relative_errors(signals, index), truth, scores,
@@ -172,8 +173,8 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
     if truth is None or not config.light.spectrum.stated:   # products are no sensitivities
         return None
     nm, _, curves = read_curves(config.path(truth.file), truth.columns, truth.wavelength_column)
-    values = on_grid(nm, curves, GRID, truth.file)
-    return GRID.nm, values / values.max()
+    values = on_grid(nm, curves, FINE_GRID, truth.file)
+    return FINE_GRID.nm, values / values.max()
 
 
 def _input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]]:

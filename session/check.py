@@ -14,6 +14,7 @@ import numpy as np
 
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
@@ -23,7 +24,6 @@ from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.stages.inputs import (
-    GRID,
     chart_corners,
     power_of,
     read_chart_reference,
@@ -161,7 +161,7 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
         if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
                 and light is not None and chart_signals is not None:
             attempt(require_chart, config, view, chart[0],
-                    typical_camera_signals(chart_signals, GRID, power_of(light)))
+                    typical_camera_signals(chart_signals, FINE_GRID, power_of(light)))
 
 
 def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) -> int | None:

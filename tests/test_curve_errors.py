@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_error_budget import GRID as COARSE
+from test_error_budget import FINE_GRID as COARSE
 from test_error_budget import LIGHTS, calibration, curves_and_covariance
 
 from spectrabox.radiometry.error_model import (
@@ -13,10 +13,9 @@ from spectrabox.radiometry.error_model import (
     light_errors,
     sensitivity_covariance,
 )
-from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.radiometry.response import response_matrix, white_signal
-from spectrabox.session.stages.inputs import GRID
 
 READINGS = visible_grid(20)
 
@@ -27,22 +26,23 @@ def test_errors_of_many_signals_by_the_curves_are_those_of_each_alone(fitted, re
     rng = np.random.default_rng(11)
     coefficients, covariance = curves_and_covariance()
     made = calibration(LIGHTS[1], coefficients, covariance if fitted else None)
-    to_fine = interpolation_matrix(COARSE.nm, GRID.nm)
-    fit = dataclasses.replace(made.sensitivity, grid=GRID, curves=made.sensitivity.curves
+    to_fine = interpolation_matrix(COARSE.nm, FINE_GRID.nm)
+    fit = dataclasses.replace(made.sensitivity, grid=FINE_GRID, curves=made.sensitivity.curves
                               @ to_fine.T, basis=to_fine @ made.sensitivity.basis)
     light = dataclasses.replace(
         made.light, grid=READINGS, values=np.interp(READINGS.nm, COARSE.nm, LIGHTS[1]),
         standard_error=np.full(READINGS.nm.size, 0.02) if read else None)
     made = dataclasses.replace(made, sensitivity=fit, light=light)
-    response = response_matrix(GRID, fit.curves, np.interp(GRID.nm, READINGS.nm, light.values))
+    response = response_matrix(FINE_GRID, fit.curves,
+                               np.interp(FINE_GRID.nm, READINGS.nm, light.values))
     response /= white_signal(response)[:, None]
     spectra = np.clip(0.4 + 0.3 * np.cumsum(rng.standard_normal((5, 61)), axis=1) / 8, 0, 1)
     # not quite those of the spectra: signals are measured
     signals = spectra @ to_fine.T @ response.T + 0.01 * rng.standard_normal((5, 3))
-    surfaces = SurfaceSignals(tuple("abcde"), (False,) * 5, GRID, spectra @ to_fine.T, tuple("RGB"),
-                              np.zeros(3, int), response, signals, ())
-    errors = curve_errors(made, GRID).together_with(light_errors(made, GRID, response))
-    found = errors.at(COARSE.nm, GRID).covariance(signals, spectra)
+    surfaces = SurfaceSignals(tuple("abcde"), (False,) * 5, FINE_GRID, spectra @ to_fine.T,
+                              tuple("RGB"), np.zeros(3, int), response, signals, ())
+    errors = curve_errors(made, FINE_GRID).together_with(light_errors(made, FINE_GRID, response))
+    found = errors.at(COARSE.nm, FINE_GRID).covariance(signals, spectra)
     both = sensitivity_covariance([made], surfaces) + light_covariance([made], surfaces)
     for index, alone in enumerate(both):
         # sums of 301 products and the roots of a covariance: some 1e-13 of its largest entry

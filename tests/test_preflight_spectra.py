@@ -8,20 +8,21 @@ from typer.testing import CliRunner
 
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
-from spectrabox.measure.expected_spectra import GRID, Shoot, expected_spectra
+from spectrabox.measure.expected_spectra import Shoot, expected_spectra
 from spectrabox.measure.second_photo import LampsAtHand
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.session.cli import app
 
-CHART = chart_reflectances("BabelColor Average", GRID)
-HAND = LampsAtHand({name: light(name, GRID) for name in ("A", "LED-B3")}, {})
-KNOWN_CAMERA = prior_of_curves(GRID, sensitivities("Nikon 5100 (NPL)", GRID), 1e-4)
+CHART = chart_reflectances("BabelColor Average", FINE_GRID)
+HAND = LampsAtHand({name: light(name, FINE_GRID) for name in ("A", "LED-B3")}, {})
+KNOWN_CAMERA = prior_of_curves(FINE_GRID, sensitivities("Nikon 5100 (NPL)", FINE_GRID), 1e-4)
 
 
 def spectrum(values):
-    return Spectrum(GRID, values, Quantity.RELATIVE, "lamp")
+    return Spectrum(FINE_GRID, values, Quantity.RELATIVE, "lamp")
 
 
 def expected(stated, cameras, noise):
@@ -31,7 +32,7 @@ def expected(stated, cameras, noise):
 
 @pytest.fixture(scope="module")
 def in_daylight():
-    return expected(spectrum(light("D65", GRID)), KNOWN_CAMERA, 0.01)
+    return expected(spectrum(light("D65", FINE_GRID)), KNOWN_CAMERA, 0.01)
 
 
 def run(*words):
@@ -39,7 +40,7 @@ def run(*words):
 
 
 def test_a_known_camera_and_lamp_leave_what_metamerism_leaves():
-    found = expected(spectrum(light("LED-B3", GRID)), KNOWN_CAMERA, 1e-3)
+    found = expected(spectrum(light("LED-B3", FINE_GRID)), KNOWN_CAMERA, 1e-3)
     assert found.mean.rmse == pytest.approx(found.mean.rmse_known, rel=0.03)
     # 84 surfaces, whose bands hold or fail nearly as a whole: 95 % less four standard errors.
     assert found.mean.inside > 0.95 - 4 * np.sqrt(0.95 * 0.05 / 84)
@@ -53,7 +54,7 @@ def test_noise_and_an_unknown_light_cost():
 
 
 def test_a_lamp_that_shows_little_of_a_spectrum_is_said(in_daylight):
-    narrow = np.exp(-0.5 * ((GRID.nm - 560) / 25) ** 2) + 0.002
+    narrow = np.exp(-0.5 * ((FINE_GRID.nm - 560) / 25) ** 2) + 0.002
     poor = expected(spectrum(narrow), KNOWN_CAMERA, 0.01)
     assert any("shows less of a spectrum" in said for said in poor.doubts)
     assert in_daylight.doubts == ()

@@ -10,10 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.api.inputs import GRID, relative_response
+from spectrabox.api.inputs import relative_response
 from spectrabox.fixtures.flat_demo import write_flat_demo
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, PIGMENTS
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.cli import app
 
 mpl.use("Agg")
@@ -88,7 +89,7 @@ def test_a_signal_is_sampled_as_the_command_samples_it():
     assert one.outcome == said["outcome"] and one.next_reading_nm == said["next_measurement_nm"]
     # every draw gives the camera the signal, within its noise: five standard errors
     response = relative_response(camera, light)
-    seen = np.array([np.interp(GRID.nm, one.nm, draw) for draw in one.draws(500, seed=3)]) \
+    seen = np.array([np.interp(FINE_GRID.nm, one.nm, draw) for draw in one.draws(500, seed=3)]) \
         @ response.T
     assert np.abs(seen - signal).max() < 5 * 0.003
     assert sum(one.causes.values()) == pytest.approx(1)

@@ -10,11 +10,12 @@ import OpenImageIO as oiio
 import pytest
 
 from spectrabox.measure.scene.relight import colour_spread
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.relight import OBSERVER
-from spectrabox.session.stages.inputs import GRID, read_reflectance
+from spectrabox.session.stages.inputs import read_reflectance
 from spectrabox.session.store.locks import outputs_writer
 
 from tests.killed_runs import started
@@ -22,7 +23,7 @@ from tests.session_runs import call
 
 
 def lab_of(reflectance, name):
-    weights = sensitivities(OBSERVER, GRID) * light(name, GRID) * GRID.weights_nm
+    weights = sensitivities(OBSERVER, FINE_GRID) * light(name, FINE_GRID) * FINE_GRID.weights_nm
     weights /= weights[1].sum()
     return colour.XYZ_to_Lab(weights @ reflectance, colour.XYZ_to_xy(weights.sum(axis=1)))
 
@@ -36,7 +37,7 @@ def test_the_spread_of_the_draws_holds_the_true_colour_under_another_light(finis
     config = read_session(finished)
     for found in facts["colours"]:
         truth = spectrum_on_grid(read_reflectance(config, config.materials[found["name"]].truth),
-                                 GRID)
+                                 FINE_GRID)
         apart = colour.delta_E(np.array(found["lab"]), lab_of(truth, name), method="CIE 2000")
         assert 0 < found["delta_e00_median"] < found["delta_e00_95"]
         # four materials: twice the radius of 95 % is rarely exceeded
@@ -54,11 +55,12 @@ def test_an_unknown_light_is_named(finished):
 
 def test_draws_that_stand_mode_after_mode_spread_as_shuffled_ones_do():
     rng = np.random.default_rng(4)
-    modes = np.where(np.arange(2000) < 1000, 0.3, 0.6)[:, None] * np.ones((1, GRID.nm.size))
+    modes = np.where(np.arange(2000) < 1000, 0.3, 0.6)[:, None] * np.ones((1, FINE_GRID.nm.size))
     spectra = modes * (1 + 0.05 * rng.standard_normal((2000, 1)))
-    power, matching = light("A", GRID), sensitivities(OBSERVER, GRID)
+    power, matching = light("A", FINE_GRID), sensitivities(OBSERVER, FINE_GRID)
     found = [colour_spread("paint", spectra.mean(axis=0),
-                           SimpleNamespace(grid=GRID, spectra=order), GRID, power, matching)
+                           SimpleNamespace(grid=FINE_GRID, spectra=order), FINE_GRID, power,
+                           matching)
              for order in (spectra, rng.permutation(spectra))]
     # 400 draws tell a median to about 5 % of the spread.
     assert found[0].delta_e00_95 == pytest.approx(found[1].delta_e00_95, rel=0.1)

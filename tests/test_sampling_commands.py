@@ -9,7 +9,7 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
-from spectrabox.measure.signals import causes_of_error
+from spectrabox.radiometry.error_model import stated_causes
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.spectra.named_spectra import light, relative_response, sensitivities
 from spectrabox.sampling.prior.mixture import load_prior
@@ -90,7 +90,7 @@ def test_errors_of_light_and_curves_are_in_the_budget():
 
 def test_an_error_of_the_light_is_common_to_the_bands_and_those_of_curves_are_not():
     signal = np.array([0.2, 0.4, 0.1])
-    causes = causes_of_error(signal, np.zeros((3, 3)), 0.05, 0.03)
+    causes = stated_causes(signal, np.zeros((3, 3)), 0.05, 0.03)
     np.testing.assert_allclose(causes["light"], 0.05**2 * np.outer(signal, signal), rtol=1e-12)
     np.testing.assert_allclose(causes["sensitivities"], np.diag((0.03 * signal)**2), atol=1e-18)
 

@@ -251,6 +251,19 @@ def test_a_scene_is_drawn_with_its_shared_errors_or_said_to_disagree(prior):
     assert unstated["a"].outcome is Outcome.DISAGREES
 
 
+def test_an_error_of_the_light_that_all_regions_share_does_not_explain_a_white_room_as_black(prior):
+    rng = np.random.default_rng(0)
+    matrix, bounces = response(3)[1], np.arange(1, 5)
+    transport = LightTransport(("a",), bounces[:, None],
+                               rng.uniform(0, 1, (200, 4)) * 0.7**np.arange(4))
+    signal = (transport.coefficients @ 0.85**bounces)[:, None] * matrix.sum(axis=1)
+    common = shared_errors(signal, 4e-4 * np.ones((3, 3)))      # 2 % of white, in all bands
+    samples = draw_scene(transport, signal, 0.003 * signal, matrix, 500, 1, prior, common=common)
+    assert samples["a"].outcome is Outcome.THROUGH_TRANSPORT
+    # the light is known to 2 %, and four reflections make it less
+    assert abs(samples["a"].spectra.mean() - 0.85) < 0.02
+
+
 @pytest.mark.parametrize("shape", [0.3, 0.6, 1.0])
 def test_the_tail_of_weights_is_recognised(shape):
     weights = np.random.default_rng(6).pareto(1 / shape, 50_000) + 1

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from spectrabox.measure.scene.draws import _of_stray_light, _of_tails
+from spectrabox.measure.scene.draws import _common_errors, _of_stray_light, _of_tails
 from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
@@ -82,3 +82,22 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
         assert (expected > 0).all()
         np.testing.assert_array_equal(glare[of_region == name], np.broadcast_to(
             expected, glare[of_region == name].shape))
+
+
+def test_stated_errors_of_the_light_widen_the_signals_of_regions(finished):
+    config = read_session(finished)
+    records = load_finished(config).records
+    joint, calibration = records.reconstruct.joint, records.calibrations(config)[0]
+    regions, view = joint.regions[0], joint.views[0]
+    response = joint.response * view.white_signal[:, None] * view.light_scale.value
+
+    def variance(share):
+        light = dataclasses.replace(calibration.light,
+                                    standard_error=share * calibration.light.values)
+        known = dataclasses.replace(calibration, light=light)
+        return (_common_errors(known, joint, regions, response)**2).sum(axis=0)
+
+    added = variance(0.02) - variance(0.0)
+    # a direction that is left out has a share of KEPT at most of the largest variance
+    assert added.min() > -1e-3 * added.max() and added.max() > 0
+    np.testing.assert_allclose(variance(0.04) - variance(0.0), 4 * added, atol=4e-2 * added.max())

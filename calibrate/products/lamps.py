@@ -21,7 +21,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.published.published_tables import (
     LIGHTS,
     OBSERVERS,
@@ -32,7 +32,6 @@ from spectrabox.radiometry.records import UnknownLight
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
-GRID = visible_grid(1)
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 KIND_SHARE = {"daylight": 0.30, "halogen": 0.20, "led": 0.35, "fluorescent": 0.15}
 PUBLISHED_SHARE = 0.5       # of a kind's probability, where it has published lamps
@@ -84,7 +83,8 @@ def all_lamps() -> Lamps:
     rng = np.random.default_rng(SEED)
     # filaments behind glass: a straight line in wavelength, on the logarithm
     slope = rng.uniform(-0.5, 0.5, TINTED)[:, None]
-    tinted = blackbodies(rng.uniform(2500, 3400, TINTED)) * np.exp(slope * (GRID.nm - 550) / 150)
+    tinted = blackbodies(rng.uniform(2500, 3400, TINTED)) \
+        * np.exp(slope * (FINE_GRID.nm - 550) / 150)
     leds = np.vstack([_phosphor_leds(rng), _hybrids(rng), _narrow_bands(rng)])
     tubes = np.array([spectrum for kind, _, spectrum in published if kind == "fluorescent"])
     first, second = (tubes[rng.integers(len(tubes), size=BLENDS)] for _ in range(2))
@@ -118,7 +118,7 @@ def colour_temperatures(spectra: np.ndarray) -> np.ndarray:
         Every nm from 400 to 700 nm.
     """
     nm, matching = published_curves(OBSERVERS, OBSERVER)
-    observer = np.array([np.interp(GRID.nm, nm, curve) for curve in matching])
+    observer = np.array([np.interp(FINE_GRID.nm, nm, curve) for curve in matching])
     xyz = spectra @ observer.T
     x, y = (xyz[:, :2] / xyz.sum(axis=1, keepdims=True)).T
     n = (x - 0.3320) / (0.1858 - y)
@@ -132,7 +132,8 @@ def blackbodies(kelvin: np.ndarray) -> np.ndarray:
     ----------
     kelvin : (n,) array
     """
-    spectra = GRID.nm**-5.0 / np.expm1(SECOND_RADIATION / (GRID.nm * np.asarray(kelvin)[:, None]))
+    nm = FINE_GRID.nm
+    spectra = nm**-5.0 / np.expm1(SECOND_RADIATION / (nm * np.asarray(kelvin)[:, None]))
     return np.asarray(spectra / spectra.mean(axis=1, keepdims=True))
 
 
@@ -146,9 +147,9 @@ def daylights(kelvin: np.ndarray) -> np.ndarray:
         4000 to 25000 K.
     """
     named = {5003.0: "D50", 5503.0: "D55", 7504.0: "D75"}
-    published = np.array([np.interp(GRID.nm, nm, curves[0]) for nm, curves in (
+    published = np.array([np.interp(FINE_GRID.nm, nm, curves[0]) for nm, curves in (
         published_curves(LIGHTS, name) for name in named.values())])
-    at_560 = published[:, np.searchsorted(GRID.nm, 560)]
+    at_560 = published[:, np.searchsorted(FINE_GRID.nm, 560)]
     known = np.array([_daylight_terms(cct) for cct in named])
     components = np.linalg.solve(known, published / at_560[:, None])
     spectra = np.array([_daylight_terms(cct) for cct in kelvin]) @ components
@@ -170,7 +171,7 @@ def _published() -> list[tuple[str, str, np.ndarray]]:
     """Kind, name and spectrum of every published lamp that lights the range."""
     lamps = []
     for name, (nm, curves) in all_published(LIGHTS).items():
-        spectrum = np.maximum(np.interp(GRID.nm, nm, curves[0]), 0)
+        spectrum = np.maximum(np.interp(FINE_GRID.nm, nm, curves[0]), 0)
         covered = nm[0] <= 405 and nm[-1] >= 690
         if not covered or np.mean(spectrum > DARK_SHARE * spectrum.max()) <= MIN_BRIGHT:
             continue
@@ -183,7 +184,7 @@ def _published() -> list[tuple[str, str, np.ndarray]]:
 
 def _bump(peak: np.ndarray, sd: np.ndarray) -> np.ndarray:
     """Gaussians (n, P)."""
-    return np.asarray(np.exp(-0.5 * ((GRID.nm - peak[:, None]) / sd[:, None]) ** 2))
+    return np.asarray(np.exp(-0.5 * ((FINE_GRID.nm - peak[:, None]) / sd[:, None]) ** 2))
 
 
 def _skies(rng: np.random.Generator) -> np.ndarray:
@@ -191,10 +192,10 @@ def _skies(rng: np.random.Generator) -> np.ndarray:
     a straight line and a bow in wavelength, on the logarithm.
     """
     depth, power = rng.exponential(0.25, SKIES)[:, None], rng.uniform(1.0, 4.0, SKIES)[:, None]
-    along = (GRID.nm - 550) / 150
+    along = (FINE_GRID.nm - 550) / 150
     slope, bow = 0.08 * rng.standard_normal((2, SKIES, 1))
     return daylights(1e6 / rng.uniform(50, 200, SKIES)) * np.exp(
-        -depth * (550 / GRID.nm) ** power + slope * along + bow * along**2)
+        -depth * (550 / FINE_GRID.nm) ** power + slope * along + bow * along**2)
 
 
 def _phosphor_leds(rng: np.random.Generator, count: int = PHOSPHORS) -> np.ndarray:
@@ -222,7 +223,7 @@ def _hybrids(rng: np.random.Generator) -> np.ndarray:
 
 def _narrow_bands(rng: np.random.Generator) -> np.ndarray:
     """Blue, green and red diodes, of half of them amber and cyan ones besides."""
-    spectra = np.full((NARROW, GRID.nm.size), 0.002)
+    spectra = np.full((NARROW, FINE_GRID.nm.size), 0.002)
     for low, high, sd, share in ((440, 475, 9, 1.0), (510, 560, 14, 1.0), (605, 645, 8, 1.0),
                                  (580, 600, 8, 0.5), (480, 505, 11, 0.25)):
         there = rng.random(NARROW) < share

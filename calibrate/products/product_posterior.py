@@ -30,10 +30,9 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
 from spectrabox.calibrate.prior.curve_posterior import mixture_moments
 from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, GAINS, LINEARISED_AT
-from spectrabox.calibrate.products.lamps import GRID
 from spectrabox.calibrate.products.product_prior import ProductPrior
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.shaped import Record
 
 WIDTHS = ((0.01, 0.2), (0.03, 0.3), (0.1, 0.3), (0.4, 0.2))     # h^2 and its share
@@ -199,9 +198,9 @@ def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
     nm : (N,) array
         Nodes of the products.
     """
-    basis = interpolation_matrix(nm, GRID.nm)
-    return np.asarray(photo.reflectances @ (basis * GRID.weights_nm[:, None])
-                      / (GRID.weights_nm @ basis))
+    basis = interpolation_matrix(nm, FINE_GRID.nm)
+    return np.asarray(photo.reflectances @ (basis * FINE_GRID.weights_nm[:, None])
+                      / (FINE_GRID.weights_nm @ basis))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.products.lamps import GRID, Lamps
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.calibrate.products.lamps import Lamps
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.shaped import Record
 
 CAMERAS = 400               # draws of the camera prior
@@ -87,9 +87,9 @@ def paired(nm: np.ndarray, curves: np.ndarray, lamp: np.ndarray, lamps: Lamps) -
         Index into the lamps.
     lamps : Lamps
     """
-    basis = interpolation_matrix(nm, GRID.nm)
-    mass = GRID.weights_nm @ basis                  # of each node, nm
-    at_nodes = (lamps.spectra * GRID.weights_nm) @ basis / mass
+    basis = interpolation_matrix(nm, FINE_GRID.nm)
+    mass = FINE_GRID.weights_nm @ basis                  # of each node, nm
+    at_nodes = (lamps.spectra * FINE_GRID.weights_nm) @ basis / mass
     product = curves * at_nodes[lamp][:, None] * mass
     white = product.sum(axis=2)
     balance = np.log(white) - np.log(white).mean(axis=1, keepdims=True)

@@ -18,7 +18,7 @@ from spectrabox.measure.pictures.illumination import (
     light_adaptation,
 )
 from spectrabox.radiometry.error_model import ResponseErrors, curve_errors, light_errors
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Calibration
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
@@ -28,7 +28,6 @@ EXPECTED_AT_ONCE = 500
 COARSE_TOLERANCE = 1e-3     # logits: a coarse spectrum need not be nearer to its mode
 
 
-GRID = visible_grid()
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class PixelErrors:
     relative: np.ndarray        # (K, K) further relative covariance: drift of the light's colour,
                                 # disagreement of photo and model
     calibrations: Sequence[Calibration]     # J, with each of the typical lights
-    fine_responses: np.ndarray  # (J, K, P) on GRID, rows summing to 1
+    fine_responses: np.ndarray  # (J, K, P) on FINE_GRID, rows summing to 1
     prior: LogitMixture
 
     @cached_property
@@ -74,8 +73,8 @@ class PixelErrors:
     @cached_property
     def curves(self) -> list[ResponseErrors]:
         """Errors by sensitivities and light under each typical light."""
-        return [curve_errors(calibration, GRID).together_with(
-                    light_errors(calibration, GRID, response)).at(PRIOR_GRID.nm, GRID)
+        return [curve_errors(calibration, FINE_GRID).together_with(
+                    light_errors(calibration, FINE_GRID, response)).at(PRIOR_GRID.nm, FINE_GRID)
                 for calibration, response in zip(self.calibrations, self.fine_responses,
                                                  strict=True)]
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from spectrabox.radiometry.error_model import curve_errors, scale_covariances
+from spectrabox.radiometry.covariance import error_patterns
+from spectrabox.radiometry.error_model import curve_errors, light_errors, scale_covariances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
@@ -20,7 +21,7 @@ from spectrabox.radiometry.response import white_signal
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
 
-KEPT = 1e-4              # of the largest variance of a direction of the sensitivities' error
+KEPT = 1e-4     # of the largest variance of signals by curves and light; less is left out
 
 
 def require_one_transport(photos: int, traced: bool) -> None:
@@ -85,23 +86,30 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
 
 def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
                    response: np.ndarray) -> np.ndarray:
-    """What one standard deviation of each error that regions share does to their signals (Q, R,
-    K).
+    """What one standard deviation of each error that regions share does to their signals (Q, R, K).
     """
     spectra = np.array([joint.spectra[joint.materials.index(name)]
                         for name in regions.transport.materials])
     products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
     received = regions.transport.coefficients @ products
     signal, white = received @ response.T, white_signal(response)
-    errors = curve_errors(calibration, joint.grid, KEPT)
-    of_curves = np.moveaxis(errors.changes(signal / white, received), 2, 0)
+    errors = curve_errors(calibration, joint.grid).together_with(
+        light_errors(calibration, joint.grid, joint.response))
+    of_response = _strongest(np.moveaxis(errors.changes(signal / white, received), 2, 0))
     scale = np.sum(list(scale_covariances(calibration, joint.views[0].light_scale).values()),
                    axis=0)
     return np.concatenate([
-        of_curves * white, _of_tails(errors.of_brightest, regions, signal / white) * white,
+        of_response * white, _of_tails(errors.of_brightest, regions, signal / white) * white,
         _of_stray_light(joint, regions, signal),
         shared_errors(signal, scale, 0.0, regions.surface, regions.colour_error,
                       regions.brightness_error)])
+
+
+def _strongest(changes: np.ndarray) -> np.ndarray:
+    """The same errors (E, R, K) as fewer independent ones, without those of little variance."""
+    _, size, directions = np.linalg.svd(changes.reshape(len(changes), -1), full_matrices=False)
+    kept = size**2 > KEPT * np.max(size**2, initial=0.0)
+    return (size[kept, None] * directions[kept]).reshape(-1, *changes.shape[1:])
 
 
 def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
@@ -120,9 +128,8 @@ def _of_tails(of_brightest: np.ndarray, regions: RegionTransport,
     Every band errs by the stated share of the material's brightest band; errors of regions of the
     same material are fully correlated.
     """
-    values, vectors = np.linalg.eigh(of_brightest)
-    patterns = (vectors * np.sqrt(np.maximum(values, 0))).T[values > 0]
     brightest = relative.max(axis=1, keepdims=True)
     errors = [np.where((regions.material == material)[:, None], brightest * pattern, 0.0)
-              for material in np.unique(regions.material) for pattern in patterns]
+              for material in np.unique(regions.material)
+              for pattern in error_patterns(of_brightest)]
     return np.array(errors).reshape(-1, *relative.shape)

@@ -21,6 +21,7 @@ from spectrabox.radiometry.records import (
     Progress,
     SurfaceSignals,
     SurfaceSpectrum,
+    default_band_names,
 )
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.scene.scene_file import (
@@ -107,8 +108,7 @@ def reconstruct_scene(photo: LinearImage, scene: SceneFile, calibration: Calibra
                   for name, known in materials.items())
     height, width = photo.signal.shape[:2]
     binned = bin_image(photo, *render_size(width, height, options.width))
-    bands = ("R", "G", "B") if photo.signal.shape[2] == 3 else tuple(
-        f"band {number + 1}" for number in range(photo.signal.shape[2]))
+    bands = default_band_names(photo.signal.shape[2])
     view = View("photo", scene, binned, calibration, bands, specs, scale)
     glare = np.hypot(options.glare, chart_glare)
     if scale is None and not any(spec.reflectance is not None for spec in specs):

@@ -14,7 +14,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import DEGREE, basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.spline_measurement import (
@@ -24,7 +24,6 @@ from spectrabox.sampling.spline_measurement import (
 )
 
 SWEEPS = 20         # of hit-and-run along the residual directions, per draw
-FINE = visible_grid(1)
 
 
 def lifting(coarse: int, fine: int) -> np.ndarray:
@@ -46,7 +45,7 @@ def lifting(coarse: int, fine: int) -> np.ndarray:
         nested = [DEGREE + factor * (coarse - DEGREE) for factor in (2, 3, 4)]
         raise InputError(f"{coarse} coefficients cannot be refined to {fine}: the knots do not "
                          f"nest; take {', '.join(map(str, nested))}")
-    return np.linalg.lstsq(basis_matrix(FINE.nm, fine), basis_matrix(FINE.nm, coarse),
+    return np.linalg.lstsq(basis_matrix(FINE_GRID.nm, fine), basis_matrix(FINE_GRID.nm, coarse),
                            rcond=None)[0]
 
 
@@ -63,7 +62,7 @@ def residual_directions(A_fine: np.ndarray, T: np.ndarray) -> np.ndarray:
     """
     from scipy.linalg import null_space
 
-    basis = basis_matrix(FINE.nm, len(T))
+    basis = basis_matrix(FINE_GRID.nm, len(T))
     gram = basis.T @ basis
     complement = null_space((gram @ T).T)
     seen = A_fine @ complement

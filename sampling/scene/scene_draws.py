@@ -13,7 +13,7 @@ from scipy.special import chdtrc
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.covariance import is_covariance
+from spectrabox.radiometry.covariance import error_patterns, is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LightTransport, Outcome, SpectrumSamples
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
@@ -79,13 +79,14 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
         raise InputError(f"the known materials {', '.join(sorted(unknown))} are not in the "
                          f"transport, which has {', '.join(transport.materials)}; name them as the "
                          "scene does")
-    problem = joint_problem(transport, response, signal, standard_error, prior or load_prior(),
-                            common, known, families)
+    scene = transport, response, signal, standard_error, prior or load_prior()
+    problem = joint_problem(*scene, common, known, families)
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be estimated")
     # the matrices are small: several threads take up to ten times as long as one
     with threadpool_limits(1, "blas"):
-        modes = find_modes(problem, SAMPLED)
+        modes = find_modes(problem, SAMPLED, None if common is None else joint_problem(
+            *scene, None, known, families))
         draws_of_all = sample_joint(problem, seed, modes, draws, effective_wanted)
     likely = surprise(problem, modes) >= SURPRISING
     outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
@@ -126,10 +127,8 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
             or min(scale_error, colour_error, brightness_error) < 0:
         raise InputError("the calibration's relative covariance must be positive semi-definite and "
                          "the errors of scale and surfaces not negative; fit the calibration again")
-    values, vectors = np.linalg.eigh(relative_covariance)
     alike, apart = np.ones(signal.shape[1]), np.eye(signal.shape[1])
-    patterns = list((vectors * np.sqrt(np.maximum(values, 0))).T[values > 0])
-    patterns += [scale_error * alike]
+    patterns = [*error_patterns(relative_covariance), scale_error * alike]
     of_surface = [brightness_error * alike, *(colour_error * apart)]
     errors = [signal * pattern for pattern in patterns if pattern.any()]
     for name in np.unique(surface) if surface is not None else ():

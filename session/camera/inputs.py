@@ -28,6 +28,7 @@ from spectrabox.radiometry.records import (
     Spectrum,
     UnknownLight,
     WavelengthGrid,
+    default_band_names,
 )
 from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_name
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, table_text
@@ -178,9 +179,8 @@ def _patches_of_picture(path: Path, corners: str | None, chart: Chart, reflectan
     """Patch statistics and band names of a photo, and no notes."""
     photo = open_photo(path)
     corners_px = None if corners is None else corner_points(corners, chart)
-    bands = photo.signal.shape[2]
-    return measure_chart(photo, chart, reflectances, grid, corners_px), (
-        ("R", "G", "B") if bands == 3 else tuple(f"band {index + 1}" for index in range(bands))), ()
+    return (measure_chart(photo, chart, reflectances, grid, corners_px),
+            default_band_names(photo.signal.shape[2]), ())
 
 
 def corner_points(text: str, chart: Chart) -> np.ndarray:

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from spectrabox.calibrate.prior.camera_database import SUFFIXES, cameras_of_file
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import default_band_names
 from spectrabox.radiometry.spectra.kept_cameras import cameras_folder, keep_camera
-
-BANDS = ("R", "G", "B")
 
 
 def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:
@@ -36,8 +35,7 @@ def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:
     for path in _files(sources):
         try:
             for name, (nm, curves) in cameras_of_file(path).items():
-                bands = BANDS if len(curves) == len(BANDS) else tuple(
-                    f"band {number}" for number in range(1, len(curves) + 1))
+                bands = default_band_names(len(curves))
                 keep_camera(name, nm, dict(zip(bands, curves, strict=True)),
                             f"{name}, from {path.name}")
                 kept.append(name)

@@ -13,7 +13,7 @@ from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.measure.expected_spectra import Expectation, Shoot, expected_spectra
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.spectrum_files import read_curves
@@ -23,7 +23,6 @@ from spectrabox.session.commands.requests import CameraPreflightRequest
 from spectrabox.session.signals.plan_answer import read_lamps_at_hand, step_facts
 
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
-GRID = visible_grid()
 CURVES_ERROR = 0.02         # relative, of measured curves: as [sensitivity] takes it by default
 
 
@@ -35,8 +34,8 @@ def preflight_answer(asked: CameraPreflightRequest) -> tuple[dict[str, Any], str
     InputError
         If the light, the chart's reference or a file cannot be read.
     """
-    light, chart = stated_light(asked.light, GRID), read_layout(asked.layout)
-    reflectances = reference_reflectances(asked.reference, chart, GRID)
+    light, chart = stated_light(asked.light, FINE_GRID), read_layout(asked.layout)
+    reflectances = reference_reflectances(asked.reference, chart, FINE_GRID)
     cameras, hand = _cameras(asked), read_lamps_at_hand(asked.lamps, asked.filters)
     facts, lines = _of_curves(asked, chart, light, cameras, reflectances)
     if asked.surfaces:
@@ -50,7 +49,7 @@ def preflight_answer(asked: CameraPreflightRequest) -> tuple[dict[str, Any], str
 def _cameras(asked: CameraPreflightRequest) -> CameraPrior:
     if asked.curves is not None:
         _, names, _ = read_curves(asked.curves)
-        return prior_of_curves(GRID, read_measured_curves(asked.curves, len(names), GRID),
+        return prior_of_curves(FINE_GRID, read_measured_curves(asked.curves, len(names), FINE_GRID),
                                CURVES_ERROR)
     return shipped_prior() if asked.prior_file is None else load_camera_prior(asked.prior_file)
 
@@ -61,19 +60,19 @@ def _of_curves(asked: CameraPreflightRequest, chart: Chart, light: Spectrum | Un
     names = ("expected_error", "expected_error_unlike", "half_width", "condition_number",
              "unlit_nm", "checks", "second_lights")
     if isinstance(light, UnknownLight):
-        return {"wavelengths_nm": GRID.nm.tolist()} | dict.fromkeys(names), [
+        return {"wavelengths_nm": FINE_GRID.nm.tolist()} | dict.fromkeys(names), [
             f"{light.words}: the photo tells products of sensitivity and light, not the curves by "
             "themselves"]
-    power, unseen = light_power(light, GRID)
-    second = {name: named_light(name, GRID) for name in SECOND_LIGHTS if name != asked.light}
-    expected = preflight(cameras, reflectances, power, GRID, relative_error=asked.noise,
+    power, unseen = light_power(light, FINE_GRID)
+    second = {name: named_light(name, FINE_GRID) for name in SECOND_LIGHTS if name != asked.light}
+    expected = preflight(cameras, reflectances, power, FINE_GRID, relative_error=asked.noise,
                          positions=chart.centres_uv, second=second)
     facts = [expected.expected_error.tolist(), expected.unlike_error.tolist(),
              expected.half_width.tolist(), expected.condition_number,
              [list(pair) for pair in expected.unlit_nm], list(unseen),
              [{"light": name, "expected_error": error} for name, error in expected.second_lights]]
     best, error = expected.second_lights[0]
-    return {"wavelengths_nm": GRID.nm.tolist()} | dict(zip(names, facts, strict=True)), [
+    return {"wavelengths_nm": FINE_GRID.nm.tolist()} | dict(zip(names, facts, strict=True)), [
         "expected error of the curves: "
         + ", ".join(f"{value:.1%}" for value in expected.expected_error)
         + f" at {asked.noise:.1%} a patch (condition number {expected.condition_number:.4g})",

@@ -9,16 +9,11 @@ import numpy as np
 from spectrabox.capture.photo.regions import region_pixels, region_signals
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.check import require_chart
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.page.photo_views import PhotoViews
-from spectrabox.session.stages.inputs import (
-    GRID,
-    power_of,
-    read_chart_reference,
-    read_light,
-    read_photo,
-)
+from spectrabox.session.stages.inputs import power_of, read_chart_reference, read_light, read_photo
 from spectrabox.session.stages.scenes import read_session_scene
 
 
@@ -74,7 +69,7 @@ def _chart(config: SessionConfig) -> None:
     reference = _readable(read_chart_reference, config)
     if chart is not None and light is not None and reference is not None:
         require_chart(config, view, chart[0],
-                      typical_camera_signals(reference, GRID, power_of(light)))
+                      typical_camera_signals(reference, FINE_GRID, power_of(light)))
 
 
 def _references(config: SessionConfig, name: str) -> None:

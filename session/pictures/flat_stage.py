@@ -13,10 +13,9 @@ from spectrabox.radiometry.error_model import (
     drift_covariance,
     glare_signal,
 )
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.session.pictures.picture_files import write_picture
-from spectrabox.session.stages.inputs import GRID
 from spectrabox.session.stages.records import PictureRecords
 from spectrabox.session.stages.signals_stage import flat_errors, flat_photos, known_spectra
 from spectrabox.session.stages.stage_task import StageTask
@@ -62,7 +61,7 @@ def pixel_errors(task: StageTask, crop: Crop, prior: LogitMixture) -> PixelError
     relative = errors.disagreement.among_bands(bands)
     if photo.drift is not None:
         relative = relative + drift_covariance(photo.drift)
-    on_prior = response @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+    on_prior = response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
     return PixelErrors(
         between, White(white.white[first:], covariance[:, :bands, :bands],
                        covariance[:, :bands, bands:]),

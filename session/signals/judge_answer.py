@@ -10,8 +10,8 @@ import numpy as np
 
 from spectrabox.capture.photo.image_files import open_channels, read_plane
 from spectrabox.measure.judgement import JudgeOptions, judge_picture
-from spectrabox.measure.signals import SIGNAL_GRID
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC
 from spectrabox.radiometry.spectra.spectrum_files import read_table
@@ -43,7 +43,7 @@ def judge_answer(request: JudgeRequest) -> tuple[dict[str, Any], str, dict[str, 
                                 lambda path: read_plane(path)[0])
     if not regions:
         raise InputError("no region was given; give --regions FILE.toml or --point x,y")
-    response = named_spectra.relative_response(request.sensitivity, request.light, SIGNAL_GRID)
+    response = named_spectra.relative_response(request.sensitivity, request.light, FINE_GRID)
     bands = len(response)
     judgement = judge_picture(
         cube, regions, None if request.truth is None else read_table(request.truth), response,

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals import READING_ERROR, SIGNAL_GRID, measurement_of_signal, reading_at
+from spectrabox.measure.signals import READING_ERROR, measurement_of_signal, reading_at
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
@@ -119,7 +120,7 @@ def photo_of_text(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
         raise InputError(f"--photo {text!r} cannot be read; write LIGHT=v1,v2,v3 or "
                          "LIGHT=v1,v2,v3:e1,e2,e3")
     signal, noise = signal_and_noise(rest, bands, "photo")
-    relative_response = named_spectra.relative_response(sensitivity, light, SIGNAL_GRID)
+    relative_response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
     return MoreMeasurement(f"the photo under {light}",
                            measurement=measurement_of_signal(relative_response, signal, None,
                                                              noise))
@@ -164,7 +165,7 @@ def _reading(table: ReadingTable) -> MoreMeasurement:
 
 
 def _band(table: BandTable, folder: Path) -> MoreMeasurement:
-    curves, grid = read_table(folder / table.curve), SIGNAL_GRID
+    curves, grid = read_table(folder / table.curve), FINE_GRID
     column = column_index(curves, table.column)
     curve = on_grid(curves.nm, np.maximum(curves.values[column], 0), grid, curves.file)
     name = f"the band {curves.names[column]} of {curves.file}"
@@ -177,7 +178,7 @@ def _photo(table: PhotoTable, sensitivity: str, folder: Path) -> MoreMeasurement
         name += f" by {table.sensitivity}"
     relative_response = named_spectra.relative_response(
         _file_or_name(table.sensitivity or sensitivity, folder), _file_or_name(table.light, folder),
-        SIGNAL_GRID)
+        FINE_GRID)
     return MoreMeasurement(name, measurement=_measurement(table, relative_response, "photo"))
 
 

@@ -14,9 +14,10 @@ from spectrabox.measure.planning import (
     rank_second_photos,
 )
 from spectrabox.measure.second_photo import LampsAtHand, curves_and_light, lamp_candidates
-from spectrabox.measure.signals import SIGNAL_GRID, measurement_of_signal
+from spectrabox.measure.signals import measurement_of_signal
 from spectrabox.measure.surface_signals import measurement
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.sampling.further.more_measurements import joined
@@ -50,7 +51,7 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
                          "--sensitivity, --light and --signal")
     if min(request.reading_minutes, request.photo_minutes, request.spot_minutes or 1.0) <= 0:
         raise InputError("the minutes of a measurement must be positive")
-    response = named_spectra.relative_response(sensitivity, light, SIGNAL_GRID)
+    response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
     bands = len(response)
     white = optional_numbers(request.white, bands, "white")
     base = measurement_of_signal(response, numbers(signal, bands, "signal"), white,
@@ -65,8 +66,8 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
         next_reading_candidates(others, reading_minutes=request.reading_minutes,
                                 photo_minutes=request.photo_minutes,
                                 spot_minutes=request.spot_minutes),
-        lamp_candidates(named_spectra.sensitivities(sensitivity, SIGNAL_GRID),
-                                named_spectra.light(light, SIGNAL_GRID), PRIOR_GRID,
+        lamp_candidates(named_spectra.sensitivities(sensitivity, FINE_GRID),
+                                named_spectra.light(light, FINE_GRID), PRIOR_GRID,
                                 read_lamps_at_hand(request.lamps, request.filters),
                                 minutes=request.photo_minutes),
         request.steps, request.seed)
@@ -126,14 +127,14 @@ def read_lamps_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand:
         raise InputError("no lamp or filter was named; give --lamps D65,A,my.csv or --filters "
                          "yellow.csv")
     names = chosen[0] or (COMMON if chosen[1] is None else ())
-    return LampsAtHand({name: named_spectra.light(name, SIGNAL_GRID) for name in names},
+    return LampsAtHand({name: named_spectra.light(name, FINE_GRID) for name in names},
                         {name: _transmittance(name) for name in chosen[1] or ()})
 
 
 def _transmittance(name: str) -> np.ndarray:
     """Transmittance (301,) of a filter."""
     nm, _, curves = read_curves(Path(name))
-    values = on_grid(nm, curves[0], SIGNAL_GRID, Path(name).name)
+    values = on_grid(nm, curves[0], FINE_GRID, Path(name).name)
     if values.min() < -0.01 or not 0 < values.max() <= 1.01:
         raise InputError(f"the filter {name} lets {values.min():.3g} to {values.max():.3g} pass; a "
                          "transmittance between 0 and 1 is needed")

@@ -9,13 +9,13 @@ import numpy as np
 
 from spectrabox.measure.judgement import compare_methods
 from spectrabox.measure.signals import (
-    SIGNAL_GRID,
     SampleOptions,
     SignalEstimate,
     measurement_of_signal,
     sample_signals,
 )
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
@@ -54,7 +54,7 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.
                                         or request.more or request.twice):
         raise InputError("a truth and further measurements belong to one surface; give its "
                          "--signal, not --signals")
-    response = named_spectra.relative_response(request.sensitivity, request.light, SIGNAL_GRID)
+    response = named_spectra.relative_response(request.sensitivity, request.light, FINE_GRID)
     bands = len(response)
     white = optional_numbers(request.white, bands, "white")
     twice = None
@@ -94,7 +94,7 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.
 
 def _estimate_facts(estimate: SignalEstimate) -> dict[str, Any]:
     shown = [field.name for field in fields(estimate)
-             if field.name not in ("draws", "measurement")]
+             if field.name not in ("draws", "measurement", "causes")]
     return {name: to_json(getattr(estimate, name)) for name in shown
             if name not in OPTIONAL or getattr(estimate, name) is not None}
 

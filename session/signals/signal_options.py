@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals import READING_ERROR, SIGNAL_GRID, listed, reading_at
+from spectrabox.measure.signals import READING_ERROR, listed, reading_at
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.further.conditioning import Reading
@@ -18,8 +18,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 def response_of_names(sensitivity: str, light: str) -> np.ndarray:
     """Relative response (K, 61) of named curves and light, integrated at 1 nm."""
-    return named_spectra.relative_response(sensitivity, light, SIGNAL_GRID) \
-        @ interpolation_matrix(PRIOR_GRID.nm, SIGNAL_GRID.nm)
+    return named_spectra.relative_response(sensitivity, light, FINE_GRID) \
+        @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 
 
 def numbers(text: str, bands: int, name: str) -> np.ndarray:

@@ -24,6 +24,7 @@ from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.chart_check import held_out_patches, shadow_depths
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
     ChartWhite,
@@ -36,7 +37,6 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
-    GRID,
     excluded_patches,
     read_chart_reference,
     read_known_light,
@@ -76,7 +76,7 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
                                                                             or view == first)]
         fit = None
         if first.chart:
-            fit = calibrate_chart([photos[name] for name in fitted], GRID, options)
+            fit = calibrate_chart([photos[name] for name in fitted], FINE_GRID, options)
             camera = fit.calibration
             notes += _shadow_notes(config, first, fit) if config.flat else ()
             if fit.prior_fit is not None:
@@ -86,7 +86,8 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
                 chart = _chart_fit(config, fit, photos[""], charts[""].thumbnail)
         else:
             assert curves is not None       # session_rules asks for a chart photo otherwise
-            camera = calibration_from_curves(GRID, curves, read_known_light(config, first.light),
+            camera = calibration_from_curves(FINE_GRID, curves,
+                                             read_known_light(config, first.light),
                                              config.sensitivity.relative_error)
         calibrations[first.name] = camera
         for view in others:
@@ -129,7 +130,7 @@ def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOpt
     chosen = config.sensitivity
     prior = None if chosen.prior is None else load_camera_prior(config.path(chosen.prior))
     if config.flat and curves is not None:
-        prior, curves = prior_of_curves(GRID, curves, chosen.relative_error), None
+        prior, curves = prior_of_curves(FINE_GRID, curves, chosen.relative_error), None
     return CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients, curves)
 
 
@@ -167,7 +168,7 @@ def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | Non
     if prior_fit is not None:
         return prior_fit.photos[index].light_scale
     options = CalibrationOptions(curves=camera.sensitivity.curves)
-    return calibrate_chart([photo], GRID, options).scale
+    return calibrate_chart([photo], FINE_GRID, options).scale
 
 
 def _irradiance(task: StageTask) -> np.ndarray | None:

@@ -8,9 +8,9 @@ from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.regions import region_signals
 from spectrabox.radiometry.chart import typical_camera_signals
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.stages.inputs import (
-    GRID,
     chart_corners,
     power_of,
     read_chart_reference,
@@ -42,7 +42,7 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         name = view.chart_files[0]
         task.progress((index + 0.1) / len(config.views_with_chart), f"finding the chart in {name}")
         photo, own_notes = task.photos.developed(config, view.chart)
-        expected = typical_camera_signals(read_chart_reference(config), GRID,
+        expected = typical_camera_signals(read_chart_reference(config), FINE_GRID,
                                           power_of(read_light(config, view.light)))
         detection = find_chart(photo, expected, chart_corners(config, view), layout)
         write_png(task.folder / f"{view.label('overlay')}.png", chart_overlay(photo, detection))

@@ -8,8 +8,14 @@ import numpy as np
 from spectrabox.radiometry.chart import excluded_patches as patches_by_number
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LinearImage, Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import (
+    LinearImage,
+    Quantity,
+    Spectrum,
+    UnknownLight,
+    default_band_names,
+)
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
@@ -22,7 +28,6 @@ from spectrabox.session.config.curve_sources import LightTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files, session_chart
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, ViewInputs
 
-GRID = visible_grid()            # 400-700 nm in 1 nm steps, on which everything is integrated
 MAX_CLIPPED = 0.5               # of the object photo
 
 
@@ -41,11 +46,11 @@ def read_light(config: SessionConfig, reference: LightTable | None = None
     if reference.cct is not None:
         return UnknownLight(cct=reference.cct)
     if reference.word is not None:
-        return vague_light(reference.word) or spectrum_of_name(reference.word, GRID)
+        return vague_light(reference.word) or spectrum_of_name(reference.word, FINE_GRID)
     assert reference.file is not None
     light = read_spectrum(config.path(reference.file), role=Quantity.RELATIVE,
                           column=reference.column, wavelength_column=reference.wavelength_column)
-    values = spectrum_on_grid(light, GRID)
+    values = spectrum_on_grid(light, FINE_GRID)
     if values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"{reference.file}: a light spectrum must be positive; "
                          f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
@@ -59,7 +64,7 @@ def power_of(light: Spectrum | UnknownLight) -> np.ndarray | None:
     ----------
     light : Spectrum or UnknownLight
     """
-    return None if isinstance(light, UnknownLight) else spectrum_on_grid(light, GRID)
+    return None if isinstance(light, UnknownLight) else spectrum_on_grid(light, FINE_GRID)
 
 
 def read_known_light(config: SessionConfig, reference: LightTable | None = None) -> Spectrum:
@@ -86,7 +91,7 @@ def read_reflectance(config: SessionConfig, reference: SpectrumTable) -> Spectru
         If the file cannot be read, or does not cover 400-700 nm.
     """
     spectrum = _spectrum(config, reference, Quantity.REFLECTANCE)
-    spectrum_on_grid(spectrum, GRID)
+    spectrum_on_grid(spectrum, FINE_GRID)
     return spectrum
 
 
@@ -100,12 +105,12 @@ def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarr
     """
     source = config.sensitivity.source
     if source.file is None:
-        on = sensitivities(source.words, GRID)
-        names = ("R", "G", "B") if len(on) == 3 else tuple(f"band {k + 1}" for k in range(len(on)))
+        on = sensitivities(source.words, FINE_GRID)
+        names = default_band_names(len(on))
     else:
         nm, names, curves = read_curves(config.path(source.file), source.columns,
                                         source.wavelength_column)
-        on = on_grid(nm, curves, GRID, source.file)
+        on = on_grid(nm, curves, FINE_GRID, source.file)
     if len(names) < 3:
         raise InputError(f"{source.words} holds {len(names)} curves; three or more bands are "
                          "needed")
@@ -119,7 +124,7 @@ def read_chart_reference(config: SessionConfig) -> np.ndarray:
     """Reflectances (I, P) of the chart, published or measured."""
     for name in chart_files(config):
         config.path(name)      # refuses what lies outside the session
-    return reference_reflectances(config.chart.reference, session_chart(config), GRID,
+    return reference_reflectances(config.chart.reference, session_chart(config), FINE_GRID,
                                   config.folder)
 
 
@@ -236,8 +241,7 @@ def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
         If the photo and the measured curves differ in the number of bands.
     """
     photographed = tuple(config.all_views[0].photo)
-    names = photographed if any(photographed) else ("R", "G", "B") if bands == 3 else \
-        tuple(f"band {index + 1}" for index in range(bands))
+    names = photographed if any(photographed) else default_band_names(bands)
     if config.sensitivity.from_chart:
         return names
     curves = read_sensitivities(config)[0]

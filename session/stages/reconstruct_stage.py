@@ -11,6 +11,7 @@ from spectrabox.measure.scene.reconstruction import learnt_spectra
 from spectrabox.measure.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_after_drift, scale_for_photo
 from spectrabox.radiometry.records import (
     Calibration,
@@ -27,12 +28,7 @@ from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.session.box.scene_geometry import scene_geometry
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
-from spectrabox.session.stages.inputs import (
-    GRID,
-    band_names,
-    read_known_light,
-    read_reflectance,
-)
+from spectrabox.session.stages.inputs import band_names, read_known_light, read_reflectance
 from spectrabox.session.stages.records import ReconstructionRecords, SessionRecords
 from spectrabox.session.stages.scenes import read_session_scene, require_materials
 from spectrabox.session.stages.stage_task import StageTask
@@ -159,7 +155,7 @@ def read_materials(config: SessionConfig, scene: SceneFile) -> tuple[MaterialSpe
     specs = []
     for name, material in config.materials.items():
         known = None if material.known is None else \
-            spectrum_on_grid(read_reflectance(config, material.known), GRID)
+            spectrum_on_grid(read_reflectance(config, material.known), FINE_GRID)
         learnt = learnt_spectra(material.families) if material.families \
             and config.reconstruct.spectrum_prior == "learnt" else None
         specs.append(MaterialSpec(name, config.bsdfs[name], known, learnt))

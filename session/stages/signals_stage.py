@@ -13,10 +13,11 @@ from spectrabox.measure.white import (
     light_map,
     white_at_regions,
 )
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig
-from spectrabox.session.stages.inputs import GRID, band_names, read_reflectance
+from spectrabox.session.stages.inputs import band_names, read_reflectance
 from spectrabox.session.stages.records import RegionLight, SessionRecords, SignalRecords
 from spectrabox.session.stages.stage_task import StageTask
 
@@ -100,5 +101,5 @@ def flat_errors(config: SessionConfig, records: SessionRecords) -> FlatErrors:
 
 def known_spectra(config: SessionConfig) -> dict[str, np.ndarray]:
     """Reflectances (P,) of the regions whose spectrum is known."""
-    return {name: spectrum_on_grid(read_reflectance(config, section.known), GRID)
+    return {name: spectrum_on_grid(read_reflectance(config, section.known), FINE_GRID)
             for name, section in config.regions.items() if section.known is not None}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import matplotlib.pyplot as plt
 import numpy as np
 
-from spectrabox.api.inputs import GRID, LightLike, as_chart, as_light, one_blas_thread
+from spectrabox.api.inputs import LightLike, as_chart, as_light, one_blas_thread
 from spectrabox.api.notebook import camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
@@ -22,7 +22,8 @@ from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.records import Calibration, LinearImage, Quantity
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import Calibration, LinearImage, Quantity, default_band_names
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -217,7 +218,7 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
         raise InputError(f"{len(lights)} lights were given for {len(photos)} photos; give one for "
                          "each photo or one for all")
     chart = as_chart(layout)
-    reflectances = reference_reflectances(reference, chart, GRID)
+    reflectances = reference_reflectances(reference, chart, FINE_GRID)
     excluded = excluded_patches(leave_out, chart, "leave_out")
     irradiance, position_error = None, 0.0
     if chart_scene is not None:
@@ -230,14 +231,13 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     first: LinearImage | None = None
     for number, one in enumerate(photos):
         photo = one if isinstance(one, Photo) else open_photo(one)
-        samples = measure_chart(photo.image, chart, reflectances, GRID)
+        samples = measure_chart(photo.image, chart, reflectances, FINE_GRID)
         shown.append(ChartPhoto(samples, reflectances, lights[number if len(lights) > 1 else 0],
                                 irradiance, excluded, chart))
         first = first or photo.image
-    count = shown[0].samples.mean.shape[1]
-    bands = ("R", "G", "B") if count == 3 else tuple(f"band {k + 1}" for k in range(count))
+    bands = default_band_names(shown[0].samples.mean.shape[1])
     learnt = None if prior is None else load_camera_prior(Path(prior))
-    fit = fit_curves(shown, GRID, CalibrationOptions(method, learnt), seed)
+    fit = fit_curves(shown, FINE_GRID, CalibrationOptions(method, learnt), seed)
     calibration = fit.chart.calibration
     if calibration.light_scale is not None and irradiance is not None:
         widened = with_common_error(calibration.light_scale, LAMP_AT_CHART, position_error)

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from spectrabox.api.estimate import SpectrumEstimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
-    GRID,
     KnownSpectrum,
     LightLike,
     as_chart,
@@ -53,6 +52,7 @@ from spectrabox.radiometry.chart import Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
@@ -62,6 +62,7 @@ from spectrabox.radiometry.records import (
     SurfaceSignals,
     SurfaceSpectrum,
     UnknownLight,
+    default_band_names,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.assemble import surface_result
@@ -213,15 +214,15 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     surfaces = _surfaces(surface, regions)
     with progress_steps(progress, "flat") as step:
         step(0.0, "finding the chart")
-        reflectances = reference_reflectances(reference, chart, GRID)
+        reflectances = reference_reflectances(reference, chart, FINE_GRID)
         detection, patches = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
         samples = sample_regions(opened.image, {name: _outline(one)
                                                 for name, one in regions.items()})
         step(0.2, "fitting sensitivities")
         options = CalibrationOptions(prior=None if camera_prior is None
                                      else load_camera_prior(Path(camera_prior)))
-        calibrated = calibrate_chart([ChartPhoto(patches, reflectances, stated, chart=chart)], GRID,
-                                     options)
+        calibrated = calibrate_chart([ChartPhoto(patches, reflectances, stated, chart=chart)],
+                                     FINE_GRID, options)
         assert calibrated.prior_fit is not None
         calibration = calibrated.calibration if isinstance(stated, UnknownLight) else replace(
             calibrated.calibration, light=stated)
@@ -238,9 +239,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         white = white_at_regions(shown, spectra_known, errors)
         assert white is not None
         named = {name: families_of((families or {}).get(name)) for name in regions}
-        bands = ("R", "G", "B") if opened.bands == 3 else tuple(
-            f"band {number + 1}" for number in range(opened.bands))
-        signals = flat_signals([shown], [white], named, spectra_known, bands, errors)
+        signals = flat_signals([shown], [white], named, spectra_known,
+                               default_band_names(opened.bands), errors)
         spectra = sample_surfaces(signals, DrawOptions(draws=draws, level=level, seed=seed), named,
                                   lambda share, name: step(0.6 + 0.4 * share, name))
     lit = np.full(len(calibrated.predicted), np.nan)
@@ -271,8 +271,8 @@ def _surfaces(surface: str | Mapping[str, str] | None,
 def _measured_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
                     light: Spectrum | UnknownLight, corners: ArrayLike | None
                     ) -> tuple[ChartDetection, PatchSamples]:
-    power = spectrum_on_grid(light, GRID) if isinstance(light, Spectrum) else None
-    reference = typical_camera_signals(reflectances, GRID, power)
+    power = spectrum_on_grid(light, FINE_GRID) if isinstance(light, Spectrum) else None
+    reference = typical_camera_signals(reflectances, FINE_GRID, power)
     detection = find_chart(photo, reference,
                            None if corners is None else np.asarray(corners, float), chart)
     samples = judge_chart(photo, detection, reference, chart).samples

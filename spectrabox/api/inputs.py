@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import WavelengthGrid, visible_grid
+from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
 from spectrabox.radiometry.records import Calibration, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
@@ -29,7 +29,6 @@ from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_famil
 if TYPE_CHECKING:
     from spectrabox.api.camera import CameraEstimate
 
-GRID = visible_grid()       # 400 to 700 nm in 1 nm steps, on which everything is integrated
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -67,9 +66,9 @@ def as_light(light: LightLike) -> Spectrum | UnknownLight:
     if isinstance(light, Spectrum | UnknownLight):
         return light
     if isinstance(light, str | Path):
-        return stated_light(str(light), GRID)
+        return stated_light(str(light), FINE_GRID)
     nm, values = (np.asarray(part, dtype=float) for part in light)
-    return Spectrum(GRID, on_grid(nm, values, GRID, "light"), Quantity.RELATIVE, "given")
+    return Spectrum(FINE_GRID, on_grid(nm, values, FINE_GRID, "light"), Quantity.RELATIVE, "given")
 
 
 def as_spectrum(light: LightLike) -> Spectrum:
@@ -87,7 +86,7 @@ def as_spectrum(light: LightLike) -> Spectrum:
     return known
 
 
-def as_curves(camera: CameraLike, grid: WavelengthGrid = GRID) -> np.ndarray:
+def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarray:
     """Sensitivities (K, P) on a grid.
 
     Parameters
@@ -128,16 +127,17 @@ def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
     """
     if isinstance(known, int | float):
         require_fraction(known, name)
-        return np.full(GRID.nm.size, float(known))
+        return np.full(FINE_GRID.nm.size, float(known))
     if isinstance(known, str | Path):
-        return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), GRID)
+        return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), FINE_GRID)
     nm, values = (np.asarray(part, dtype=float) for part in known)
-    return on_grid(nm, values, GRID, "reflectance")
+    return on_grid(nm, values, FINE_GRID, "reflectance")
 
 
 def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:
     """Response (K, 301) of a camera's bands to reflectances under a light; rows sum to 1."""
-    matrix = response_matrix(GRID, as_curves(camera), spectrum_on_grid(as_spectrum(light), GRID))
+    matrix = response_matrix(FINE_GRID, as_curves(camera),
+                             spectrum_on_grid(as_spectrum(light), FINE_GRID))
     return matrix / white_signal(matrix)[:, None]
 
 

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.inputs import GRID, as_chart
+from spectrabox.api.inputs import as_chart
 from spectrabox.capture.chart.detection import find_chart as detect_chart
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.develop.developed import develop_photos
@@ -17,6 +17,7 @@ from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.camera import chart_signals
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
 
 if TYPE_CHECKING:
@@ -249,8 +250,8 @@ def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None =
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     chart = as_chart(layout)
     reflectances = None if chart.has_known_colours and reference is None else \
-        reference_reflectances(reference, chart, GRID)
-    signals = chart_signals(chart, reflectances, opened.bands, GRID)
+        reference_reflectances(reference, chart, FINE_GRID)
+    signals = chart_signals(chart, reflectances, opened.bands, FINE_GRID)
     given = None if corners is None else np.asarray(corners, dtype=float)
     detection = detect_chart(opened.image, signals, given, chart)
     return ChartInPhoto(opened, chart, detection, judge_chart(opened.image, detection, signals,

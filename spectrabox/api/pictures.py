@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.inputs import (
-    GRID,
     CameraLike,
     LightLike,
     as_prior,
@@ -19,7 +18,7 @@ from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 
@@ -73,7 +72,7 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     if pixels.ndim != 3 or not pixels.size:
         raise InputError(f"an image of shape {pixels.shape} was given; give (height, width, bands) "
                          "with one pixel or more")
-    response = relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+    response = relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
                             white=None if white is None else np.asarray(white, dtype=float),

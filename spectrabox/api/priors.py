@@ -7,17 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.inputs import (
-    GRID,
-    CameraLike,
-    LightLike,
-    as_prior,
-    families_of,
-    relative_response,
-)
+from spectrabox.api.inputs import CameraLike, LightLike, as_prior, families_of, relative_response
 from spectrabox.measure.judgement import JudgeOptions, PictureJudgement, judge_picture
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.judge.certificate import Certificate
@@ -239,4 +232,4 @@ def _library(library: LibraryLike, nm: ArrayLike | None, name: str) -> Reflectan
 
 def _coarse(camera: CameraLike, light: LightLike) -> np.ndarray:
     """Relative response (K, 61) on the prior's wavelengths."""
-    return relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, GRID.nm)
+    return relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)

@@ -14,7 +14,6 @@ from spectrabox.api.camera import CameraEstimate
 from spectrabox.api.estimate import SpectrumEstimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
-    GRID,
     CameraLike,
     KnownSpectrum,
     LightLike,
@@ -35,6 +34,7 @@ from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records import Calibration, JointReconstruction
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -185,7 +185,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     elif isinstance(camera, Calibration):
         calibration, scale = replace(camera, light=spectrum), camera.light_scale
     else:
-        calibration = calibration_from_curves(GRID, as_curves(camera), spectrum, CURVES_ERROR)
+        calibration = calibration_from_curves(FINE_GRID, as_curves(camera), spectrum, CURVES_ERROR)
     known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
         name: None if given is None else as_reflectance(given, name)
         for name, given in materials.items()}

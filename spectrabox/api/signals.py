@@ -3,7 +3,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,15 +18,12 @@ from spectrabox.api.inputs import (
     relative_response,
 )
 from spectrabox.measure.matching import SpectralLibrary, SurfaceMatch, match_signal
-from spectrabox.measure.signals import SampleOptions, causes_of_error, sample_signals
+from spectrabox.measure.signals import SampleOptions, SignalEstimate, sample_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.session.signals.spectral_library import read_spectral_libraries
-
-if TYPE_CHECKING:
-    from spectrabox.measure.signals import SignalEstimate
 
 VARIATION = 0.01        # of white: how much surfaces of one material differ
 
@@ -113,9 +109,9 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
         white=None if white is None else np.asarray(white, dtype=float),
         noise=np.broadcast_to(errors, bands).copy(), light_error=light_error,
         sensitivity_error=sensitivity_error, prior=learnt, with_draws=given.ndim == 1)
-    made = [_estimate(name, one, learnt if method == "prior" else None, light_error,
-                      sensitivity_error) for name, one in zip(labels, each, strict=True)]
-    return made[0] if given.ndim == 1 else SpectrumEstimates(made)
+    estimates = [_estimate(name, one, learnt if method == "prior" else None)
+                 for name, one in zip(labels, each, strict=True)]
+    return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)
 
 
 def match(signal: SpectrumEstimate | ArrayLike,
@@ -194,16 +190,10 @@ def match(signal: SpectrumEstimate | ArrayLike,
                         variation=variation, evidence_ratio=evidence_ratio)
 
 
-def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None, light_error: float,
-              sensitivity_error: float) -> SpectrumEstimate:
+def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None) -> SpectrumEstimate:
     """The public estimate of one signal."""
-    scale_and_curves = causes_of_error(one.measurement.signal,
-                                       np.zeros_like(one.measurement.noise_covariance),
-                                       light_error, sensitivity_error)
-    noise = one.measurement.noise_covariance - sum(scale_and_curves.values())
     summary = SpectrumSummary(PRIOR_GRID, one.mean, one.standard_deviation, one.lower, one.upper,
                               one.bound_lower, one.bound_upper, one.level, one.conditional_on,
                               one.next_measurement_nm)
-    return SpectrumEstimate(name, summary, one.measurement,
-                            scale_and_curves | {"photo noise": noise}, prior, one.draws)
+    return SpectrumEstimate(name, summary, one.measurement, one.causes, prior, one.draws)
 
