@@ -4,8 +4,8 @@ of the light between two photos, from neutral references in both.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import chdtri
 
-from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.error_model import DRIFT, ROUNDED_EXPOSURES, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LightDrift, LightScale, LinearImage
@@ -197,7 +197,7 @@ def drift_between(chart_photo: LinearImage, chart_signals: np.ndarray, object_ph
     colour = ratio / level - 1
     colour_error = _colour_error(before, after, relative_error)
     changed = bool(np.sum((colour / colour_error) ** 2)
-                   > chi_square_beyond(SIGNIFICANCE, max(len(ratio) - 1, 1)))
+                   > chdtri(max(len(ratio) - 1, 1), SIGNIFICANCE))
     return LightDrift(ratio, error, level, level_error, colour, changed,
                       _sentence(level, level_error, colour, changed,
                                 rounding_error(chart_photo, object_photo)))

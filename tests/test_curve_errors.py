@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_error_budget import FINE_GRID as COARSE
+from test_error_budget import GRID as COARSE
 from test_error_budget import LIGHTS, calibration, curves_and_covariance
 
 from spectrabox.radiometry.error_model import (

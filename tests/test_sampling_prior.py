@@ -44,7 +44,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     mean_and_spread,
     posterior,
 )
-from spectrabox.sampling.prior.quantiles import normal_below, quantiles
+from spectrabox.sampling.prior.quantiles import quantiles
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.training import MIXED, enriched, fit_mixture
 from spectrabox.sampling.spline_measurement import nearest_splines, response_on
@@ -486,13 +486,3 @@ def test_quantiles_of_a_skewed_mixture_have_their_probability(probability):
     below = np.einsum("nc,ncp->np", weights, np.where(skews > 0, beyond, 1 - beyond))
     # Newton's last step leaves 1e-7 deviations, single precision 1e-6.
     np.testing.assert_allclose(below, probability, atol=2e-6)
-
-
-@pytest.mark.parametrize("precision, rtol", [
-    # what is published of the fraction; sums of ten terms of single precision beside it
-    (np.float64, 1.2e-7), (np.float32, 2e-6)])
-def test_the_normal_distribution_is_scipys(precision, rtol):
-    z = np.linspace(-4, 4, 8001).astype(precision)
-    found = normal_below(z)
-    assert found.dtype == precision
-    np.testing.assert_allclose(found, stats.norm.cdf(z.astype(float)), rtol=rtol)

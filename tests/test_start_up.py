@@ -19,10 +19,10 @@ MAY_IMPORT = {
     "status": (["status", "{session}"], {"pydantic", "numpy"}),
     # It runs what a run asks before it traces: the camera is fitted, the scene is opened.
     "check": (["check", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", *PHOTOS}),
-    "sample": (SAMPLE, {"pydantic", "numpy"}),
+    "sample": (SAMPLE, {"pydantic", "numpy", "scipy"}),
     "camera fit": (["camera", "fit", "--chart", "{session}/photos/chart.dng", "--light",
                     "{session}/spectra/light.csv", "--json"],
-                   {"pydantic", "numpy", *PHOTOS}),
+                   {"pydantic", "numpy", "scipy", *PHOTOS}),
     "run": (["run", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", "matplotlib",
                                    "jinja2", "rich", *PHOTOS}),
 }

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
-from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement, WavelengthGrid
 
@@ -80,7 +80,7 @@ def condition(measurement: SpectralMeasurement, readings: list[Reading]) -> Spec
     if not readings:
         return measurement
     rows = np.array([reading.row(measurement.grid) for reading in readings])
-    limit = np.sqrt(chi_square_beyond(CONTRADICTION, 1))
+    limit = np.sqrt(chdtri(1, CONTRADICTION))
     for index, first in enumerate(readings):
         for other, second in enumerate(readings[:index]):
             if np.abs(rows[index] - rows[other]).sum() >= SAME_WEIGHTS:
@@ -145,7 +145,7 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
         return first
     gain = first.noise_covariance @ np.linalg.pinv(total, hermitian=True)
     surprise = difference @ np.linalg.pinv(total, hermitian=True) @ difference
-    if surprise > chi_square_beyond(CONTRADICTION, len(difference)):
+    if surprise > chdtri(len(difference), CONTRADICTION):
         raise InputError("two patches said to be the same material differ by "
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")

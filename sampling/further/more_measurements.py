@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
-from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.further.conditioning import (
@@ -122,7 +122,7 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
         expected = solve_posterior(prior, rest).draws(DOUBT_DRAWS, seed) @ rows.T
         spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
         away = values - expected.mean(axis=0)
-        if away @ np.linalg.solve(spread, away) > chi_square_beyond(CONTRADICTION, len(away)):
+        if away @ np.linalg.solve(spread, away) > chdtri(len(away), CONTRADICTION):
             worst = int(np.argmax(np.abs(away)))
             sentences.append(f"{further.name} is hard to believe beside the others: "
                              f"{values[worst]:.3g} was measured and "
@@ -141,7 +141,7 @@ def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
         targets.append(whiten @ values)
     A, y = np.vstack(rows), np.concatenate(targets)
     misfit = np.sum((A @ nearest_coefficients(A, y) - y)**2)
-    return bool(misfit < chi_square_beyond(CONTRADICTION, y.size))
+    return bool(misfit < chdtri(y.size, CONTRADICTION))
 
 
 def measured_rows(base: SpectralMeasurement,

@@ -13,8 +13,8 @@ goes to a general solver one programme at a time.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import chdtri
 
-from spectrabox.radiometry.covariance import chi_square_beyond
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.checks import check_noise
 from spectrabox.sampling.polytope.linear_programmes import LP_ATOL, SignalBoxes, bounds_of_one
@@ -109,7 +109,7 @@ def signal_boxes(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarra
         raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
     variances, directions = np.linalg.eigh(noise_covariance)
     turn = directions.transpose(0, 2, 1)
-    radius = np.sqrt(chi_square_beyond(1 - level, variances.shape[1]))
+    radius = np.sqrt(chdtri(variances.shape[1], 1 - level))
     return SignalBoxes(turn @ A, (turn @ signals[..., None])[..., 0],
                        radius * np.sqrt(np.maximum(variances, 0)))
 
