@@ -19,7 +19,7 @@ from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, s
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
+from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.verdict import root_mean_square
@@ -156,7 +156,7 @@ def _photo_of_regions(config: SessionConfig, records: SessionRecords,
     shown, light = config.regions_in(view), records.flat.light.get(view.name)
     known = [name for name, section in shown.items() if section.known is not None]
     return PhotoOfRegions(
-        view.name or FIRST_PHOTO,
+        view.title,
         {} if light is None else {
             name: (level, error) for name, level, error
             in zip(shown, light.level.tolist(), light.error.tolist(), strict=True)},

@@ -18,7 +18,6 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
-from spectrabox.session.config.curve_sources import SpectrumTable
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
@@ -72,11 +71,6 @@ class CheckResult:
         return f"tracing light will take about {self.tracing_bytes / 2**20:.0f} MiB{of_all}"
 
 
-def find_problems(folder: Path, allow_outside: bool = False) -> list[Problem]:
-    """Everything that would stop or spoil a run of this session; empty when it is ready."""
-    return preflight_check(folder, allow_outside).problems
-
-
 def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEVICE,
                     shared: Path | None = None) -> CheckResult:
     """Everything that would stop or spoil a run of this session, and what it will take.
@@ -118,14 +112,15 @@ def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEV
 
 def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
     """Read all but the photos."""
-    for reference in _reflectances(config):
-        attempt(read_reflectance, config, reference)
+    for surface in config.surfaces.values():
+        for table in (surface.known, surface.truth):
+            if table is not None:
+                attempt(read_reflectance, config, table)
     if not config.sensitivity.from_chart:
         attempt(read_sensitivities, config)
     if config.views_with_chart:
         attempt(read_chart_reference, config)
-        if not config.flat:
-            attempt(read_chart_scene, config)
+        attempt(read_chart_scene, config)
     if config.camera.lens is not None:
         from spectrabox.calibrate.geometry.lens_files import read_lens
         attempt(lambda: read_lens(config.path(config.camera.lens or "")))
@@ -178,11 +173,6 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
         return None
     from spectrabox.session.stages.reconstruct_stage import require_invertible
     return require_invertible(config, finished.records, device)
-
-
-def _reflectances(config: SessionConfig) -> list[SpectrumTable]:
-    both = [(material.known, material.truth) for material in config.surfaces.values()]
-    return [reference for pair in both for reference in pair if reference is not None]
 
 
 def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,

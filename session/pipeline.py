@@ -4,7 +4,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -170,13 +170,16 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         if stored is not None and stored.fault:
             progress(name, 0.0, f"run again: its stored results {stored.fault}")
         with shared_stage(shared, name, key) as other:
-            if other is None:
-                finished.stored[name] = _run_stage(config, name, key, inputs, device,
-                                                   finished.records, progress, photos)
-                share_stage(shared, name, finished.stored[name])
+            if other is not None:
+                stored = _store_stage(config, name, key, inputs, partial(copy_stage, other))
+                progress(name, 1.0, "as another session made it")
             else:
-                finished.stored[name] = _copy_stage(config, name, key, inputs, other, progress)
-        finished.states[name] = "run" if other is None else "copied"
+                run = partial(_run_stage, config, name, key, device, finished.records, progress,
+                              photos)
+                stored = _store_stage(config, name, key, inputs, run)
+                progress(name, 1.0, f"{stored.seconds:.1f} s")
+                share_stage(shared, name, stored)
+        finished.stored[name], finished.states[name] = stored, "copied" if other else "run"
     return finished
 
 
@@ -200,29 +203,23 @@ def load_finished(config: SessionConfig) -> FinishedRun:
                        dict.fromkeys(stored, "kept"))
 
 
-def _run_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles, device: str,
-               records: SessionRecords, progress: StageProgress,
-               photos: OpenPhotos) -> StoredStage:
+def _store_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles,
+                 fill: Callable[[Path], None]) -> StoredStage:
+    """Results of a stage, which a function writes into an empty folder, in place of the old ones.
+    """
+    with stage_folder(config.results_folder, name) as folder:
+        fill(folder)
+        inputs.require_unchanged(key["files"])
+    finished = load_stage(config.results_folder, name)
+    assert finished is not None
+    return finished
+
+
+def _run_stage(config: SessionConfig, name: str, key: Key, device: str, records: SessionRecords,
+               progress: StageProgress, photos: OpenPhotos, folder: Path) -> None:
+    """Run a stage and save its record into a folder."""
     start = time.perf_counter()
     progress(name, 0.0, "")
-    with stage_folder(config.results_folder, name) as folder:
-        task = StageTask(config, device, records, folder,
-                         lambda done, message: progress(name, done, message), photos)
-        made = stages_of(config)[name].run(task)
-        inputs.require_unchanged(key.get("files", ()))
-        save_stage(folder, key, made, time.perf_counter() - start, {"stage": name})
-    finished = load_stage(config.results_folder, name)
-    assert finished is not None
-    progress(name, 1.0, f"{finished.seconds:.1f} s")
-    return finished
-
-
-def _copy_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles,
-                other: StoredStage, progress: StageProgress) -> StoredStage:
-    with stage_folder(config.results_folder, name) as folder:
-        copy_stage(other, folder)
-        inputs.require_unchanged(key.get("files", ()))
-    finished = load_stage(config.results_folder, name)
-    assert finished is not None
-    progress(name, 1.0, "as another session made it")
-    return finished
+    task = StageTask(config, device, records, folder, partial(progress, name), photos)
+    record = stages_of(config)[name].run(task)
+    save_stage(folder, key, record, time.perf_counter() - start, {"stage": name})

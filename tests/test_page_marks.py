@@ -10,7 +10,7 @@ from flat_example import write_flat
 
 from spectrabox.capture.photo.regions import region_pixels
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.check import find_problems
+from spectrabox.session.check import preflight_check
 from spectrabox.session.page import marks
 from spectrabox.session.page.marks import Mark, MarkedSession, corner_names, marked, photos_of
 from spectrabox.session.page.photo_views import PhotoViews
@@ -202,7 +202,8 @@ def test_what_check_says_of_a_mark_is_said_before_it_is_written(flat, tmp_path, 
         session.apply(mark, session.read()[1])
     assert (folder / "session.toml").read_bytes() == before
     (folder / "session.toml").write_text(marked(session.read()[0], a_mark(**mark)))
-    assert str(refused.value).splitlines() == [one.sentence for one in find_problems(folder)]
+    problems = preflight_check(folder).problems
+    assert str(refused.value).splitlines() == [one.sentence for one in problems]
 
 
 def test_references_are_marked_one_after_another_where_the_photo_shows_them(captured):

@@ -12,7 +12,7 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.system import free_memory as memory
 from spectrabox.reconstruct.tracer import transport
-from spectrabox.session.check import find_problems, preflight_check
+from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages, stage_states
@@ -114,7 +114,7 @@ FAULTS = {black_stated_too_high: "the black level taken off is too high",
 @pytest.mark.parametrize("fault, sentence", FAULTS.items())
 def test_check_says_what_run_would_refuse(captured, fault, sentence):
     fault(captured)
-    said = [problem.sentence for problem in find_problems(captured)]
+    said = [problem.sentence for problem in preflight_check(captured).problems]
     with pytest.raises(SpectraboxError) as refused:
         run_stages(read_session(captured), device="cpu", only=None, force=False,
                    progress=lambda *_: None)
@@ -126,7 +126,7 @@ def test_a_trace_for_which_memory_is_missing_is_refused_by_both(captured, monkey
     needed = preflight_check(captured).tracing_bytes
     assert needed is not None and 0 < needed < 1 << 30
     monkeypatch.setattr(transport, "free_memory", lambda: 1000)
-    (said,) = find_problems(captured)
+    (said,) = preflight_check(captured).problems
     assert "of memory that are free; close other programs, or lower [reconstruct] width" \
         in said.sentence
     with pytest.raises(SpectraboxError) as refused:
@@ -172,7 +172,7 @@ def test_a_system_that_does_not_say_has_the_memory_that_is_built_in(tmp_path, mo
 
 def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypatch):
     inputs = {path: path.read_bytes() for path in captured.rglob("*") if path.is_file()}
-    assert find_problems(captured) == []
+    assert preflight_check(captured).problems == []
     assert all(path.read_bytes() == content for path, content in inputs.items())
     states = {state.name: state.state for state in stage_states(read_session(captured))}
     assert states == {"chart": "done", "photo": "done", "calibrate": "done",
@@ -181,11 +181,11 @@ def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypat
     def decoded(*_):
         raise AssertionError("a photo was decoded again")
     monkeypatch.setattr(developed, "open_any", decoded)
-    assert find_problems(captured) == []
+    assert preflight_check(captured).problems == []
 
 
 def test_the_faults_of_every_photo_are_said_at_once(captured):
     for name in ("box", "chart"):
         (captured / "photos" / f"{name}.dng").write_bytes(b"no raw")
-    said = "\n".join(problem.sentence for problem in find_problems(captured))
+    said = "\n".join(problem.sentence for problem in preflight_check(captured).problems)
     assert "box.dng" in said and "chart.dng" in said

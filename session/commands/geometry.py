@@ -203,7 +203,7 @@ def box(request: SessionOptions) -> Answer:
     if config.box is None:
         raise InputError(f"{request.folder} has no [scene.box]: 'spectrabox new --template box' "
                          "writes a session that has one")
-    cameras = {view.name or FIRST_PHOTO: box_camera(config, view)
+    cameras = {view.title: box_camera(config, view)
                for view in box_views(config)}
     with outputs_writer(config.folder):
         written = [*write_scene_files(config), *write_overlays(config)]

@@ -385,6 +385,11 @@ class ViewInputs:
     camera: CameraTable | None = None   # of a box's photo, where it is not that of [scene.box]
 
     @property
+    def title(self) -> str:
+        """What it is called in sentences and in a region's ``photo``."""
+        return self.name or FIRST_PHOTO
+
+    @property
     def photo_files(self) -> tuple[str, ...]:
         return all_files(self.photo)
 
@@ -470,7 +475,7 @@ class SessionConfig(SessionTables):
     def regions_in(self, view: ViewInputs) -> dict[str, RegionSection]:
         """The regions that the photo of a view shows."""
         return {name: region for name, region in self.regions.items()
-                if not region.photos or (view.name or FIRST_PHOTO) in region.photos}
+                if not region.photos or view.title in region.photos}
 
     @property
     def results_folder(self) -> Path:

@@ -90,7 +90,8 @@ def read_reflectance(config: SessionConfig, reference: SpectrumTable) -> Spectru
     InputError
         If the file cannot be read, or does not cover 400-700 nm.
     """
-    spectrum = _spectrum(config, reference, Quantity.REFLECTANCE)
+    spectrum = read_spectrum(config.path(reference.file), role=Quantity.REFLECTANCE,
+                             column=reference.column, wavelength_column=reference.wavelength_column)
     spectrum_on_grid(spectrum, FINE_GRID)
     return spectrum
 
@@ -220,11 +221,6 @@ def require_exposed(photo: LinearImage, name: str) -> None:
     if clipped > MAX_CLIPPED:
         raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the "
                                 "exposure until the surfaces are not, the light itself may be")
-
-
-def _spectrum(config: SessionConfig, reference: SpectrumTable, role: Quantity) -> Spectrum:
-    return read_spectrum(config.path(reference.file), role=role, column=reference.column,
-                         wavelength_column=reference.wavelength_column)
 
 
 def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:

@@ -33,7 +33,6 @@ from spectrabox.session.stages.records import ReconstructionRecords, SessionReco
 from spectrabox.session.stages.scenes import read_session_scene, require_materials
 from spectrabox.session.stages.stage_task import StageTask
 
-FIRST_VIEW = "photo"
 TRACE = ".trace.npz"      # in the results, while a trace goes on and where it was stopped
 
 
@@ -130,7 +129,7 @@ def views_of(config: SessionConfig, records: SessionRecords,
         scale = scale_of_view(config, inputs, photo, calibration, records, drifted)
         lights = {light: read_known_light(config, spectrum)
                   for light, spectrum in inputs.lights_by_id.items()}
-        views.append(View(inputs.name or FIRST_VIEW, scene, photo, calibration, bands,
+        views.append(View(inputs.title, scene, photo, calibration, bands,
                           read_materials(config, scene), scale, lights))
     return views
 

@@ -16,7 +16,7 @@ from spectrabox.measure.white import (
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig
+from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.inputs import band_names, read_reflectance
 from spectrabox.session.stages.records import RegionLight, SessionRecords, SignalRecords
 from spectrabox.session.stages.stage_task import StageTask
@@ -73,7 +73,7 @@ def flat_photos(config: SessionConfig, records: SessionRecords) -> list[FlatPhot
         with_chart = view if view.chart else config.all_views[0]
         chart = records.chart.charts[with_chart.name]
         photos.append(FlatPhoto(
-            view.name or FIRST_PHOTO, records.photo.regions.get(view.name),
+            view.title, records.photo.regions.get(view.name),
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart_files == view.photo_files, chart.detection.corners_px, layout,
             records.calibrate.whites[with_chart.name], calibration,
