@@ -155,12 +155,15 @@ def _photo_of_regions(config: SessionConfig, records: SessionRecords,
     height, width = photo.signal.shape[:2]
     shown, light = config.regions_in(view), records.flat.light.get(view.name)
     known = [name for name, section in shown.items() if section.known is not None]
+    samples = records.photo.regions.get(view.name)
     return PhotoOfRegions(
         view.title,
         {} if light is None else {
             name: (level, error) for name, level, error
             in zip(shown, light.level.tolist(), light.error.tolist(), strict=True)},
         {} if light is None else dict(zip(known, light.level_misfits.tolist(), strict=True)),
+        {} if samples is None else dict(zip(samples.names, samples.scatter.max(axis=1).tolist(),
+                                            strict=True)),
         config.results_folder / "photo" / f"{view.label('preview')}.png",
         (round(width * photo.sensor_step), round(height * photo.sensor_step)),
         {name: np.array(region.outline()) for name, region in shown.items()},

@@ -30,6 +30,7 @@ from spectrabox.session.stages.inputs import (
     read_photo,
     read_reflectance,
     read_sensitivities,
+    require_curves_of_bands,
     require_exposed,
 )
 from spectrabox.session.stages.order import stages_of
@@ -118,6 +119,7 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
                 attempt(read_reflectance, config, table)
     if not config.sensitivity.from_chart:
         attempt(read_sensitivities, config)
+        attempt(require_curves_of_bands, config)
     if config.views_with_chart:
         attempt(read_chart_reference, config)
         attempt(read_chart_scene, config)

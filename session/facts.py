@@ -84,6 +84,9 @@ def _region_facts(region: MaterialResult, results: FlatResults) -> dict[str, Any
                   for name in ("mean", "standard_deviation", "lower", "upper", "bound_lower",
                                "bound_upper")}
     light = [photo.light[region.name] for photo in results.photos if region.name in photo.light]
+    if scatter := [photo.scatter[region.name] for photo in results.photos
+                   if region.name in photo.scatter]:
+        facts["scatter"] = max(scatter)
     if light:
         facts |= {"light": light[0][0], "light_error": light[0][1]}
     return facts

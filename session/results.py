@@ -96,6 +96,8 @@ class LitRegions:
     light: dict[str, tuple[float, float]]
     # of each known region: its level against the light's, in standard errors of both
     level_misfits: dict[str, float]
+    # of each region: relative scatter of its pixels beyond noise and a plane, in the worst band
+    scatter: dict[str, float]
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples, SpectrumSummary
 from spectrabox.session.cli import app
+from spectrabox.session.commands.finished import _text as report_text
 from spectrabox.session.compare.quantities import BRIGHTNESS, find_sessions
 from spectrabox.session.compare.quantities import _exposure as exposure
 from spectrabox.session.compare.quantities import _of_chart as of_chart
@@ -210,7 +211,16 @@ def test_the_command_names_the_session_and_the_band(lab):
     text = CliRunner().invoke(app, ["compare", *folders]).output
     assert "a-4: band 3 against the others is -" in text
     quiet = [folder for folder in folders if not folder.endswith("a-4")]
-    assert "as before" in CliRunner().invoke(app, ["compare", *quiet]).output
+    assert "camera, light and chart are as before" in CliRunner().invoke(app, ["compare",
+                                                                               *quiet]).output
+
+
+def test_cameras_are_compared_by_make_model_and_serial_number():
+    same, other = a_session(camera="Make A 1"), a_session(camera="Make A 2")
+    quiet = SimpleNamespace(out=False)
+    text = report_text([same, same, other], [quiet], [], [])
+    assert "different cameras (make, model, serial number): Make A 1; Make A 2" in text
+    assert "camera, light and chart are as before" not in text
 
 
 def test_the_catalogue_is_made_anew_from_the_folders(lab, tmp_path):

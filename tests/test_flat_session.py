@@ -294,6 +294,26 @@ def test_a_card_stated_off_its_level_is_doubted(flat_session):
     assert "The level of “dark”, of known spectrum, is 4.5 standard errors" in verdict.sentence
 
 
+def test_a_region_of_several_paints_and_a_truth_of_another_are_warnings(flat_session):
+    text = (flat_session / "session.toml").read_text(encoding="utf-8")
+    x0, y0, x1, y1 = rect_of("cube")
+    other = rect_of("red_wall")
+    right = judge(assemble(read_session(flat_session), run(flat_session), {}))
+    assert {each.name.split()[0]: each.status for each in right.criteria}.items() >= {
+        "Scatter": Status.PASS, "Measured": Status.PASS}.items()
+    both = [min(x0, other[0]), min(y0, other[1]), max(x1, other[2]), max(y1, other[3])]
+    text += f"[regions.both]\nrect = {both}\n"
+    (flat_session / "spectra" / "other.csv").write_text(table_text(
+        NM, {"value": 1 - paint("cube")[1]}, quantity=Quantity.REFLECTANCE, source=""),
+        encoding="utf-8")
+    text = text.replace('"spectra/cube.csv"', '"spectra/other.csv"')
+    (flat_session / "session.toml").write_text(text, encoding="utf-8")
+    verdict = judge(assemble(read_session(flat_session), run(flat_session), {}))
+    assert verdict.status is Status.WARN
+    assert "The pixels of “both” scatter by" in verdict.sentence
+    assert "The stated truth disagrees with every band of “cube”: it lies" in verdict.sentence
+
+
 def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session):
     light = lamplight((320, 480), [(0.0, 0.1, 0.5, 1.0)]) * vignetting((320, 480), 0.8)
     x0, y0, x1, y1 = rect_of("green_wall")

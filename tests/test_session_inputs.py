@@ -2,9 +2,12 @@
 import re
 import shutil
 import sys
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.fixtures.object_views import object_mesh, write_ply
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session import keys as keys_module
@@ -157,3 +160,22 @@ def test_every_number_of_session_toml_that_a_stage_takes_makes_its_results_stale
             tried.add(f"{section}.{name}")
     assert {"chart.corners_px", "sensitivity.relative_error", "sampling.draws",
             "reconstruct.block_error"} <= tried
+
+
+@pytest.mark.parametrize("channels, columns, refused", [
+    ("RGB", "XYZ", True), ("RGB", "BGR", True), ("RGB", ("red", "green", "blue"), False),
+    ("RGB", ("first", "second", "third"), False)])
+def test_curves_named_after_other_bands_than_the_photo_has_are_refused(tmp_path, channels, columns,
+                                                                       refused):
+    write_exr(tmp_path / "a.exr", np.full((20, 20, 3), 0.5), tuple(channels))
+    (tmp_path / "c.csv").write_text(
+        "\n".join([",".join(("nm", *columns)), *(f"{nm},1,1,1" for nm in range(380, 721, 20))]))
+    config = SimpleNamespace(
+        sensitivity=SimpleNamespace(from_chart=False, source=SimpleNamespace(
+            file="c.csv", words="c.csv", columns=None, wavelength_column=1)),
+        all_views=[SimpleNamespace(photo={"": ("a.exr",)})], path=lambda name: tmp_path / name)
+    if refused:
+        with pytest.raises(InputError, match=r"a\.exr has the channels R, G, B, and the curves of"):
+            inputs.require_curves_of_bands(config)
+    else:
+        inputs.require_curves_of_bands(config)

@@ -108,6 +108,25 @@ def picture_size(path: str | os.PathLike[str]) -> tuple[int, int]:
     return round(spec.width * step), round(spec.height * step)
 
 
+def stated_bands(path: Path) -> tuple[str, ...]:
+    """Names of an EXR's bands, capitals, in the order in which they are read; none of other files.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
+    if not path.is_file() or not _first_bytes(path).startswith(PICTURE_STARTS[0]):
+        return ()
+    names = [name for name in channel_names(path, _opened(path).spec())
+             if not name.startswith((VARIANCE, SATURATED))]
+    return tuple(names[index].split(".")[-1].upper() for index in band_order(names))
+
+
 def full_scale(path: Path, spec: oiio.ImageSpec, file_format: str) -> int:
     """What white of the format reads in a file of linear values: 1 for floats.
 

@@ -244,8 +244,12 @@ def _facts(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerd
 def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerdict],
           shifts: Sequence[LastingShift], pairs: Sequence[SurfacePair]) -> str:
     from spectrabox.measure.comparison import control_sentence, shift_sentence
+    cameras = list(dict.fromkeys(one.camera for one in sessions))
     lines = [f"{one.folder}  {one.finished}  {one.camera or 'no chart photo'}, {one.light}"
              for one in sessions]
+    if len(cameras) > 1:
+        lines.append("the sessions are of different cameras (make, model, serial number): "
+                     + "; ".join(camera or "one that no chart photo states" for camera in cameras))
     for one in pairs:
         names = f"{sessions[one.first].folder} and {sessions[one.second].folder}"
         lines.append(f"{one.surface}: {names} differ by {one.delta_e00:.1f} CIEDE2000 (rms "
@@ -259,5 +263,7 @@ def _text(sessions: Sequence[SessionQuantities], verdicts: Sequence[ControlVerdi
         lines.append("no two of these sessions have one camera under one light: brightness and "
                      "colour balance are not compared")
     elif not out and not shifts:
-        lines.append("camera, light and chart are as before, within photo-to-photo repeatability")
+        lines.append("of one camera under one light, brightness and colour balance are as before, "
+                     "within photo-to-photo repeatability" if len(cameras) > 1 else
+                     "camera, light and chart are as before, within photo-to-photo repeatability")
     return "\n".join(lines)

@@ -42,6 +42,7 @@ from spectrabox.session.stages.inputs import (
     read_known_light,
     read_light,
     read_sensitivities,
+    require_curves_of_bands,
 )
 from spectrabox.session.stages.records import CalibrationRecords, ChartFit, MeasuredChart
 from spectrabox.session.stages.scenes import read_chart_scene
@@ -61,6 +62,7 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
     task : StageTask
     """
     config, charts = task.config, task.records.chart.charts
+    require_curves_of_bands(config)
     irradiance = _irradiance(task) if charts else None
     task.progress(0.6, "fitting sensitivities")
     curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]

@@ -29,6 +29,8 @@ from spectrabox.session.config.session_chart import chart_files, session_chart
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, ViewInputs
 
 MAX_CLIPPED = 0.5               # of the object photo
+LETTERED = ({*"RGB"}, {*"XYZ"})     # bands of which one cannot be another
+LETTERS = {"RED": "R", "GREEN": "G", "BLUE": "B"}       # of bands, by their names
 
 
 def read_light(config: SessionConfig, reference: LightTable | None = None
@@ -119,6 +121,32 @@ def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarr
         raise InputError(f"{source.words}: sensitivities must be positive; "
                          f"they run from {on.min():.3g} to {on.max():.3g}")
     return names, np.maximum(on, 0.0) / on.max()
+
+
+def require_curves_of_bands(config: SessionConfig) -> None:
+    """Refuse measured curves whose names say that they are of other bands than an EXR's channels.
+
+    Raises
+    ------
+    InputError
+        If columns named X, Y, Z are to be the curves of channels R, G, B, say, or stand in another
+        order.
+    """
+    from spectrabox.capture.photo.image_files import stated_bands
+
+    source = config.sensitivity.source
+    if config.sensitivity.from_chart or source.file is None:
+        return
+    curves = tuple(LETTERS.get(name.strip().upper(), name.strip().upper())
+                   for name in read_sensitivities(config)[0])
+    for view in config.all_views:
+        for name in view.photo.get(ONE_PHOTO, ()):
+            bands = stated_bands(config.path(name))
+            if bands != curves and {*bands} in LETTERED and {*curves} in LETTERED:
+                raise InputError(
+                    f"{name} has the channels {', '.join(bands)}, and the curves of {source.file} "
+                    f"are named {', '.join(curves)}: give the curves of these channels, in their "
+                    "order (sensitivity.columns), or rename the columns")
 
 
 def read_chart_reference(config: SessionConfig) -> np.ndarray:

@@ -130,7 +130,9 @@ class FlatSpectra(SpectrumEstimates):
         """The verdict of the report on the same records."""
         surfaces = [surface_result(self.signals, index, self._spectra.get(name))
                     for index, name in enumerate(self.signals.names)]
-        lit = LitRegions("photo", self.light, dict(self._white.level_misfits))
+        lit = LitRegions("photo", self.light, dict(self._white.level_misfits),
+                         dict(zip(self._white.samples.names,
+                                  self._white.samples.scatter.max(axis=1).tolist(), strict=True)))
         return judge(FlatEvidence(
             bands=self.signals.bands, chart=self._chart, calibration=self.calibration,
             photo=self._photo, materials=surfaces, photos=[lit],
