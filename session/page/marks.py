@@ -161,8 +161,16 @@ def marked(text: str, mark: Mark) -> str:
     """
     try:
         document = tomlkit.parse(text.removeprefix(BYTE_ORDER_MARK))
-    except (TOMLKitError, ValueError, RecursionError) as error:
+        _write(document, mark)
+        result = tomlkit.dumps(document)
+    except (TOMLKitError, ValueError, RecursionError) as error:     # also a table that stands twice
         raise InputError(f"{FILE_NAME} is not valid TOML: {error}; mend it first") from None
+    if "\r\n" in text and not LINE_FEED_ALONE.search(text):     # what is new ends as the rest does
+        result = LINE_FEED_ALONE.sub("\r\n", result)
+    return text[:text.startswith(BYTE_ORDER_MARK)] + result
+
+
+def _write(document: tomlkit.TOMLDocument, mark: Mark) -> None:
     points = [_rounded(point) for point in mark.points]
     if mark.kind == "region":
         _mark_region(document, mark, points)
@@ -173,10 +181,6 @@ def marked(text: str, mark: Mark) -> str:
         _mark_box(document, mark, points)
     else:
         _mark_reference(document, mark, points)
-    result = tomlkit.dumps(document)
-    if "\r\n" in text and not LINE_FEED_ALONE.search(text):     # what is new ends as the rest does
-        result = LINE_FEED_ALONE.sub("\r\n", result)
-    return text[:text.startswith(BYTE_ORDER_MARK)] + result
 
 
 def corner_names(written: dict[str, Any]) -> list[str]:

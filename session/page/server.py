@@ -1,6 +1,7 @@
 """The page's server: what it answers, on this machine alone."""
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import secrets
@@ -24,7 +25,7 @@ from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import session_of_text, text_of
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.page.access import Access, RedirectFile
+from spectrabox.session.page.access import Access, Receive, RedirectFile, Scope, Send
 from spectrabox.session.page.marks import (
     MAX_PX,
     MarkedSession,
@@ -42,6 +43,7 @@ HOST = "127.0.0.1"
 REPORT = "report.html"
 PNG = b"\x89PNG"
 MAX_BODY = 200_000      # bytes of a mark: a polygon of ten thousand corners
+DISCARD_S = 2.0         # for what comes of a request that has been refused
 GRACE_S = 1             # for answers under way when the page ends
 
 
@@ -185,7 +187,7 @@ def page_app(page: SessionPage, token: str,
             if request.method == "POST":
                 body = await _body(request)
                 if body is None:
-                    return _refused(f"more than {MAX_BODY} bytes; mark fewer points", 413)
+                    return TooLong()
                 try:
                     asked = json.loads(body)
                 except (ValueError, RecursionError):
@@ -238,8 +240,10 @@ def page_app(page: SessionPage, token: str,
         yield
         await run_in_threadpool(page.close)
 
-    # around the whole application, so that answers to its own errors have the same headers
-    return Access(Starlette(routes=routes, lifespan=lifespan), token)
+    application = Starlette(routes=routes, lifespan=lifespan)
+    application.router.redirect_slashes = False
+    # around all of it, so that answers to its own errors have the same headers
+    return Access(application, token)
 
 
 def serve(page: SessionPage, port: int, say: Callable[[str], None],
@@ -300,6 +304,29 @@ async def _body(request: Request) -> bytes | None:
             if len(content) > MAX_BODY:
                 return None
     return content
+
+
+class TooLong(Response):
+    """Refusal of a request that is longer than ``MAX_BODY``.
+
+    What still comes is thrown away for a while: most clients read no answer before they have sent
+    all, and a connection that is closed meanwhile loses it.
+    """
+
+    def __init__(self) -> None:
+        sentence = f"more than {MAX_BODY} bytes; mark fewer points"
+        super().__init__(json.dumps({"error": sentence}), 413, media_type="application/json")
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer at once, and end the answer later."""
+        await send({"type": "http.response.start", "status": self.status_code,
+                    "headers": self.raw_headers})
+        await send({"type": "http.response.body", "body": self.body, "more_body": True})
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(DISCARD_S):
+                while (await receive()).get("more_body"):
+                    pass
+        await send({"type": "http.response.body"})
 
 
 def _pixels(asked: dict[str, str], name: str) -> float:
