@@ -1,4 +1,5 @@
 """The page's server: this machine and its token alone, nothing outside the session."""
+import contextlib
 import http.client
 import os
 import shutil
@@ -263,12 +264,20 @@ serve(page, 0, lambda address: print(address, flush=True))
 """
 
 
+@contextlib.contextmanager
+def started(words, **how):
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+                          **how) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGKILL"])
 def test_page_and_run_end_within_three_seconds_whatever_a_client_does(session, tmp_path, name):
     alive = tmp_path / "alive"
-    with subprocess.Popen([sys.executable, "-c", PAGE_OF_A_STUBBORN_RUN, session, alive],
-                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                          text=True) as process:
+    with started([sys.executable, "-c", PAGE_OF_A_STUBBORN_RUN, session, alive]) as process:
         parts = urllib.parse.urlsplit(process.stdout.readline().strip())
         token = urllib.parse.parse_qs(parts.query)["token"][0]
         assert asked(f"http://{parts.netloc}/api/run", {}, token)[1]["run"]["running"]
@@ -290,9 +299,8 @@ def test_a_browser_learns_the_address_from_a_file_of_its_user_alone(session, tmp
     script, notes = tmp_path / "browser", tmp_path / "notes"
     script.write_text(f'#!/bin/sh\necho "$@" > {notes}.new; mv {notes}.new {notes}\n')
     script.chmod(0o700)
-    with subprocess.Popen([sys.executable, "-m", "spectrabox", "open", session],
-                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-                          env=os.environ | {"BROWSER": f"{script} %s"}) as process:
+    with started([sys.executable, "-m", "spectrabox", "open", session],
+                 env=os.environ | {"BROWSER": f"{script} %s"}) as process:
         address = process.stdout.readline().strip()
         parts = urllib.parse.urlsplit(address)
         token = urllib.parse.parse_qs(parts.query)["token"][0]
@@ -303,7 +311,6 @@ def test_a_browser_learns_the_address_from_a_file_of_its_user_alone(session, tmp
         assert file.stat().st_mode & 0o777 == 0o600 and file.parent.stat().st_mode & 0o777 == 0o700
         assert asked(address, token=None)[0] == 200
         assert not file.parent.exists()
-        process.send_signal(signal.SIGTERM)
 
 
 @pytest.mark.parametrize("words", [["nowhere"], ["{session}", "--watch", "nowhere"]])

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 
-GRACE_S = 2.0       # for a command that was asked to end
+GRACE_S = 1.0       # for a command that was asked to end
 
 
 def main() -> None:
