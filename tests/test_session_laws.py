@@ -23,9 +23,8 @@ def drift(changed):
 
 
 def views(*names):
-    return [SimpleNamespace(name=name, light="lamp", scene="box.xml", lights_by_id={}, turn_deg=0.0,
-                )
-            for name in names]
+    return [SimpleNamespace(name=name, title=name, light="lamp", scene="box.xml", lights_by_id={},
+                            turn_deg=0.0) for name in names]
 
 
 @pytest.mark.parametrize("with_chart", [(0, 1, 2), (0, 2), (0, 1, 3), (0, 2, 3)])
