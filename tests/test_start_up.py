@@ -16,7 +16,7 @@ MAY_IMPORT = {
     "--help": (["--help"], set()),
     "--version": (["--version"], set()),
     "new": (["new", "{new}"], {"pydantic", "numpy"}),
-    "status": (["status", "{session}"], {"pydantic", "numpy"}),
+    "status": (["status", "{session}"], {"pydantic", "numpy", "scipy"}),
     # It runs what a run asks before it traces: the camera is fitted, the scene is opened.
     "check": (["check", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", *PHOTOS}),
     "sample": (SAMPLE, {"pydantic", "numpy", "scipy"}),

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.command_line import Answer, ChartLayout, CommonOptions, Quiet, command
 from spectrabox.session.commands.session import RunRequest, run_session
@@ -105,6 +104,8 @@ def flat(request: FlatRequest) -> Answer:
 
 def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, str], str | None]:
     """What is stated of the surface of each region, and of all that is photographed."""
+    from spectrabox.radiometry.error_model import SURFACE_WORDS
+
     of_all = next((word for word in words if "=" not in word), None)
     stated = {} if of_all is None else dict.fromkeys(regions, of_all)
     stated |= _pairs([word for word in words if "=" in word], "--surface", "matt")

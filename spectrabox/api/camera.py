@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from spectrabox.api.inputs import LightLike, as_chart, as_light, one_blas_thread
-from spectrabox.api.notebook import camera_html
+from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
@@ -116,7 +115,7 @@ class CameraEstimate:
         -------
         matplotlib Axes
         """
-        axes = plt.subplots(figsize=(5.6, 3.4), layout="constrained")[1] if axes is None else axes
+        axes = axes_for(axes, (5.6, 3.4))
         plot_sensitivities(axes, self.nm, self.curves, self.calibration.sensitivity.standard_error,
                            self.bands)
         axes.legend(frameon=False, fontsize="small")

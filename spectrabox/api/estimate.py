@@ -7,14 +7,20 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from spectrabox.api.notebook import spectrum_html
+from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
+from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz, tristimulus_weights
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples, SpectrumSummary
+from spectrabox.radiometry.records import (
+    SpectralMeasurement,
+    SpectrumSamples,
+    SpectrumSummary,
+    SurfaceSignals,
+    SurfaceSpectrum,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 from spectrabox.sampling.summary import check_draws, check_level
@@ -300,7 +306,7 @@ class SpectrumEstimate:
         -------
         matplotlib Axes
         """
-        axes = plt.subplots(figsize=(6.6, 3.7), layout="constrained")[1] if axes is None else axes
+        axes = axes_for(axes, (6.6, 3.7))
         if self.given is not None:
             plot_given(axes, self.nm, self.mean)
         else:
@@ -391,6 +397,30 @@ class SpectrumEstimate:
         lightness, a, b = self.lab().value
         return (f"<SpectrumEstimate {self.name!r}: L*a*b* {lightness:.1f} {a:.1f} {b:.1f}, "
                 f"{100 * self._summary.level:.4g} % band {self.band_width:.3f} wide>")
+
+
+def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, SurfaceSpectrum],
+                     prior: LogitMixture | None, *, rendered: bool) -> SpectrumEstimate:
+    """The estimate of one surface of a scene or of a flat sample.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    name : str
+        Of the surface.
+    spectra : mapping of SurfaceSpectrum
+        Of every unknown surface.
+    prior : LogitMixture or None
+        That the spectra were drawn from; None for another method than the learnt prior.
+    rendered : bool
+        Whether the spectra of ``signals`` are those of inverse rendering.
+    """
+    index = signals.names.index(name)
+    if signals.known[index]:
+        return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
+    return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
+                            errors_by_cause(signals, index), prior, spectra[name].samples,
+                            signals.spectra[index] if rendered else None)
 
 
 def _on(nm: np.ndarray, own_nm: np.ndarray, spectra: np.ndarray) -> np.ndarray:

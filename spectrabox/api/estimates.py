@@ -5,11 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from spectrabox.api.estimate import SpectrumEstimate, estimates_to_xarray
-from spectrabox.api.notebook import spectrum_html
+from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.plots import frame_wavelengths
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
@@ -132,7 +131,7 @@ class SpectrumEstimates(Mapping[str, SpectrumEstimate]):
         -------
         matplotlib Axes
         """
-        axes = plt.subplots(figsize=(6.6, 3.7), layout="constrained")[1] if axes is None else axes
+        axes = axes_for(axes, (6.6, 3.7))
         for name, one in self._estimates.items():
             line, = axes.plot(one.nm, one.mean, label=name)
             axes.fill_between(one.nm, *one.band(), color=line.get_color(), alpha=0.15, lw=0)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
     KnownSpectrum,
@@ -38,7 +38,6 @@ from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure.chart_check import held_out_patches
 from spectrabox.measure.flat import flat_signals
-from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.measure.white import (
     FlatErrors,
@@ -250,8 +249,9 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     result = ChartResult(detection, patches, calibrated.predicted, lit / np.nanmax(lit),
                          chart, held_out_patches(calibrated, reflectances),
                          calibrated.prior_influence)
-    return FlatSpectra([_estimate(signals, index, spectra, named) for index in range(len(regions))],
-                       signals, white, small, result,
+    estimates = [surface_estimate(signals, name, spectra, as_prior(None, named[name]),
+                                  rendered=False) for name in signals.names]
+    return FlatSpectra(estimates, signals, white, small, result,
                        replace(calibrated, calibration=calibration), spectra,
                        all(name in surfaces or name in spectra_known for name in regions),
                        (*opened.notes, *far_notes(white), *level_notes(white)))
@@ -280,16 +280,6 @@ def _measured_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
     samples = judge_chart(photo, detection, reference, chart).samples
     require_unclipped(samples, chart.names, photo.source)
     return detection, samples
-
-
-def _estimate(signals: SurfaceSignals, index: int, spectra: Mapping[str, SurfaceSpectrum],
-              families: Mapping[str, Sequence[str]]) -> SpectrumEstimate:
-    name = signals.names[index]
-    if signals.known[index]:
-        return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
-    return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
-                            errors_by_cause(signals, index), as_prior(None, families[name]),
-                            spectra[name].samples)
 
 
 def _outline(region: Outline) -> list[tuple[float, float]]:

@@ -1,9 +1,10 @@
-"""Short HTML for notebooks: swatch, small plot and band width of each surface."""
+"""What notebooks show: axes to draw into, and short HTML with a swatch and a plot of a surface."""
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
 from markupsafe import Markup
 
@@ -11,10 +12,17 @@ from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from spectrabox.api.camera import CameraEstimate
     from spectrabox.api.estimate import SpectrumEstimate
 
 WIDTH, HEIGHT = 150, 36     # of the small plot, in pixels
+
+
+def axes_for(axes: Axes | None, inches: tuple[float, float] | None = None) -> Axes:
+    """The given axes, or new ones in a figure of that size."""
+    return plt.subplots(figsize=inches, layout="constrained")[1] if axes is None else axes
 
 
 def spectrum_html(estimates: Sequence[SpectrumEstimate]) -> str:

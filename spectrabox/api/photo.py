@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.inputs import as_chart
+from spectrabox.api.notebook import axes_for
 from spectrabox.capture.chart.detection import find_chart as detect_chart
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.develop.developed import develop_photos
@@ -82,7 +82,7 @@ class Photo:
         -------
         matplotlib Axes
         """
-        axes = plt.subplots(layout="constrained")[1] if axes is None else axes
+        axes = axes_for(axes)
         width, height = self.size_px
         step = -(-max(self.image.signal.shape[:2]) // PREVIEW_PX)
         axes.imshow(signal_rgb8(self.image.signal, step),

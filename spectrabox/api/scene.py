@@ -7,11 +7,10 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from spectrabox.api.camera import CameraEstimate
-from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
     CameraLike,
@@ -24,13 +23,13 @@ from spectrabox.api.inputs import (
     families_of,
     one_blas_thread,
 )
+from spectrabox.api.notebook import axes_for
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure.scene.reconstruction import SceneEstimate, SceneOptions
 from spectrabox.measure.scene.reconstruction import reconstruct_scene as reconstruct
-from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import InputError
@@ -101,7 +100,7 @@ class SceneSpectra(SpectrumEstimates):
         -------
         matplotlib Axes
         """
-        axes = plt.subplots(layout="constrained")[1] if axes is None else axes
+        axes = axes_for(axes)
         view = self.reconstruction.views[0]
         usable = view.used[..., None] & (view.measured > 0)
         residual = np.where(usable, 1 - view.rendered / np.where(usable, view.measured, 1.0),
@@ -199,15 +198,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     with progress_steps(progress, "scene") as step:
         result = reconstruct(opened.image, read_scene(Path(scene)), calibration, known, options,
                              families=stated, scale=scale, chart_glare=glare, progress=step)
-    signals, joint, estimates = result.signals, result.joint, []
-    for index, name in enumerate(signals.names):
-        if signals.known[index]:
-            estimates.append(SpectrumEstimate(name, None,
-                                              given=(signals.grid.nm, signals.spectra[index])))
-            continue
-        spectra = result.spectra[name]
-        fitted = np.interp(spectra.summary.grid.nm, joint.grid.nm, joint.spectra[index])
-        estimates.append(SpectrumEstimate(
-            name, spectra.summary, measurement(signals, index), errors_by_cause(signals, index),
-            as_prior(None, stated.get(name, ())), spectra.samples, fitted))
+    estimates = [surface_estimate(result.signals, name, result.spectra,
+                                  as_prior(None, stated.get(name, ())), rendered=True)
+                 for name in result.signals.names]
     return SceneSpectra(estimates, result, calibration)

@@ -4,12 +4,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
-
-from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
 from spectrabox.api.notebook import spectrum_html
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.assemble import assemble
@@ -136,18 +133,10 @@ class Session(Mapping[str, SpectrumEstimate]):
         signals = records.signals
         if name not in signals.names:
             raise KeyError(f"there is no surface {name!r}; there are {', '.join(signals.names)}")
-        index = signals.names.index(name)
-        if signals.known[index]:
-            return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
-        spectrum, fitted = records.sample.spectra[name], None
-        if not self.config.flat:
-            joint = records.reconstruct.joint
-            fitted = np.interp(spectrum.summary.grid.nm, joint.grid.nm,
-                               joint.spectra[joint.materials.index(name)])
         prior = of_families(load_prior(), self.config.surfaces[name].families) \
             if self.config.sampling.method == "prior" else None
-        return SpectrumEstimate(name, spectrum.summary, measurement(signals, index),
-                                errors_by_cause(signals, index), prior, spectrum.samples, fitted)
+        return surface_estimate(signals, name, records.sample.spectra, prior,
+                                rendered=not self.config.flat)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.config.surfaces)
