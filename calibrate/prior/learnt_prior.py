@@ -66,6 +66,7 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
     InputError
         If there are fewer than 4 cameras.
     """
+    from scipy.special import ndtri, stdtrit
     cameras = len(curves)
     if cameras < MIN_CAMERAS:
         raise InputError(f"a prior needs {MIN_CAMERAS} measured cameras or more; {cameras} "
@@ -81,7 +82,9 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
     joined = [", ".join(names[index] for index in group) for group in groups]
     departures = np.tile(constants.departures, (3, 1))
     departures[:, 2] *= [constants.family_departure, constants.kin_departure, 1.0]
-    widening = _student_widening(names)
+    # Student's t over the normal quantile at 95 %, for a covariance learnt from few makers
+    freedom = max(len({_maker(name) for name in names}) - 1, MIN_FREEDOM)
+    widening = float(stdtrit(freedom, 0.95) / ndtri(0.95))
     of_kin = (f"another maker's like {members}" for members in joined)
     return CameraPrior(
         nm=nm, weights=np.concatenate([family * sizes, kin * sizes, [1 - family - kin]]),
@@ -157,13 +160,6 @@ def between_makers(states: np.ndarray, names: tuple[str, ...]) -> tuple[np.ndarr
 
 def _maker(name: str) -> str:
     return name.split()[0] if name.split() else name
-
-
-def _student_widening(names: tuple[str, ...]) -> float:
-    """Student's t over the normal quantile at 95 %, for a covariance learnt from few makers."""
-    from scipy.special import ndtri, stdtrit
-    freedom = max(len({_maker(name) for name in names}) - 1, MIN_FREEDOM)
-    return float(stdtrit(freedom, 0.95) / ndtri(0.95))
 
 
 def _leading(rows: np.ndarray) -> np.ndarray:

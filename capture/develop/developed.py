@@ -62,8 +62,10 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
                              "frame was; take one at each exposure of the bracket")
         sharing.setdefault(dark.source, []).append((frame, dark))
     for pairs in sharing.values():
-        mean, ratios = _mean_over_one_dark(pairs)
-        images.append(mean)
+        mean, ratios = merge_exposures([subtract_dark(frame, dark) for frame, dark in pairs])
+        # the dark frame's own noise, which no number of photos averages away
+        left = (1 - 1 / len(pairs)) * common_variance(*pairs[0])
+        images.append(dataclasses.replace(mean, variance=mean.variance + left.astype(np.float32)))
         notes += ratios
     merged, ratios = merge_exposures(images)
     if flat is not None:
@@ -71,14 +73,6 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
     if not_linear and any(NOT_LINEAR in image.source for image in images):
         notes.append(NOT_LINEAR)
     return merged, (*notes, *ratios)
-
-
-def _mean_over_one_dark(
-        pairs: Sequence[tuple[RawFrame, DarkFrame]]) -> tuple[LinearImage, tuple[str, ...]]:
-    """Mean of photos of one dark frame, whose noise no number of photos averages away."""
-    mean, ratios = merge_exposures([subtract_dark(frame, dark) for frame, dark in pairs])
-    left = (1 - 1 / len(pairs)) * common_variance(*pairs[0])
-    return dataclasses.replace(mean, variance=mean.variance + left.astype(np.float32)), ratios
 
 
 def open_any(path: Path, not_linear: bool = False) -> LinearImage:

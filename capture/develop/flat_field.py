@@ -67,7 +67,8 @@ def smooth_flat(flat: LinearImage) -> np.ndarray:
         raise CheckError(f"flat field {flat.source} falls to {darkest:.4f} of full scale and at "
                          f"least {MIN_SIGNAL} is needed; photograph the white card filling the "
                          "frame, with a longer exposure")
-    powers_y, powers_x = powers = _powers()
+    # powers of y and x whose sum is at most ORDER
+    powers = powers_y, powers_x = np.nonzero(np.add.outer(*[np.arange(ORDER + 1)] * 2) <= ORDER)
     terms = (y[:, None] ** powers_y * x[:, None] ** powers_x)[usable]
     shading = np.empty((height, width, bands), np.float32)
     across = np.stack([_coordinate(np.arange(width), width) ** power for power in range(ORDER + 1)])
@@ -118,13 +119,6 @@ def _block_sums(values: np.ndarray, tops: np.ndarray, lefts: np.ndarray) -> np.n
 def _coordinate(index: np.ndarray, size: int) -> np.ndarray:
     """Pixel index as -1 to 1 across the picture, which keeps the powers well conditioned."""
     return (2 * np.asarray(index, float) + 1) / size - 1
-
-
-def _powers() -> tuple[np.ndarray, np.ndarray]:
-    """Powers of y and x whose sum is at most ORDER."""
-    y, x = np.indices((ORDER + 1, ORDER + 1))
-    low = y + x <= ORDER
-    return y[low], x[low]
 
 
 def _size(image: LinearImage) -> str:

@@ -38,10 +38,13 @@ def claim(spectra: Path, role: str, names: Sequence[str]) -> None:
         if other not in (None, role):
             raise InputError(f"{shortened(name)} is the name of something measured as {other}; "
                              f"as {role}, give it another with --name")
-    if any(_was_measured(readings_folder(spectra, name)) for name in names):
+    if any(folder.is_dir() or any(folder.parent.glob(f"{folder.name}.before-*"))
+           for folder in (readings_folder(spectra, name) for name in names)):
         return
-    for file in _possible_files(spectra, role, names[0]):
-        if file.exists():
+    by_white = role in ("paint", "chart") and readings_folder(spectra, "white").is_dir()
+    for quantity in ([Quantity.REFLECTANCE] if by_white
+                     else [Quantity.RADIANCE, Quantity.IRRADIANCE]):
+        if (file := _file(spectra, role, names[0], quantity)).exists():
             raise InputError(f"{file} was not measured here and would be replaced: rename it"
                              + ("" if role == "chart" else ", or choose another --name"))
 
@@ -89,13 +92,6 @@ def _file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path:
     return spectra / (f"{stem}.csv" if bare else f"{stem}-{quantity.name.lower()}.csv")
 
 
-def _possible_files(spectra: Path, role: str, name: str) -> list[Path]:
-    by_white = role in ("paint", "chart") and readings_folder(spectra, "white").is_dir()
-    quantities = ([Quantity.REFLECTANCE] if by_white
-                  else [Quantity.RADIANCE, Quantity.IRRADIANCE])
-    return [_file(spectra, role, name, quantity) for quantity in quantities]
-
-
 def _reserved(name: str) -> str | None:
     plain = name.casefold()
     if plain in ("light", "white"):
@@ -109,10 +105,6 @@ def _role_of(folder: Path) -> str | None:
     except (OSError, ValueError):
         return None
     return role if role in ROLES else None
-
-
-def _was_measured(folder: Path) -> bool:
-    return folder.is_dir() or any(folder.parent.glob(f"{folder.name}.before-*"))
 
 
 def _quantity_in(path: Path) -> str | None:

@@ -77,7 +77,7 @@ class TranscriptWriter:
         """Note bytes that passed."""
         now = time.monotonic()
         try:
-            self._stream.write(event_line(Event(direction, now - self._last, data)) + "\n")
+            self._stream.write(f'{direction} {now - self._last:.3f} "{escaped(data)}"\n')
             self._stream.flush()
         except OSError as error:
             raise EnvironmentProblem(f"{self.path} cannot be written ({error.strerror}): free "
@@ -97,11 +97,6 @@ class TranscriptWriter:
     def close(self) -> None:
         """Close the file."""
         self._stream.close()
-
-
-def event_line(event: Event) -> str:
-    """One event as a line of the file."""
-    return f'{event.direction} {event.delay_s:.3f} "{escaped(event.data)}"'
 
 
 def escaped(data: bytes) -> str:

@@ -109,7 +109,9 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
                           (photo.signal.shape[1], photo.signal.shape[0]))
     unmoved = scene.unit(np.zeros(3))
     surface = surface_map(unmoved.scene, tuple(scene_file.surfaces), unmoved.size)
-    region, group = block_regions(surface, _usable(photo))
+    floor = MIN_SIGNAL * np.median(photo.signal, axis=(0, 1))
+    usable = ~photo.saturated.any(axis=2) & np.all(photo.signal > floor, axis=2)
+    region, group = block_regions(surface, usable)
     if len(group) < MIN_REGIONS:
         raise InputError(f"photo {photo.source}: {len(group)} blocks of single surfaces can be "
                          f"compared, {MIN_REGIONS} are needed; render at a larger size, or "
@@ -251,11 +253,6 @@ def _nuisance(group: np.ndarray, material: np.ndarray, bands: int,
     paints = settings.paint_error * (material[:, None] == np.unique(material)[None])
     columns = np.hstack([np.repeat(surfaces, bands, axis=0), np.kron(paints, np.eye(bands))])
     return columns.reshape(len(group), bands, -1)
-
-
-def _usable(photo: LinearImage) -> np.ndarray:
-    floor = MIN_SIGNAL * np.median(photo.signal, axis=(0, 1))
-    return np.asarray(~photo.saturated.any(axis=2) & np.all(photo.signal > floor, axis=2))
 
 
 def _require_reflectances(scene_file: SceneFile,
