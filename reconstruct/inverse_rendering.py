@@ -59,8 +59,18 @@ def reconstruct(view: View, settings: InversionSettings, progress: Progress) -> 
 
 def settings_for(views: Sequence[View],
                  settings: InversionSettings) -> tuple[InversionSettings, tuple[str, ...]]:
-    """The settings with the engine that the views' materials need, and a sentence where that is not
-    the default; nothing is traced.
+    """The settings with the engine that the views' materials need; nothing is traced.
+
+    Parameters
+    ----------
+    views : V of View
+    settings : InversionSettings
+
+    Returns
+    -------
+    settings : InversionSettings
+    notes : tuple of str
+        A sentence where the engine is not the default.
 
     Raises
     ------

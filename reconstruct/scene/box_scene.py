@@ -65,6 +65,11 @@ def chart_xml(box: BoxTable, chart: ChartPlaceTable) -> str:
     """The scene of the chart photo: the same lamp, and the card where it stood.
 
     Nothing of it depends on the camera, which stands in front of the card.
+
+    Parameters
+    ----------
+    box : BoxTable
+    chart : ChartPlaceTable
     """
     root = _scene(CHART_DEPTH, TAKE_OVER.format(key="chart.scene"))
     at, width = np.array(chart.at_mm), chart.size_mm[0]

@@ -249,6 +249,12 @@ class Instrument(abc.ABC):
     def numbers(self, text: str, count: int, separator: str = ",") -> list[float]:
         """Exactly ``count`` numbers of a reply.
 
+        Parameters
+        ----------
+        text : str
+        count : int
+        separator : str
+
         Raises
         ------
         LineFaultError
@@ -270,6 +276,12 @@ class Instrument(abc.ABC):
     def grid(self, points: float, first: float, last: float, step: float) -> np.ndarray:
         """Wavelengths (P,) in nm that the instrument states it uses.
 
+        Parameters
+        ----------
+        points : float
+            P.
+        first, last, step : float, nm
+
         Raises
         ------
         LineFaultError
@@ -285,6 +297,12 @@ class Instrument(abc.ABC):
 
     def values_at(self, nm: np.ndarray, rows: Sequence[str], separator: str = ",") -> np.ndarray:
         """Values (P,) of rows of wavelength and value, at the wavelengths that were stated.
+
+        Parameters
+        ----------
+        nm : (P,) array
+        rows : P of str
+        separator : str
 
         Raises
         ------
@@ -302,7 +320,11 @@ class Instrument(abc.ABC):
     def quantity_of(self, unit: float, remedy: str) -> Quantity:
         """Radiance or irradiance, from the code 0 or 1 that the instrument states.
 
-        ``remedy`` says what to mount instead.
+        Parameters
+        ----------
+        unit : float
+        remedy : str
+            What to mount instead, for the sentence.
 
         Raises
         ------
