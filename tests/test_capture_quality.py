@@ -12,7 +12,12 @@ from typer.testing import CliRunner
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS, typical_signals
 from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
 from spectrabox.capture.chart.quality import judge_chart, uneven_light_reasons
-from spectrabox.capture.photo.image_files import read_linear_file, write_linear_exr, write_png
+from spectrabox.capture.photo.image_files import (
+    NO_DATE,
+    read_linear_file,
+    write_linear_exr,
+    write_png,
+)
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.preview import encode_srgb8, signal_rgb8
 from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, mosaic
@@ -189,6 +194,7 @@ def test_a_covered_patch_is_named(tmp_path):
 def test_a_developed_photo_comes_back_whole(tmp_path):
     image = open_photo(chart_photo(tmp_path))
     write_linear_exr(tmp_path / "photo.exr", image)
+    assert NO_DATE.encode() in (tmp_path / "photo.exr").read_bytes()[:2000]   # not that of writing
     back = read_linear_file(tmp_path / "photo.exr")
     for name in ("signal", "variance", "saturated"):
         np.testing.assert_array_equal(getattr(back, name), getattr(image, name))
