@@ -1,13 +1,20 @@
 """A whole calibration: curves, light and scale, from chart photos or from measured curves."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
+from spectrabox.calibrate.chart_equations import (
+    GLARE_SD,
+    HAZE_SD,
+    ChartEquations,
+    chart_equations,
+    some_patches,
+)
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
@@ -16,7 +23,7 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
 from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE
 from spectrabox.calibrate.products.lamps import lamps_like
-from spectrabox.calibrate.products.product_fit import fit_products
+from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
     PriorFit,
@@ -57,6 +64,12 @@ MIN_BANDS = 3
 LEVEL = 0.9                 # of the band of curves
 NORMAL_QUANTILE = 1.6449    # of that level, two-sided
 DRAWS = 1000                # of the curves
+RARE_HAZE = 3.0             # log odds against a veil beforehand
+DOUBTED_VEIL, MAX_VEIL = 0.04, 0.3      # of the brightest patch: a warning; no photo of a chart
+# Standard errors by which a patch is off, and the same over the rms of the other patches, beyond
+# which it is a suspect; by chance in one chart of ten.
+SUSPECT, SUSPECT_TO_OTHERS, MAX_SUSPECTS = 2.6, 3.5, 3
+Fit = TypeVar("Fit", PriorFit, ProductFit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +86,9 @@ class ChartPhoto(Record):
 
     @property
     def used(self) -> np.ndarray:
-        """Whether each patch (I,) may be used."""
-        return np.ones(len(self.reflectances), bool) if self.excluded is None \
-            else ~self.excluded.astype(bool)
+        """Whether each patch (I,) may be used: neither excluded nor saturated."""
+        return ~self.samples.saturated if self.excluded is None \
+            else ~(self.excluded.astype(bool) | self.samples.saturated)
 
     @property
     def irradiance_or_pi(self) -> np.ndarray:
@@ -107,6 +120,8 @@ class ChartCalibration(Record):
     prior_fit: PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
     excluded: Annotated[np.ndarray, "I"]            # bool: of no fit at all
+    saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded
+    cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
 
     @property
     def prior_influence(self) -> PriorInfluence | None:
@@ -164,12 +179,13 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     assert held_out is not None
     measured, signals_without = first.samples.mean, first.samples.mean * (1 - held_out)
     covariance = relative_prediction_covariance(held_out, first.samples)
+    known = ~first.samples.saturated
     delta_e, delta_e_without = (
         chart_colour_differences(measured, signal, first.reflectances, grid)
         for signal in (fitted.predicted, signals_without))
     left_out = ("" if chosen.curves is not None
-                else f", {delta_e_without.mean():.2f} for patches left out of the fit")
-    checks = [f"chart colour difference {delta_e.mean():.2f} CIEDE2000{left_out}",
+                else f", {delta_e_without[known].mean():.2f} for patches left out of the fit")
+    checks = [f"chart colour difference {delta_e[known].mean():.2f} CIEDE2000{left_out}",
               f"relative error of predicted signals {np.sqrt(np.diag(covariance)).max():.1%} in "
               "the worst band, from patches"
               + ("" if fit.held_out_residuals is None else " left out of the fit")]
@@ -178,14 +194,20 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     if scale.standard_error is not None:
         checks.append("signal of a perfect reflector (light scale times curves) known to "
                       f"{scale.standard_error / scale.value:.2%} in each band")
+    if fitted.prior_fit is not None and any(
+            np.any(state.certain_glare > DOUBTED_VEIL * state.predicted.max(axis=0))
+            for state in fitted.prior_fit.photos):
+        doubts += (CalibrationDoubt.VEIL,)
     # products with an unknown light are no curves that a matrix could be held against
     if fitted.light is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
         doubts += (CalibrationDoubt.COLOUR_MATRIX,)
-    checks += [*unseen, *fitted.notes, *(doubt.value for doubt in doubts)]
+    checks += [*unseen, *_saturated_notes(fitted.without, first), *fitted.notes,
+               *(doubt.value for doubt in doubts)]
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
                               tuple(checks), doubts, fitted.light)
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
-                            delta_e_without, fitted.prior_fit, fitted.without, ~first.used)
+                            delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
+                            first.samples.saturated, fitted.cleaned or fitted.without)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,6 +272,7 @@ class _Fitted(NamedTuple):
     prior_fit: PriorFit | None = None
     light: LightPosterior | None = None
     doubts: tuple[CalibrationDoubt, ...] = ()
+    cleaned: PatchesWithout | None = None       # by fits without patches that others contradict
 
 
 def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) -> None:
@@ -272,6 +295,15 @@ def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) ->
         raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
 
 
+def _saturated_notes(without: PatchesWithout, photo: ChartPhoto) -> tuple[str, ...]:
+    """What it costs that saturated patches could not be used."""
+    known = without.known_within(photo.reflectances)
+    return tuple(f"patch {photo.chart.names[patch]} is saturated and was left out: its signal is "
+                 f"predicted within {known[patch, 0]:.1%}, and would be within "
+                 f"{known[patch, 1]:.1%} had it been used"
+                 for patch in np.flatnonzero(photo.samples.saturated))
+
+
 def _power_of(light: Spectrum | UnknownLight,
               grid: WavelengthGrid) -> tuple[Spectrum, np.ndarray, tuple[str, ...]]:
     """The light as the calibration carries it, on the grid (P,), and what it cannot show."""
@@ -292,10 +324,8 @@ def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> ChartEquations:
 def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                 prior: CameraPrior | None) -> _Fitted:
     """By the joint estimate from all photos; of an unknown light, products with it."""
-    first, whole = photos[0], [_as_equations(photo, grid) for photo in photos]
-    used = [equations if photo.used.all() else some_patches(equations, photo.used)
-            for photo, equations in zip(photos, whole, strict=True)]
-    excluded = None if first.used.all() else some_patches(whole[0], ~first.used)
+    first = photos[0]
+    used, excluded = _used_and_excluded(photos, grid)
     cameras = default_prior(used, grid) if prior is None else prior
     light: LightPosterior | None = None
     doubts: tuple[CalibrationDoubt, ...] = ()
@@ -311,8 +341,9 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                  "were fitted with smoothness alone, so narrow lines of the lamp are smoothed over "
                  "and the light by itself is not known",)
     else:
-        products = fit_products(used, cameras, lamps_like(first.light), grid, first.light.words,
-                                excluded)
+        lamps, words = lamps_like(first.light), first.light.words
+        products = _with_veil(used, lambda shown: fit_products(shown, cameras, lamps, grid, words,
+                                                               excluded))
         fit, light, notes = products.fit, products.light, products.light.sentences
         if fit.disagrees:
             refuse_disagreement("no camera under any lamp explains the chart photo", used[0].signal,
@@ -332,7 +363,80 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     return _Fitted(replace(fit.sensitivity, residuals=residuals,
                            held_out_residuals=1 - held_out / first.samples.mean),
                    replace(fit.photos[0].light_scale, residuals=residuals), predicted, without,
-                   (*fit_notes(fit, grid), *notes), fit, light, doubts)
+                   (*fit_notes(fit, grid), *notes), fit, light, doubts,
+                   _without_suspects(photos, grid, cameras, without))
+
+
+def _any_light(light: Spectrum | UnknownLight, cameras: CameraPrior, grid: WavelengthGrid,
+               excluded: ChartEquations | None, photos: list[ChartEquations]) -> PriorFit:
+    """The joint estimate, of products where the light is unknown and cameras are measured."""
+    if isinstance(light, UnknownLight) and cameras.source != SMOOTH_SOURCE:
+        return fit_products(photos, cameras, lamps_like(light), grid, light.words, excluded).fit
+    return fit_with_prior(photos, cameras, grid, excluded=excluded)
+
+
+def _used_and_excluded(photos: Sequence[ChartPhoto], grid: WavelengthGrid
+                       ) -> tuple[list[ChartEquations], ChartEquations | None]:
+    """The patches of all photos that are used, and those of the first that are not."""
+    whole = [_as_equations(photo, grid) for photo in photos]
+    used = [equations if photo.used.all() else some_patches(equations, photo.used)
+            for photo, equations in zip(photos, whole, strict=True)]
+    return used, None if photos[0].used.all() else some_patches(whole[0], ~photos[0].used)
+
+
+def _without_suspects(photos: Sequence[ChartPhoto], grid: WavelengthGrid, cameras: CameraPrior,
+                      without: PatchesWithout) -> PatchesWithout:
+    """The first photo's patches once those are out of the fit that other patches contradict.
+
+    A patch that is off makes the fit take all patches for worse than they are, and may bend the
+    light over its neighbours: of the two that are furthest off the one is left out that is further
+    off by a fit without it, and so on.
+    """
+    first, suspects = photos[0], np.zeros(len(photos[0].reflectances), bool)
+    for _ in range(MAX_SUSPECTS):
+        brighter, error, _ = without.deviations(first.reflectances)
+        off = np.where(first.used & ~suspects, np.abs(brighter / error), 0.0)
+        others = np.sqrt((np.sum(off**2) - off**2) / (np.count_nonzero(off) - 1))
+        doubted = [patch for patch in np.argsort(-off)[:2].tolist()
+                   if off[patch] > SUSPECT or off[patch] > SUSPECT_TO_OTHERS * others[patch]]
+        fits = []
+        for patch in doubted:
+            kept_out = ~first.used | suspects
+            kept_out[patch] = True
+            shown = [replace(first, excluded=kept_out), *photos[1:]]
+            used, excluded = _used_and_excluded(shown, grid)
+            fit = _with_veil(used, functools.partial(_any_light, first.light, cameras, grid,
+                                                     excluded))
+            rest = in_chart_order(fit.without, shown[0].used)
+            level, spread, _ = rest.deviations(first.reflectances)
+            fits.append((abs(level[patch] / spread[patch]), patch, rest))
+        if not fits:
+            break
+        _, patch, without = max(fits, key=lambda fit: fit[0])
+        suspects[patch] = True
+    return without
+
+
+def _with_veil(photos: list[ChartEquations],
+               fitted: Callable[[list[ChartEquations]], Fit]) -> Fit:
+    """A fit under usual glare or, where glare is large or the photos are not explained, under haze,
+    if the evidence is for it.
+    """
+    def joint(fit: Fit) -> PriorFit:
+        return fit if isinstance(fit, PriorFit) else fit.fit
+
+    def veils(fit: Fit) -> list[float]:
+        return [float(np.max(np.abs(state.glare) / photo.signal.max(axis=0)))
+                for photo, state in zip(photos, joint(fit).photos, strict=True)]
+
+    usual = fitted(photos)
+    large = [veil > 2 * GLARE_SD for veil in veils(usual)]
+    if not (joint(usual).disagrees or any(large)):
+        return usual
+    hazy = fitted([replace(photo, glare_sd=HAZE_SD) if veiled or not any(large) else photo
+                   for photo, veiled in zip(photos, large, strict=True)])
+    gain = joint(hazy).posterior.log_evidence - joint(usual).posterior.log_evidence
+    return hazy if gain > RARE_HAZE and max(veils(hazy)) <= MAX_VEIL else usual
 
 
 def _one_camera(photos: list[ChartEquations], grid: WavelengthGrid, prior: CameraPrior,
@@ -340,7 +444,7 @@ def _one_camera(photos: list[ChartEquations], grid: WavelengthGrid, prior: Camer
     """The joint estimate, refused where no camera explains the photos: it says which photo, and
     which other reading of it would agree.
     """
-    joint = fit_with_prior(photos, prior, grid, excluded=excluded)
+    joint = _with_veil(photos, lambda shown: fit_with_prior(shown, prior, grid, excluded=excluded))
     if not joint.disagrees:
         return joint
     alone = ([joint] if len(photos) == 1

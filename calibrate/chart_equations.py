@@ -21,6 +21,7 @@ from spectrabox.radiometry.shaped import Record
 
 FIELD_SD = 0.15              # of each quadratic term of the log irradiance; a term spans the chart
 GLARE_SD = 0.01              # of the brightest patch of the band
+HAZE_SD = 0.1                # the same under haze or light on the lens
 DARK_SHARE = 0.03            # of the brightest patch: below it an error is no longer relative
 # relative errors that the bands of a patch may have in common: light that is no smooth field, and
 # patches that are lighter than their reference
@@ -70,6 +71,7 @@ class ChartEquations(Record):
     glare: bool
     relative_exposure_sd: float | None = None       # of the log, to the first photo; None: unknown
     rows: int | None = None                         # of the chart; None: patches are no whole grid
+    glare_sd: float = GLARE_SD                      # beforehand, of the brightest patch of the band
 
 
 def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
@@ -154,7 +156,7 @@ def nuisance_sd(photo: ChartEquations) -> np.ndarray:
     ----------
     photo : ChartEquations
     """
-    glare = GLARE_SD * photo.signal.max(axis=0) if photo.glare else np.zeros(0)
+    glare = photo.glare_sd * photo.signal.max(axis=0) if photo.glare else np.zeros(0)
     return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare])
 
 

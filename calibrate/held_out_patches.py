@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from scipy.special import chdtrc
 
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
@@ -50,6 +51,31 @@ class PatchesWithout(Record):
     def predicted(self, reflectances: np.ndarray) -> np.ndarray:
         """Signals (I, K) of reflectances (I, P)."""
         return np.asarray(np.einsum("ikp,ip->ik", self.response, reflectances) + self.offset)
+
+    def known_within(self, reflectances: np.ndarray) -> np.ndarray:
+        """Relative error (I, 2) of each patch's predicted signal, rms over bands: by the fit
+        without it, and had the fit used it.
+        """
+        without = self.error_covariance(reflectances) - self.noise
+        used = without - without @ np.linalg.solve(without + self.noise, without)
+        return np.stack([np.sqrt(np.mean(np.einsum("ikk->ik", covariance)
+                                         / self.predicted(reflectances)**2, axis=1))
+                         for covariance in (without, used)], axis=1)
+
+    def deviations(self, reflectances: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How much brighter than predicted each patch is (I,), relative and by generalised least
+        squares over its bands; the standard error of that (I,); and the chance (I,) of bands that
+        differ as much among each other.
+        """
+        covariance = self.error_covariance(reflectances)
+        off = self.signal - self.predicted(reflectances)
+        light = self.signal - off - self.offset
+        weighted, innovation = (np.linalg.solve(covariance, vector[..., None])[..., 0]
+                                for vector in (light, off))
+        information = np.sum(light * weighted, axis=1)
+        brighter = np.sum(off * weighted, axis=1) / information
+        rest = np.sum(off * innovation, axis=1) - brighter**2 * information
+        return brighter, information**-0.5, chdtrc(self.signal.shape[1] - 1, rest)
 
     def error_covariance(self, reflectances: np.ndarray) -> np.ndarray:
         """Covariance (I, K, K) of signals less predictions, for reflectances (I, P)."""

@@ -245,8 +245,8 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     """Covariance (K, K) of (photo - predicted) / photo for a surface that was not in the fit.
 
     From the residuals of patches that were left out, about zero and over patches bright enough to
-    have a relative error; it holds the error of curves, chart and light together, for reflectances
-    like the chart's.
+    have a relative error and not saturated; it holds the error of curves, chart and light together,
+    for reflectances like the chart's.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     patches : PatchSamples
     """
     bright = (patches.mean > DIM_PATCH * patches.mean.max(axis=0)).all(axis=1)
-    used = fit_residuals[bright]
+    used = fit_residuals[bright & ~patches.saturated]
     return used.T @ used / len(used)
 
 

@@ -18,7 +18,7 @@ GROUPS = {
     "Priors and their proof": ["train_prior", "certify", "judge"],
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "SpectrumEstimate",
-                                  "SpectrumEstimates", "FlatSpectra", "SceneSpectra"],
+                                  "SpectrumEstimates", "FlatSpectra", "SceneSpectra", "ChartCheck"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")

@@ -79,11 +79,11 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, gr
     ChartNotFoundError, CheckError
         As ``find_chart``.
     ClippedPhotoError
-        If patches are saturated.
+        If more than a few patches are saturated.
     """
     reference = chart_signals(chart, reflectances, photo.signal.shape[2], grid)
     samples = sample_patches(photo, find_chart(photo, reference, corners_px, chart))
-    require_unclipped(samples, chart.names, photo.source)
+    require_unclipped(samples, chart.names, photo.source, chart.neutrals)
     return samples
 
 

@@ -4,7 +4,11 @@ It is the one check with a truth in every photo.
 """
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.special import ndtri
 
 from spectrabox.calibrate.chart_calibration import ChartCalibration
 from spectrabox.calibrate.held_out_patches import PatchesWithout
@@ -16,7 +20,10 @@ from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 LEVEL = 0.95
 PASSES = 3              # errors of the calibration depend on the reflectance that is looked for
 START = 0.4             # reflectance of the first pass
-SHADED, BRIGHT = 0.06, 0.03     # darker than this is a shadow; of the brightest signal
+CHANCE = 0.05           # of naming any patch of a chart of which nothing is wrong
+POOR = 0.85             # of a patch's band: below it a reason is given
+DARK = 0.12             # mean reflectance below which glare may be what changes a patch's level
+NEAR = 1.0              # standard errors: a level that is nearer explains nothing
 
 
 def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
@@ -35,12 +42,93 @@ def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
     prior : LogitMixture or None
         The shipped one by default.
     """
-    return patches_without(calibrated.without, calibrated.calibration.sensitivity.grid,
-                           reflectances, calibrated.excluded, prior)
+    patches = patches_without(calibrated.without, calibrated.calibration.sensitivity.grid,
+                              reflectances, calibrated.excluded, prior, calibrated.saturated)
+    brighter, error, chance = calibrated.cleaned.deviations(reflectances)
+    return dataclasses.replace(patches, brighter=brighter, brighter_error=error,
+                               colour_chance=chance)
+
+
+def chart_level_notes(patches: HeldOutPatches, names: Sequence[str]) -> tuple[str, ...]:
+    """Patches that are darker or brighter in all bands than the other patches make them, by more
+    than chance: at most once in 20 charts is one named of which nothing is wrong.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    names : sequence of I str
+    """
+    named = np.flatnonzero(_beyond_chance(patches)).tolist()
+    if not named:
+        return ()
+    each = "; ".join(f"{names[patch]} {_reason(patches, patch)}" for patch in named)
+    return (f"{each}; photograph the chart again without, or leave these patches out "
+            "(chart.leave_out)",)
+
+
+def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, str]:
+    """Patches whose band holds less than 85 % of the reference, each with its likely reason.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    names : sequence of I str
+
+    Returns
+    -------
+    dict
+        From names to reasons, the worst first.
+    """
+    if patches.brighter is None:
+        return {}
+    poor = np.flatnonzero(patches.judged & (patches.inside < POOR))
+    return {names[patch]: _reason(patches, int(patch))
+            for patch in poor[np.argsort(patches.inside[poor], kind="stable")]}
+
+
+def _reason(patches: HeldOutPatches, patch: int) -> str:
+    brighter, error = _brighter(patches, patch)
+    level = f"reads {_level(patches, patch)} {'brighter' if brighter > 0 else 'darker'}"
+    dark = patches.reference[patch].mean() < DARK
+    if _beyond_chance(patches)[patch]:
+        cause = ("a reflection lies on it" if brighter > 0 else
+                 "a shadow lies across it, or it is soiled")
+        if dark:
+            cause += ", or glare is not the same all over the chart"
+        return f"{level} in all bands than the others make it: {cause}"
+    assert patches.colour_chance is not None
+    if patches.colour_chance[patch] < CHANCE / len(patches.mean):
+        return ("its colour is not that of the reference: soiled, faded, of another generation of "
+                "the chart, or lit by a coloured reflection")
+    outside = patches.grid.nm[(patches.reference[patch] < patches.lower[patch])
+                              | (patches.reference[patch] > patches.upper[patch])]
+    where = f"its spectrum is unusual for its signals at {outside[0]:g} to {outside[-1]:g} nm"
+    if abs(brighter) > NEAR * error:
+        return f"{level} than the others make it, within chance; {where}"
+    return f"its signals agree with the reference; {where}"
+
+
+def _brighter(patches: HeldOutPatches, patch: int) -> tuple[float, float]:
+    assert patches.brighter is not None and patches.brighter_error is not None
+    return float(patches.brighter[patch]), float(patches.brighter_error[patch])
+
+
+def _level(patches: HeldOutPatches, patch: int) -> str:
+    brighter, error = _brighter(patches, patch)
+    return f"{abs(brighter):.0%} ± {error:.0%}"
+
+
+def _beyond_chance(patches: HeldOutPatches) -> np.ndarray:
+    """Whether the level of each patch (I,) is off by more than the worst of I is by chance."""
+    if patches.brighter is None or patches.brighter_error is None:
+        return np.zeros(len(patches.mean), bool)
+    limit = -ndtri(CHANCE / 2 / len(patches.mean))
+    return np.asarray(patches.judged & (np.abs(patches.brighter) > limit * patches.brighter_error))
 
 
 def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances: np.ndarray,
-                    excluded: np.ndarray, prior: LogitMixture | None = None) -> HeldOutPatches:
+                    excluded: np.ndarray, prior: LogitMixture | None = None,
+                    saturated: np.ndarray | None = None) -> HeldOutPatches:
     """The same from what fits without each patch say.
 
     Parameters
@@ -52,6 +140,8 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
     excluded : (I,) bool array
         Patches that were in no fit.
     prior : LogitMixture or None
+    saturated : (I,) bool array or None
+        Patches whose own signal is not known.
     """
     known = load_prior() if prior is None else prior
     fine = without.response
@@ -75,21 +165,5 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
         estimate = each.mean
     exact = summarised(truth @ common.T, truth)
     return HeldOutPatches(PRIOR_GRID, each.mean, each.lower, each.upper, truth, excluded,
-                          share_inside(exact.lower, exact.upper, truth), LEVEL)
-
-
-def shadow_depths(calibrated: ChartCalibration) -> np.ndarray:
-    """How much darker each patch (I,) is, in all bands alike, than the other patches predict: a
-    share of its signal where a shadow or dirt explains that, 0 elsewhere.
-
-    Parameters
-    ----------
-    calibrated : ChartCalibration
-    """
-    expected, residuals = calibrated.held_out, calibrated.calibration.sensitivity.residuals
-    assert residuals is not None
-    bright = expected.min(axis=1) > BRIGHT * expected.max()
-    measured = calibrated.predicted / (1 - residuals)
-    off = measured / np.where(bright[:, None], expected, np.inf) - 1
-    depth = -off.mean(axis=1)
-    return np.where(bright & (depth > SHADED) & (np.ptp(off, axis=1) < depth), depth, 0.0)
+                          share_inside(exact.lower, exact.upper, truth), LEVEL,
+                          *without.deviations(reflectances), saturated)

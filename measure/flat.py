@@ -31,6 +31,9 @@ from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posteri
 
 SAME = 1e-9             # relative: responses closer than this are one
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
+# of white, beyond which a veil is haze; and how far it then differs over a photo: on a real one by
+# 0.3 of itself over a chart
+USUAL_VEIL, UNEVEN_VEIL = 0.03, 0.3
 
 
 def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],
@@ -110,7 +113,8 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
     for row, (photo, white) in zip(rows, shown, strict=True):
         signal = white.signal[row]
         veil = glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1))) / white.white[row]
-        parts.append({**white.errors(row), GLARE: added_covariance(veil),
+        haze = UNEVEN_VEIL * np.maximum(white.glare / white.white[row] - USUAL_VEIL, 0)
+        parts.append({**white.errors(row), GLARE: added_covariance(veil) + added_covariance(haze),
                       SURFACE_REFLECTION: added_covariance(np.full(signal.size, reflection)),
                       DISAGREEMENT: proportional_covariance(
                           signal, errors.disagreement.among_bands(signal.size))})

@@ -16,6 +16,8 @@ import numpy as np
 
 from spectrabox.radiometry.shaped import Record
 
+CLIPPED_LIMIT = 0.01        # of the samples of a patch: with more its mean is too low
+
 # Callback of long work: the share that is done, 0 to 1, and what is being done.
 Progress = Callable[[float, str], None]
 
@@ -169,6 +171,11 @@ class PatchSamples(Record):
     gradient: Annotated[np.ndarray, "I K"]          # relative change across the patch
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
 
+    @property
+    def saturated(self) -> np.ndarray:
+        """Whether too many samples of each patch (I,) are clipped for its mean to mean anything."""
+        return np.asarray(self.saturated_fraction.max(axis=1) > CLIPPED_LIMIT)
+
 
 @dataclass(frozen=True, eq=False)
 class RegionSamples(Record):
@@ -245,6 +252,8 @@ class CalibrationDoubt(Enum):
                   "use lamps of one kind, keep out daylight and other lamps, and photograph again")
     COLOUR_MATRIX = ("the colour matrix in the photo's file contradicts the curves: check that the "
                      "light spectrum is that of the photo")
+    VEIL = ("haze or glare veils the chart: it was estimated and taken off, but a veil is seldom "
+            "the same all over a photo: shade the lens, wipe it, and photograph again")
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,9 +307,21 @@ class HeldOutPatches(Record):
     lower: Annotated[np.ndarray, "I P"]             # pointwise band at ``level``
     upper: Annotated[np.ndarray, "I P"]
     reference: Annotated[np.ndarray, "I P"]         # of the chart, taken as the truth
-    excluded: Annotated[np.ndarray, "I"]            # bool: of no fit at all, by the operator's word
+    excluded: Annotated[np.ndarray, "I"]            # bool: of no fit at all
     expected: Annotated[np.ndarray, "I"]            # as ``inside``, had nothing erred
     level: float
+    # how much brighter than by the other patches the photo shows each, relative, and the standard
+    # error of that; and how likely a colour that is at least as far off is by chance
+    brighter: Annotated[np.ndarray, "I"] | None = None
+    brighter_error: Annotated[np.ndarray, "I"] | None = None
+    colour_chance: Annotated[np.ndarray, "I"] | None = None
+    saturated: Annotated[np.ndarray, "I"] | None = None     # bool: its own signal is not known
+
+    @property
+    def judged(self) -> np.ndarray:
+        """Whether each patch (I,) has a signal of its own to be judged by."""
+        return np.ones(len(self.mean), bool) if self.saturated is None \
+            else ~self.saturated.astype(bool)
 
     @property
     def rmse(self) -> np.ndarray:
@@ -311,6 +332,12 @@ class HeldOutPatches(Record):
     def inside(self) -> np.ndarray:
         """Share (I,) of wavelengths at which the band holds the reference."""
         return share_inside(self.lower, self.upper, self.reference)
+
+    @property
+    def means(self) -> tuple[float, float, float]:
+        """Mean of ``rmse``, ``inside`` and ``expected`` over the patches that are judged."""
+        return (float(self.rmse[self.judged].mean()), float(self.inside[self.judged].mean()),
+                float(self.expected[self.judged].mean()))
 
 
 @dataclass(frozen=True, eq=False)

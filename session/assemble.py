@@ -146,7 +146,7 @@ def _chart_result(config: SessionConfig, records: SessionRecords) -> ChartResult
     chart = records.chart.charts[""]
     return ChartResult(chart.detection, chart.samples, fit.predicted,
                        fit.irradiance / np.fmax.reduce(fit.irradiance), session_chart(config),
-                       fit.left_out, fit.prior)
+                       fit.left_out, fit.prior, records.calibrate.other_charts)
 
 
 def _photo_of_regions(config: SessionConfig, records: SessionRecords,

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.chart_check import poor_patches
 from spectrabox.radiometry.records import Calibration, HeldOutPatches, LightPosterior
 
 TWO_SIGMA = 2.0
@@ -50,13 +51,16 @@ def left_out_facts(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, A
     names : sequence of I str
         Of the patches.
     """
+    reasons = poor_patches(patches, names)
     rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
              "inside": float(patches.inside[number]),
              "expected": float(patches.expected[number]),
-             "kept_out": bool(patches.excluded[number])}
+             "kept_out": bool(patches.excluded[number]),
+             "saturated": not patches.judged[number], "reason": reasons.get(names[number])}
             for number in range(len(patches.mean))]
-    return {"rmse_mean": float(patches.rmse.mean()), "coverage_95": float(patches.inside.mean()),
-            "expected_95": float(patches.expected.mean()), "level": patches.level, "patches": rows}
+    rmse, inside, expected = patches.means
+    return {"rmse_mean": rmse, "coverage_95": inside, "expected_95": expected,
+            "level": patches.level, "patches": rows}
 
 
 def left_out_sentence(patches: HeldOutPatches) -> str:
@@ -66,6 +70,8 @@ def left_out_sentence(patches: HeldOutPatches) -> str:
     ----------
     patches : HeldOutPatches
     """
-    return (f"each patch from the others: reflectance within {patches.rmse.mean():.3f} (rms), "
-            f"{patches.inside.mean():.0%} of it inside the {patches.level:.0%} band (of a chart's "
-            f"colours, which are familiar, {patches.expected.mean():.1%} is to be expected)")
+    rmse, inside, expected = patches.means
+    return (f"each patch from the others: reflectance within {rmse:.3f} (rms), "
+            f"{inside:.0%} of it inside the {patches.level:.0%} band (of a chart's "
+            f"colours, which are familiar, {expected:.1%} is to be expected)")
+

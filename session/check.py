@@ -199,4 +199,5 @@ def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
 
     layout = session_chart(config)
     detection = find_chart(chart, signals, chart_corners(config, view), layout)
-    require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0])
+    require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0],
+                      layout.neutrals)

@@ -5,7 +5,7 @@ shows: it has no folder and no files, so that one can judge what was never store
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -75,6 +75,8 @@ class ChartResult:
     layout: Chart = CLASSIC
     left_out: HeldOutPatches | None = None      # each patch by a calibration without it
     prior: PriorInfluence | None = None          # None of curves that no prior was used for
+    # left out too, of charts with a fit of their own, by view
+    others: Mapping[str, HeldOutPatches] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

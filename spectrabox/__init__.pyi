@@ -1,6 +1,7 @@
 """The public names of spectrabox."""
 from .api.camera import CameraEstimate as CameraEstimate
 from .api.camera import fit_camera as fit_camera
+from .api.chart_check import ChartCheck as ChartCheck
 from .api.estimate import SpectrumEstimate as SpectrumEstimate
 from .api.estimates import SpectrumEstimates as SpectrumEstimates
 from .api.flat import FlatSpectra as FlatSpectra

@@ -35,7 +35,20 @@ def mirrored(signal):
 def test_glare_beyond_belief_is_named_as_such():
     signal = chart()
     with pytest.raises(CheckError, match="read as a photo with much glare"):
-        calibrated(signal + 0.2 * signal.max(axis=0), prior=prior())
+        calibrated(signal + 0.5 * signal.max(axis=0), prior=prior())
+
+
+def test_a_veil_is_estimated_where_the_evidence_is_for_it():
+    signal = chart()
+    veil = 0.15 * signal.max(axis=0)
+    state = calibrated(signal + veil, prior=prior()).prior_fit.photos[0]
+    # four standard errors, and what curves and exposure take up of the veil
+    np.testing.assert_array_less(np.abs(state.glare - veil),
+                                 4 * state.glare_error + 0.005 * signal.max())
+    plain = calibrated(signal, prior=prior()).prior_fit
+    assert plain.photos[0].glare_error.max() < 0.01 * signal.max()
+    with pytest.raises(CheckError, match="no camera explains the chart photo"):
+        calibrated(((signal + veil) / signal.max()) ** (1 / 2.2), prior=prior())
 
 
 def test_of_a_wrong_chart_no_other_reading_is_named():

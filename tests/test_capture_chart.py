@@ -10,7 +10,12 @@ from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, homography, mosaic
 from spectrabox.fixtures.dng import write_dng
-from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances, typical_camera_signals
+from spectrabox.radiometry.chart import (
+    CLASSIC,
+    PATCH_NAMES,
+    chart_reflectances,
+    typical_camera_signals,
+)
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, ClippedPhotoError
 from spectrabox.radiometry.grid import visible_grid
 
@@ -151,13 +156,17 @@ def test_uneven_light_shows_as_gradient_and_not_as_noise(tmp_path, reference):
     assert 0.5 < np.median(ratio) < 2
 
 
-def test_clipped_patches_are_named(tmp_path, reference):
-    signals = 1.6 * CAMERA_GAIN * reference
+@pytest.mark.parametrize("gain, saturated", [(1.6, ["white 9.5"]), (2.6, None)])
+def test_clipped_patches_are_named_and_few_are_only_left_out(tmp_path, reference, gain, saturated):
+    signals = gain * CAMERA_GAIN * reference
     image = photograph(tmp_path, chart_scene(HEIGHT, WIDTH, signals, corners(), background=0.2))
     samples = sample_patches(image, find_chart(image, reference, corners()))
-    with pytest.raises(ClippedPhotoError,
-                       match=r"chart photo chart.dng: 1 of 24 patches are saturated \(white 9.5\)"):
-        require_unclipped(samples, PATCH_NAMES, image.source)
+    if saturated is None:
+        with pytest.raises(ClippedPhotoError, match=r"saturated \(.*white 9.5, neutral 8\); halve"):
+            require_unclipped(samples, PATCH_NAMES, image.source, CLASSIC.neutrals)
+    else:
+        require_unclipped(samples, PATCH_NAMES, image.source, CLASSIC.neutrals)
+        assert [PATCH_NAMES[i] for i in np.flatnonzero(samples.saturated)] == saturated
 
 
 def test_a_good_photo_passes_the_clipping_check(tmp_path, reference):

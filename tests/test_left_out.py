@@ -142,6 +142,7 @@ def left_out(inside, expected):
 @pytest.mark.parametrize("inside, status", [(1.0, Status.INFO), (0.9, Status.WARN)])
 def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(inside, status):
     patches = left_out(inside, 0.99)
-    [found] = criteria_of_left_out(SimpleNamespace(chart=SimpleNamespace(left_out=patches)))
+    [found] = criteria_of_left_out(SimpleNamespace(chart=SimpleNamespace(
+        left_out=patches, others={}, layout=CLASSIC)))
     assert found.status is status and found.limit == "99 % expected"
     assert left_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)

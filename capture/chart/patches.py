@@ -12,7 +12,7 @@ MIN_SAMPLES = 16
 CLIP_SIGMA = 3.0
 VARIANCE_LEFT_BY_CLIPPING = 0.9733  # of a normal distribution cut at 3 sigma
 SIGMA_PER_MAD = 1.4826              # of a normal distribution
-CLIPPED_LIMIT = 0.01                # of the samples of a patch
+MAX_SATURATED = 8                   # one patch in so many may be saturated
 
 
 def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSamples:
@@ -54,8 +54,10 @@ def patches_and_excluded(image: LinearImage,
                         camera_from_xyz=image.camera_from_xyz), excluded
 
 
-def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str) -> None:
-    """Refuse a chart photo with more than 1 % of the samples of any patch at the clip point.
+def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str,
+                      neutrals: Sequence[int] = ()) -> None:
+    """Refuse a chart photo whose saturated patches leave too little: more than an eighth of all, or
+    the two lightest neutrals. Fewer are left out of every fit (``PatchSamples.saturated``).
 
     Parameters
     ----------
@@ -63,14 +65,16 @@ def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: s
     names : sequence of I str
         Of the patches.
     photo_name : str
+    neutrals : sequence of int
+        Indices of the neutral patches, the lightest first.
 
     Raises
     ------
     ClippedPhotoError
         Naming the saturated patches.
     """
-    clipped = np.flatnonzero(samples.saturated_fraction.max(axis=1) > CLIPPED_LIMIT).tolist()
-    if clipped:
+    clipped = np.flatnonzero(samples.saturated).tolist()
+    if len(clipped) > len(names) // MAX_SATURATED or (neutrals and {*neutrals[:2]} <= {*clipped}):
         named = ", ".join(names[patch] for patch in clipped)
         raise ClippedPhotoError(f"chart photo {photo_name}: {len(clipped)} of {len(names)} patches "
                                 f"are saturated ({named}); halve the exposure")

@@ -20,7 +20,7 @@ from spectrabox.capture.chart.chart_agreement import (
     white_excess,
 )
 from spectrabox.capture.chart.detection import homography
-from spectrabox.capture.chart.patches import CLIPPED_LIMIT, image_from_sensor, patches_and_excluded
+from spectrabox.capture.chart.patches import image_from_sensor, patches_and_excluded
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples, PhotoKind
 
@@ -160,7 +160,7 @@ def _outer_edges(chart: Chart) -> list[tuple[int, tuple[float, float]]]:
 def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: float,
                       darkest: int) -> list[str]:
     reasons = []
-    clipped = np.flatnonzero(samples.saturated_fraction.max(axis=1) > CLIPPED_LIMIT)
+    clipped = np.flatnonzero(samples.saturated)
     if clipped.size:
         reasons.append(f"clipping: {clipped.size} of {len(names)} patches are saturated "
                        f"({', '.join(names[i] for i in clipped)}); "

@@ -1,15 +1,18 @@
 """Is this session good? Each criterion with value, limit and sentence, and the verdict over all."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
+from spectrabox.measure.chart_check import poor_patches
 from spectrabox.measure.white import FAR, LEVEL_DOUBTED
 from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.radiometry.records import (
     CalibrationDoubt,
+    HeldOutPatches,
     Outcome,
     Reconstruction,
     SurfaceAgreement,
@@ -47,7 +50,8 @@ SMALLEST_SPREAD = 0.002               # of white: what measured spectra repeat t
 DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured cameras",
           CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
           CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file",
-          CalibrationDoubt.TWO_LIGHTS: "Colour of the light over the chart"}
+          CalibrationDoubt.TWO_LIGHTS: "Colour of the light over the chart",
+          CalibrationDoubt.VEIL: "Veiling glare on the chart"}
 MAX_NAMED = 3                         # surfaces that the verdict names
 # of sessions with a picture, whose surfaces may have as many spectra as pixels
 PATTERNS = ("One spectrum for each material does not fit every surface. It cannot fit those with "
@@ -269,14 +273,15 @@ def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
     """Whether the calibration was made with doubts, each a criterion of its own.
 
     Nothing is known to contradict products of an unknown light with a camera, and where the light
-    on each patch is given no drift over the chart is looked for.
+    on each patch is given no drift over the chart is looked for. A veil is named where there is
+    one.
     """
     calibration, rows = evidence.calibration, []
     for doubt, name in DOUBTS.items():
         doubtful = doubt in calibration.doubts
         given = (calibration.light_scale if doubt is CalibrationDoubt.TWO_LIGHTS
                  else calibration.light_posterior)
-        if given is not None and not doubtful:
+        if not doubtful and (given is not None or doubt is CalibrationDoubt.VEIL):
             continue
         rows.append(Criterion(
             name, None, "doubtful" if doubtful else "no doubt", "no doubt",
@@ -293,24 +298,43 @@ def held_out_patches(evidence: CommonEvidence) -> list[Criterion]:
     ----------
     evidence : CommonEvidence
     """
-    patches = None if evidence.chart is None else evidence.chart.left_out
-    if patches is None:
+    chart = evidence.chart
+    if chart is None or chart.left_out is None:
         return []
-    held, expected = float(patches.inside.mean()), float(patches.expected.mean())
+    charts = {"": chart.left_out, **{f" in {photo}": patches
+                                     for photo, patches in chart.others.items()}}
+    return [row for where, patches in charts.items()
+            for row in _one_chart(patches, chart.layout.names, where)]
+
+
+def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> list[Criterion]:
+    _, held, expected = patches.means
     short = expected - held > LEFT_OUT_SHORT
     sentence = f"{left_out_sentence(patches).capitalize()}."
+    for name, reason in poor_patches(patches, names).items():
+        sentence += f" Patch {name}: {reason}."
     if short:
         sentence += (" Less means that signals or their errors are off: the chart is not that of "
                      "its reference or soiled, light glares on it, or the light is not the stated "
                      "one.")
-    return [Criterion("Chart patches left out, inside the band", held, percent(held),
+    rows = [Criterion(f"Chart patches left out, inside the band{where}", held, percent(held),
                       f"{percent(expected)} expected", Status.WARN if short else Status.INFO,
                       sentence)]
+    saturated = [names[patch] for patch in np.flatnonzero(~patches.judged).tolist()]
+    if saturated:
+        rows.append(Criterion(
+            f"Saturated chart patches{where}", float(len(saturated)), ", ".join(saturated), "none",
+            Status.WARN, f"Saturated and left out of the fit: {', '.join(saturated)}. The light is "
+            "known less well without; the calibration's checks say by how much. Expose less."))
+    return rows
 
 
 def _chart_agreement(evidence: CommonEvidence) -> Criterion:
     name = "Chart residual, rms over patches and bands"
-    value = root_mean_square(chart_residuals(evidence))
+    residuals = chart_residuals(evidence)
+    if residuals is not None and evidence.chart is not None:
+        residuals = residuals[~evidence.chart.samples.saturated]
+    value = root_mean_square(residuals)
     if value is None:
         return Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
                          "Sensitivities were read from a file; no chart photo tests them.")

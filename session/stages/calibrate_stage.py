@@ -22,12 +22,13 @@ from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
-from spectrabox.measure.chart_check import held_out_patches, shadow_depths
+from spectrabox.measure.chart_check import chart_level_notes, held_out_patches
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
     ChartWhite,
+    HeldOutPatches,
     LightScale,
     LinearImage,
     UnknownLight,
@@ -47,8 +48,6 @@ from spectrabox.session.stages.inputs import (
 from spectrabox.session.stages.records import CalibrationRecords, ChartFit, MeasuredChart
 from spectrabox.session.stages.scenes import read_chart_scene
 from spectrabox.session.stages.stage_task import StageTask
-
-MAX_NAMED = 6           # patches in a note
 
 
 def calibrate_views(task: StageTask) -> CalibrationRecords:
@@ -72,6 +71,7 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
               for view in config.views_with_chart}
     calibrations: dict[str, Calibration] = {}
     whites: dict[str, ChartWhite] = {}
+    other_charts: dict[str, HeldOutPatches] = {}
     chart, notes = None, _uneven_notes(config, charts, irradiance)
     for first, *others in _one_fit_each(config):
         fitted = [view.name for view in (first, *others) if view.chart and (several
@@ -80,12 +80,16 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
         if first.chart:
             fit = calibrate_chart([photos[name] for name in fitted], FINE_GRID, options)
             camera = fit.calibration
-            notes += _shadow_notes(config, first, fit) if config.flat else ()
+            held_out = held_out_patches(fit, photos[first.name].reflectances)
+            notes += tuple(f"{first.chart_files[0]}: {note}" for note
+                           in chart_level_notes(held_out, session_chart(config).names))
             if fit.prior_fit is not None:
                 whites |= {name: state.white for name, state
                            in zip(fitted, fit.prior_fit.photos, strict=True)}
-            if not first.name:
-                chart = _chart_fit(config, fit, photos[""], charts[""].thumbnail)
+            if first.name:
+                other_charts[first.name] = held_out
+            else:
+                chart = _chart_fit(config, fit, photos[""], charts[""].thumbnail, held_out)
         else:
             assert curves is not None       # session_rules asks for a chart photo otherwise
             camera = calibration_from_curves(FINE_GRID, curves,
@@ -103,7 +107,7 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
                 light=camera.light if isinstance(light, UnknownLight) else light)
     if irradiance is not None:
         calibrations = _with_lamp_error(config, calibrations)
-    return CalibrationRecords(calibrations, whites, chart, notes)
+    return CalibrationRecords(calibrations, whites, chart, other_charts, notes)
 
 
 def _one_fit_each(config: SessionConfig) -> list[list[ViewInputs]]:
@@ -143,7 +147,7 @@ def _chart_photo(config: SessionConfig, view: ViewInputs, chart: MeasuredChart,
 
 
 def _chart_fit(config: SessionConfig, fit: ChartCalibration, photo: ChartPhoto,
-               thumbnail: LinearImage) -> ChartFit:
+               thumbnail: LinearImage, held_out: HeldOutPatches) -> ChartFit:
     """How the fit explains the first chart photo."""
     irradiance, patch_error = photo.irradiance_or_pi, None
     if fit.prior_fit is not None:
@@ -152,7 +156,7 @@ def _chart_fit(config: SessionConfig, fit: ChartCalibration, photo: ChartPhoto,
             irradiance = np.full(len(fit.predicted), np.nan)    # not known of excluded patches
             irradiance[photo.used] = fit.prior_fit.photos[0].field
     return ChartFit(fit.predicted, irradiance, certain_glare(fit.prior_fit, thumbnail), patch_error,
-                    fit.prior_influence, held_out_patches(fit, photo.reflectances))
+                    fit.prior_influence, held_out)
 
 
 def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,
@@ -205,16 +209,3 @@ def _uneven_notes(config: SessionConfig, charts: Mapping[str, MeasuredChart],
     return () if irradiance is None else tuple(
         f"{view.chart_files[0]} should be shot again: {reason}" for view in config.views_with_chart
         for reason in uneven_light_reasons(charts[view.name].light, irradiance))
-
-
-def _shadow_notes(config: SessionConfig, view: ViewInputs,
-                  fit: ChartCalibration) -> tuple[str, ...]:
-    """Patches that are darker in all bands alike than the rest of the chart makes them."""
-    shade, names = shadow_depths(fit), session_chart(config).names
-    if not shade.any():
-        return ()
-    return (f"{view.chart_files[0]}: "
-            f"{', '.join(names[patch] for patch in np.flatnonzero(shade)[:MAX_NAMED])} read up to "
-            f"{shade.max():.0%} darker in all bands than the rest of the chart makes them: a "
-            "shadow lies across it, or they are soiled; photograph it again without, or leave "
-            "them out (chart.leave_out)",)

@@ -48,7 +48,7 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         write_png(task.folder / f"{view.label('overlay')}.png", chart_overlay(photo, detection))
         verdict = judge_chart(photo, detection, expected, layout,
                               light_explained=config.chart_pose_known)
-        require_unclipped(verdict.samples, layout.names, name)
+        require_unclipped(verdict.samples, layout.names, name, layout.neutrals)
         notes += (*own_notes,
                   *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
         if config.drift.chart_px and not view.name:

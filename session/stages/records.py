@@ -77,6 +77,8 @@ class CalibrationRecords(Record):
     calibrations: dict[str, Calibration]        # by view, every one
     whites: dict[str, ChartWhite]               # by view with a chart, where a prior was fitted
     chart: ChartFit | None                      # None where the first view has no chart
+    # by view, of charts with a fit of their own: each patch by a calibration without it
+    other_charts: dict[str, HeldOutPatches]
     notes: tuple[str, ...]
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.inputs import LightLike, as_chart, as_light, one_blas_thread
 from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
@@ -45,6 +46,8 @@ class CameraEstimate:
     bands : tuple of K str
     photo : LinearImage
         The first photo of a chart: its exposure tells the light's strength in other photos.
+    layout : Chart
+        Of the photos.
 
     References
     ----------
@@ -61,6 +64,7 @@ class CameraEstimate:
     fit: CameraFit
     bands: tuple[str, ...]
     photo: LinearImage
+    layout: Chart
 
     @property
     def calibration(self) -> Calibration:
@@ -97,6 +101,11 @@ class CameraEstimate:
     def checks(self) -> tuple[str, ...]:
         """What was checked, in sentences: light, chart, colour matrix."""
         return self.calibration.checks
+
+    @property
+    def chart_check(self) -> ChartCheck:
+        """The first photo's patches, each by a calibration without it."""
+        return ChartCheck(self.layout.names, self.fit.held_out)
 
     @property
     def chart_delta_e(self) -> float:
@@ -243,4 +252,4 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
         fit = replace(fit, chart=replace(fit.chart, calibration=replace(calibration,
                                                                         light_scale=widened)))
     assert first is not None
-    return CameraEstimate(fit, bands, first)
+    return CameraEstimate(fit, bands, first, chart)

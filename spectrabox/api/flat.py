@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
@@ -33,10 +34,10 @@ from spectrabox.calibrate.chart_calibration import (
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped
-from spectrabox.capture.chart.quality import judge_chart
+from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.chart_check import chart_level_notes, held_out_patches
 from spectrabox.measure.flat import flat_signals
 from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.measure.white import (
@@ -56,7 +57,6 @@ from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
     LinearImage,
-    PatchSamples,
     Spectrum,
     SurfaceSignals,
     SurfaceSpectrum,
@@ -111,6 +111,12 @@ class FlatSpectra(SpectrumEstimates):
             white.samples.names, white.log_field, white.field_error, strict=True)}
         self._white, self._photo, self._chart, self._spectra = white, photo, chart, spectra
         self._surfaces_stated = surfaces_stated
+
+    @property
+    def chart_check(self) -> ChartCheck:
+        """The chart's patches, each by a calibration without it."""
+        assert self._chart.left_out is not None
+        return ChartCheck(self._chart.layout.names, self._chart.left_out)
 
     @property
     def verdict(self) -> str:
@@ -216,7 +222,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     with progress_steps(progress, "flat") as step:
         step(0.0, "finding the chart")
         reflectances = reference_reflectances(reference, chart, FINE_GRID)
-        detection, patches = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
+        detection, quality = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
+        patches = quality.samples
         samples = sample_regions(opened.image, {name: _outline(one)
                                                 for name, one in regions.items()})
         step(0.2, "fitting sensitivities")
@@ -246,15 +253,19 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                                   lambda share, name: step(0.6 + 0.4 * share, name))
     lit = np.full(len(calibrated.predicted), np.nan)
     lit[~calibrated.excluded] = calibrated.prior_fit.photos[0].field
+    held_out = held_out_patches(calibrated, reflectances)
     result = ChartResult(detection, patches, calibrated.predicted, lit / np.nanmax(lit),
-                         chart, held_out_patches(calibrated, reflectances),
+                         chart, held_out,
                          calibrated.prior_influence)
     estimates = [surface_estimate(signals, name, spectra, as_prior(None, named[name]),
                                   rendered=False) for name in signals.names]
     return FlatSpectra(estimates, signals, white, small, result,
                        replace(calibrated, calibration=calibration), spectra,
                        all(name in surfaces or name in spectra_known for name in regions),
-                       (*opened.notes, *far_notes(white), *level_notes(white)))
+                       (*opened.notes, *far_notes(white), *level_notes(white),
+                        *(f"the chart should be shot again: {reason}"
+                          for reason in quality.reasons),
+                        *chart_level_notes(held_out, chart.names)))
 
 
 def _surfaces(surface: str | Mapping[str, str] | None,
@@ -272,14 +283,14 @@ def _surfaces(surface: str | Mapping[str, str] | None,
 
 def _measured_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
                     light: Spectrum | UnknownLight, corners: ArrayLike | None
-                    ) -> tuple[ChartDetection, PatchSamples]:
+                    ) -> tuple[ChartDetection, ChartVerdict]:
     power = spectrum_on_grid(light, FINE_GRID) if isinstance(light, Spectrum) else None
     reference = typical_camera_signals(reflectances, FINE_GRID, power)
     detection = find_chart(photo, reference,
                            None if corners is None else np.asarray(corners, float), chart)
-    samples = judge_chart(photo, detection, reference, chart).samples
-    require_unclipped(samples, chart.names, photo.source)
-    return detection, samples
+    quality = judge_chart(photo, detection, reference, chart)
+    require_unclipped(quality.samples, chart.names, photo.source, chart.neutrals)
+    return detection, quality
 
 
 def _outline(region: Outline) -> list[tuple[float, float]]:
