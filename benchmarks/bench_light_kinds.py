@@ -148,8 +148,9 @@ def probabilities(data: Path, database: CameraDatabase, cases: int, published: b
         lamp, lamps = asked_lamp(kind, known, measured, published, rng)
         curves = on_grid(database.nm, database.curves[camera], GRID, database.names[camera])
         if rng.random() < 0.25:
-            edge = np.clip((GRID.nm - 600) / 60, 0, 1.5)
-            curves = curves * np.exp(rng.uniform(-3, 1.2) * edge)
+            leak = np.exp(rng.uniform(0, 1.2) * np.clip((GRID.nm - 600) / 60, 0, 1.5))
+            cut = 1 / (1 + np.exp((GRID.nm - rng.uniform(640, 690)) / 12))
+            curves = curves * (leak if rng.random() < 0.5 else cut)
         photo = simulated(curves / curves.max(), lamp, np.zeros((0, GRID.nm.size)), rng,
                           *PATCH_ERRORS[rng.integers(len(PATCH_ERRORS))]).photo
         prior = product_prior(prior_without(database, makers == makers[camera]), lamps, SEED)
