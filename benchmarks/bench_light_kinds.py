@@ -11,9 +11,9 @@ from this table with its default seed. Surfaces are 30 published test colours.
 is right for: measured lamps of lights/, daylights by a model of the atmosphere [Bird & Riordan
 1986] and tinted filaments, none of them in the prior, cameras of makers that are left out, a
 quarter with another infrared cut, and patches off by 1 to 1.6 % a band and 0 to 2.5 % in common.
-``--published`` takes published lamps in place of these, each left out of the prior with all that
-are nearly it; the power of the evidence in ``calibrate.products.light_posterior`` is the one of
-least log loss there.
+``--published`` takes published lamps in place of measured ones, each left out of the prior with all
+that are nearly it; the power of the evidence in ``calibrate.products.light_posterior`` is the one
+of least log loss there.
 """
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from threadpoolctl import threadpool_limits
 
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, blackbodies
-from spectrabox.calibrate.products.light_posterior import light_posterior
+from spectrabox.calibrate.products.light_posterior import EVIDENCE_POWER, light_posterior
 from spectrabox.calibrate.products.product_fit import SEED, WIDENING, fit_products
 from spectrabox.calibrate.products.product_posterior import posterior_of_products
 from spectrabox.calibrate.products.product_prior import product_prior
@@ -53,6 +53,7 @@ NAMES = {"halogen": r"Filament|Planckian Radiation [23]",      # of measured lam
          "fluorescent": r"Fluoresc|Discharge|\.FT\.| FL$|SON|FL3|HPS|Metal Halide|MCRI-\d+: [FH]",
          "led": r"LED|RGB|PHOS|Vio|^leds|rgb"}
 EDGES = (0, 0.05, 0.2, 0.4, 0.6, 0.75, 0.9, 0.97, 1)      # of the stated probability
+POWERS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0)
 NEARLY = 0.1                # rms, of a mean of 1: a lamp that stands for another
 PATCH_ERRORS = ((0.01, 0.0), (0.008, 0.012), (0.016, 0.025))    # of a band, in common
 # extraterrestrial sunlight, W m-2 um-1, and absorption of ozone, cm-1 [Bird & Riordan 1986]
@@ -117,18 +118,17 @@ def kind_by_name(name: str) -> int | None:
 def asked_lamp(kind: int, known: Lamps, measured: tuple[np.ndarray, np.ndarray], published: bool,
                rng: np.random.Generator) -> tuple[np.ndarray, Lamps]:
     """A lamp (P,) of a kind that the prior does not hold, and the lamps of the prior."""
-    if published:
+    if published and kind > 1:
         lamp = known.spectra[rng.choice([index for index in np.flatnonzero(known.kind == kind)
                                          if "formula" not in known.names[index]])]
         off = np.sqrt(np.mean((known.spectra - lamp) ** 2, axis=1))
-        # daylights and filaments are one family, of which no member is missing
-        rest = lamps_without(known, off > (NEARLY if kind > 1 else EXACT))
+        rest = lamps_without(known, off > NEARLY)
         share = np.bincount(known.kind, known.weights)
         weights = rest.weights * (share / np.bincount(rest.kind, rest.weights))[rest.kind]
         return lamp, replace(rest, weights=weights)
     if kind == 0:
         return daylight(rng), known
-    if kind == 1 and rng.random() < 0.5:
+    if kind == 1 and (published or rng.random() < 0.5):
         tint = np.exp(0.15 * rng.standard_normal() * (GRID.nm - 550) / 150)
         return blackbodies(rng.uniform(2400, 3400, 1))[0] * tint, known
     return measured[0][rng.choice(np.flatnonzero(measured[1] == kind))], known
@@ -165,7 +165,14 @@ def probabilities(data: Path, database: CameraDatabase, cases: int, published: b
             held = chosen.mean()
             rows.append([low, high, chosen.size, said[(said > low) & (said <= high)].mean(), held,
                          np.sqrt(max(held * (1 - held), 1 / chosen.size) / chosen.size)])
-    return {"log loss": float(-np.log(said[true]).mean()), "rows": np.round(rows, 3).tolist(),
+    # stated = prior^(1 - power) posterior^power, up to a factor
+    posterior = (said / share**(1 - EVIDENCE_POWER)) ** (1 / EVIDENCE_POWER)
+    losses = {}
+    for power in POWERS:
+        tempered = share**(1 - power) * posterior**power
+        losses[power] = round(float(-np.log((tempered / tempered.sum(axis=1, keepdims=True))[true]
+                                            ).mean()), 4)
+    return {"log loss by power": losses, "rows": np.round(rows, 3).tolist(),
             "most likely kind": [float(said.max(axis=1).mean()), float(np.mean(
                 np.argmax(said, axis=1) == np.argmax(true, axis=1)))]}
 
