@@ -2,10 +2,12 @@
 
 A quadratic that was fitted over the chart runs away beyond it. Light does not: lamps have a
 position, and a lens darkens corners. So arrangements of lamps are drawn, near and far, one or two,
-with light from all sides, and each gives the field at the patches and at any other point. Linear
-regression over the arrangements of each distance then predicts the field at a point from the five
-terms over the chart. What they leave open is what the arrangements that agree on the chart still
-differ by: next to nothing close to the chart, and the more the further away.
+with light from all sides, and each gives the field at the patches and at any other point.
+Arrangements count by how well they give the five terms over the chart, as far as enough of them are
+left; linear regression over those of each distance then predicts the field at a point from the
+terms [a bridge between particle and ensemble Kalman filter: Frei & Künsch 2013]. What they leave
+open is what the arrangements that agree on the chart still differ by: next to nothing close to the
+chart, and the more the further away.
 
     terms over the chart of one arrangement       c = pinv(terms at the patches) field(patches)
     at a point x, arrangements of one distance    field(x) = mean(x) + G(x) (c - mean c) + rest(x)
@@ -28,6 +30,7 @@ from spectrabox.radiometry.shaped import Record
 
 LAMP_DISTANCES = (1.5, 3.0, 6.0, 12.0, 25.0)    # a Classic from 0.4 m, a Nano from 0.6 m
 ARRANGEMENTS = 400           # of each distance
+MIN_LEFT, BISECTIONS = 0.1, 20  # share of them that goes on counting; for the power that leaves it
 DISTANCE_SPREAD = 0.25       # of the logarithm, within one class
 MAX_ANGLE_DEG = 65.0         # of a lamp from the normal of the samples
 MAX_AMBIENT = 0.3            # of the light on the chart, from all sides
@@ -114,39 +117,72 @@ def _given_the_chart(white: ChartWhite, project: np.ndarray, centre: np.ndarray,
                      on_regions: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Log evidence of one kind of arrangement, and mean and covariance of (log level - that of
     the chart fit, glare, field at the regions), Z = 2 K + R.
+
+    Arrangements first count by a power of the chart's likelihood, the largest that leaves enough
+    of them, and their moments take the rest.
     """
     bands, count = len(white.level), len(white.field)
     terms = on_patches @ project.T
-    mean, spread = terms.mean(axis=0), np.cov(terms, rowvar=False)
+    square = np.einsum("ae,ef,af->a", terms - centre, information, terms - centre)
+    power, shares = _tempered(square)
+    mean = shares @ terms
+    centred, unbiased = terms - mean, 1 / (1 - shares @ shares)
+    products = (centred * shares[:, None]).T @ centred
+    spread = unbiased * products
     spread = spread + RIDGE * np.trace(spread) * np.eye(count)
-    innovation, of_data = centre - mean, np.linalg.inv(information)
-    total = spread + of_data
-    evidence = -0.5 * innovation @ np.linalg.solve(total, innovation) \
-        - 0.5 * np.linalg.slogdet(total)[1]
+    left, innovation = (1 - power) * information, centre - mean
+    total = np.eye(count) + spread @ left
+    evidence = (np.log(np.mean(np.exp(-0.5 * power * (square - square.min()))))
+                - 0.5 * power * square.min() - 0.5 * np.linalg.slogdet(total)[1]
+                - 0.5 * innovation @ left @ np.linalg.solve(total, innovation))
     # The chart fit again, with this kind's prior on the terms in place of its own: the terms'
     # posterior is exchanged, and what was correlated with them moves along.
     own = slice(bands, bands + count)
     precise = np.linalg.inv(spread)
-    terms_covariance = np.linalg.inv(information + precise)
-    exchanged = terms_covariance @ (information @ centre + precise @ mean)
+    terms_covariance = np.linalg.inv(left + precise)
+    exchanged = terms_covariance @ (left @ centre + precise @ mean)
     along = white.covariance[:, own] @ np.linalg.inv(white.covariance[own, own])
     state = np.r_[np.zeros(bands), white.field, white.glare] + along @ (exchanged - white.field)
     covariance = white.covariance + along @ (terms_covariance
                                              - white.covariance[own, own]) @ along.T
-    centred = terms - mean
-    regression = np.linalg.solve(centred.T @ centred, centred.T @ (on_regions
-                                                                   - on_regions.mean(axis=0))).T
-    rest = on_regions - on_regions.mean(axis=0) - centred @ regression.T
+    of_regions = shares @ on_regions
+    regression = np.linalg.solve(products + RIDGE * np.trace(products) * np.eye(count),
+                                 (centred * shares[:, None]).T @ (on_regions - of_regions)).T
+    rest = on_regions - of_regions - centred @ regression.T
     regions = on_regions.shape[1]
     carry = np.zeros((2 * bands + regions, len(state)))
     carry[:bands, :bands] = np.eye(bands)
     carry[bands:2 * bands, bands + count:] = np.eye(bands)
     carry[2 * bands:, own] = regression
     moved = carry @ state
-    moved[2 * bands:] += on_regions.mean(axis=0) - regression @ mean
+    moved[2 * bands:] += of_regions - regression @ mean
     covariance = carry @ covariance @ carry.T
-    covariance[2 * bands:, 2 * bands:] += rest.T @ rest / (len(rest) - count - 1)
+    number = 1 / (shares @ shares)      # of arrangements of equal shares that tell as much
+    covariance[2 * bands:, 2 * bands:] += (rest * shares[:, None]).T @ rest * (
+        number / (number - count - 1))
     return float(evidence), moved, covariance
+
+
+def _tempered(square: np.ndarray) -> tuple[float, np.ndarray]:
+    """Largest power of a likelihood that leaves ``MIN_LEFT`` of the arrangements, and their shares.
+
+    Parameters
+    ----------
+    square : (A,) array
+        Minus twice the log likelihood of each arrangement.
+    """
+    def shares_by(power: float) -> np.ndarray:
+        shares = np.exp(-0.5 * power * (square - square.min()))
+        return np.asarray(shares / shares.sum())
+
+    def leaves_enough(power: float) -> bool:
+        return bool(np.sum(shares_by(power) ** 2) * MIN_LEFT * len(square) <= 1)
+
+    low, high = (1.0, 1.0) if leaves_enough(1.0) else (0.0, 1.0)
+    for _ in range(BISECTIONS * (low < high)):
+        middle = (low + high) / 2
+        low, high = (middle, high) if leaves_enough(middle) else (low, middle)
+    return low, shares_by(low)
 
 
 def _of_distance(distance: float, patches: PicturePoints, regions: list[PicturePoints],

@@ -14,7 +14,7 @@ NORMAL_QUANTILE = 1.6449
 # decides. Least log loss over daylights by a model of the atmosphere and published lamps that are
 # left out in turn, under cameras of makers that are left out
 # (benchmarks/bench_light_kinds.py --probabilities --published)
-EVIDENCE_POWER = 0.75
+EVIDENCE_POWER = 0.65
 SURE, OPEN = 0.9, 0.25      # probability of a kind: from there one kind is named, or two
 NARROWED = 0.75             # width of the band over the prior's: above, the photo says little
 
