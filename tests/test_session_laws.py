@@ -9,6 +9,7 @@ from test_error_budget import calibration, curves_and_covariance, joint
 from spectrabox.measure.scene import photo_errors as scene_errors
 from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
 from spectrabox.measure.surface_spectra import resample_summary
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import LightDrift, LightScale, SpectrumSummary, StrayLight
@@ -50,10 +51,12 @@ def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_char
     for name, replacement in (
             ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
             ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
+            ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
+            ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),
             ("_with_lamp_error", lambda _, calibrations: calibrations),
             ("_uneven_notes", lambda *_: ()),
             ("_chart_photo", lambda _, view, chart, irradiance: SimpleNamespace(
-                samples=chart.samples, irradiance=irradiance))):
+                samples=chart.samples, irradiance=irradiance, reflectances=None))):
         monkeypatch.setattr(calibrate_stage, name, replacement)
     config = SimpleNamespace(
         all_views=every, views_with_chart=[view for view in every if view.chart], flat=False,
@@ -81,11 +84,13 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(monkeypatch):
     for name, replacement in (
             ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
             ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
+            ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
+            ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),
             ("_with_lamp_error", lambda _, calibrations: calibrations),
             ("_uneven_notes", lambda *_: ()), ("excluded_patches", lambda _: soiled),
-            ("read_chart_reference", lambda _: None), ("session_chart", lambda _: None),
+            ("read_chart_reference", lambda _: None),
             ("ChartPhoto", lambda _, reference, light, irradiance, excluded, chart:
-             SimpleNamespace(irradiance=irradiance, excluded=excluded))):
+             SimpleNamespace(irradiance=irradiance, excluded=excluded, reflectances=None))):
         monkeypatch.setattr(calibrate_stage, name, replacement)
     chart = SimpleNamespace(samples=None, thumbnail=None)
     records = SimpleNamespace(chart=SimpleNamespace(charts={"": chart, "second": chart}))
