@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.system.words import plain
+from spectrabox.radiometry.system.words import is_whole_number, plain
 
 MAX_TEXT_BYTES = 200_000_000      # a table of two million signals
 UNFINISHED = ".spectrabox-"      # begins the name of a file that is being written
@@ -53,8 +53,8 @@ def require_utf8_name(path: Path) -> None:
     try:
         os.fspath(path).encode()
     except UnicodeEncodeError:
-        raise InputError(f"{plain(str(path))} has a name that is not UTF-8, by which no photo can "
-                         "be opened; rename it") from None
+        raise InputError(f"{plain(str(path))} has a name that is not UTF-8, by which no picture "
+                         "can be opened or written; rename it") from None
 
 
 def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
@@ -259,7 +259,7 @@ def sweep_unfinished(folder: Path) -> None:
     """Remove what killed processes left unfinished in a folder."""
     for left in folder.glob(f"{UNFINISHED}*"):
         number = left.name.removeprefix(UNFINISHED).partition("-")[0]
-        if number.isdigit() and not _is_running(int(number)):
+        if is_whole_number(number) and not _is_running(int(number)):
             if left.is_dir() and not left.is_symlink():
                 shutil.rmtree(left, ignore_errors=True)
             else:

@@ -52,8 +52,12 @@ STOPPED = "interrupted: finished stages are kept, run the same command again to 
 
 NO_MEMORY = ("memory ran out: close other programs, or give smaller pictures, fewer draws or fewer "
              "regions")
+# what the system says where no memory is left for a library
+NO_MAPPING = ("failed to map segment", "annot allocate memory")
 NO_OUTPUT = ("standard output is closed, and the answer goes there: send it to a file, or to "
              "/dev/null")
+NO_PROCESS = "this system lets no further process be started: end others, or raise its limit"
+NO_FOLDER = "the folder that this command was started in is gone: change to another one"
 NOT_WRITTEN = "the output cannot be written: free space, then run again"
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 # how pathlib's and the system's errors of names begin that no file can have
@@ -227,10 +231,15 @@ def describe_error(error: BaseException) -> tuple[str, int]:
     """One sentence on any error but an interrupt, and the exit code that it means."""
     if isinstance(error, SpectraboxError):
         return str(error), error.exit_code
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or (isinstance(error, ImportError)
+                                          and any(sign in str(error) for sign in NO_MAPPING)):
         return NO_MEMORY, EnvironmentProblem.exit_code
     if isinstance(error, OSError) and error.errno in DISK_TROUBLE:
         return f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
+    if isinstance(error, BlockingIOError) or str(error) == os.strerror(errno.EAGAIN):
+        return NO_PROCESS, EnvironmentProblem.exit_code
+    if isinstance(error, FileNotFoundError) and error.filename is None:
+        return NO_FOLDER, InputError.exit_code
     for begins, sentence in BAD_NAMES.items():
         if isinstance(error, RuntimeError | ValueError) and str(error).startswith(begins):
             return f"{sentence} ({error})", InputError.exit_code
@@ -239,15 +248,17 @@ def describe_error(error: BaseException) -> tuple[str, int]:
 
 
 class Output(io.TextIOWrapper):
-    """Standard output or error. What a reader no longer reads is dropped, and is no error; names
-    that no locale can write are escaped.
+    """Standard output or error. What a reader no longer reads is dropped, and is no error; messages
+    are dropped wherever they cannot be written. Names that no locale can write are escaped.
     """
+
+    dropped: type[OSError] = BrokenPipeError
 
     def write(self, text: str) -> int:
         """Write text."""
         try:
             return super().write(text)
-        except BrokenPipeError:
+        except self.dropped:
             self.drop()
             return len(text)
 
@@ -255,7 +266,7 @@ class Output(io.TextIOWrapper):
         """Write out what was printed."""
         try:
             super().flush()
-        except BrokenPipeError:
+        except self.dropped:
             self.drop()
 
     def drop(self) -> None:
@@ -283,8 +294,11 @@ def open_streams() -> bool:
     for name, number in (("stdout", 1), ("stderr", 2)):
         stream = getattr(sys, name) or os.fdopen(number, "w")
         if isinstance(stream, io.TextIOWrapper):
-            setattr(sys, name, Output(stream.detach(), stream.encoding, "backslashreplace",
-                                      line_buffering=stream.line_buffering))
+            output = Output(stream.detach(), stream.encoding, "backslashreplace",
+                            line_buffering=stream.line_buffering)
+            if name == "stderr":
+                output.dropped = OSError    # a full disk under messages changes no result
+            setattr(sys, name, output)
     return there
 
 
@@ -365,7 +379,7 @@ def check_ending(path: Path | None, endings: Mapping[str, str], option: str = "-
     """
     if path is not None and path.suffix.lower() not in endings:
         known = ", ".join(f"{ending} ({what})" for ending, what in endings.items())
-        raise typer.BadParameter(f"{path.name} does not end in what is written here: {known}",
+        raise typer.BadParameter(f"{message(path.name)} does not end in what is written here: {known}",
                                  param_hint=option)
 
 

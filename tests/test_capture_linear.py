@@ -1,4 +1,5 @@
 import os
+import resource
 import time
 
 import numpy as np
@@ -12,13 +13,14 @@ from spectrabox.capture.photo.image_files import (
     write_exr,
     write_png,
 )
+from spectrabox.capture.photo.image_rows import png_rows
 from spectrabox.capture.photo.linear import linear_image, open_photo, signal_alone
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.capture.photo.preview import signal_rgb8, whites
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.chart_scene import mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
-from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
 from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 
@@ -437,3 +439,26 @@ def test_the_noise_of_an_image_file_does_not_hang_on_the_order_of_its_channels(t
     np.testing.assert_allclose(read.signal, 0.01 * photo, rtol=1e-6)
     ratio = read.variance.mean(axis=(0, 1)) / (1e-4 * 5e-5 * flat.mean(axis=(0, 1)))
     assert np.all(np.abs(ratio - 1) < 0.15), ratio
+
+
+def write_png_by_rows(path, rgb8):
+    with png_rows(path, *rgb8.shape) as write:
+        write(0, rgb8)
+
+
+@pytest.mark.parametrize("write", [write_png, write_png_by_rows])
+def test_a_png_that_a_full_disk_cuts_short_is_no_result(tmp_path, write):
+    pixels = np.random.default_rng(1).integers(0, 255, (100, 100, 3)).astype(np.uint8)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+    try:
+        with pytest.raises(EnvironmentProblem, match=r"a\.png cannot be written"):
+            write(tmp_path / "a.png", pixels)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_is_not_written_under_a_name_that_is_no_text(tmp_path):
+    with pytest.raises(InputError, match="not UTF-8"):
+        write_exr(tmp_path / "\udcff.exr", np.ones((4, 4, 3)), ("R", "G", "B"))

@@ -12,7 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from spectrabox.session.command_line import last_resort, reported_errors
+from spectrabox.session.command_line import (
+    NO_MEMORY,
+    NO_PROCESS,
+    describe_error,
+    last_resort,
+    reported_errors,
+)
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = Path(sysconfig.get_path("scripts")) / "spectrabox"
@@ -162,3 +168,42 @@ def test_leaving_is_no_error():
     assert left.value.code == 4
     with pytest.raises(FileNotFoundError), reported_errors(as_json=False, debug=True):
         Path("/nowhere").read_text()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_messages_that_cannot_be_written_change_no_exit_code(session):
+    (session / "session.toml").unlink()
+    ended = by_shell(f"status {session} --json 2>/dev/full")
+    assert ended.returncode == 3 and json.loads(ended.stdout)["exit_code"] == 3
+
+
+def test_a_folder_that_is_gone_is_an_input_that_is_wrong(session):
+    ended = subprocess.run(["bash", "-c", f"cd '{session}' && mkdir a && cd a && rmdir ../a && "
+                            f"'{COMMAND}' batch box"], capture_output=True, text=True, check=False,
+                           timeout=60, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert ended.returncode == 3 and "is gone" in ended.stderr, ended.stderr
+
+
+@pytest.mark.parametrize("error, sentence", [
+    (ImportError("libopenblas.so: failed to map segment from shared object"), NO_MEMORY),
+    (BlockingIOError(11, "Resource temporarily unavailable"), NO_PROCESS),
+    (RuntimeError("Resource temporarily unavailable"), NO_PROCESS)])
+def test_what_a_system_refuses_to_give_is_its_problem(error, sentence):
+    assert describe_error(error) == (sentence, 7)
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "²", "٣"])
+def test_no_whole_number_is_a_sentence(session, number):
+    (session / "a.csv").write_text("nm,white\n400,0.8\n700,0.8\n")
+    (session / "patches.csv").write_text("R,G,B\n" + 24 * "0.1,0.2,0.3\n")
+    for words in (("spectrum", "show", session / "a.csv", "--column", number),
+                  ("camera", "fit", "--patches", session / "patches.csv", "--light", "D65",
+                   "--leave-out", number)):
+        ended = installed(*words)
+        assert ended.returncode == 3 and "unexpected" not in ended.stderr, ended.stderr
+
+
+def test_a_wrong_ending_is_quoted_without_what_a_terminal_obeys(session):
+    ended = installed("meter", "replay", session / "a", "--png", "\x1b[2J" + 200 * "a")
+    assert ended.returncode == 2 and "\x1b" not in ended.stderr, ended.stderr
+    assert "does not end in" in " ".join(ended.stderr.split())

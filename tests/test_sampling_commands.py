@@ -291,3 +291,11 @@ def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):
     assert [row["name"] for row in facts["left_out_in_turn"]] == ["one", "two"]
     assert "outcome" in sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / "own.npz",
                                "--samples", 1000)
+
+
+@pytest.mark.parametrize("minutes", ["1e-320", "nan", "inf", "0"])
+@pytest.mark.parametrize("option", ["--reading-minutes", "--spot-minutes"])
+def test_minutes_that_no_measurement_takes_are_refused(option, minutes):
+    outcome = CliRunner().invoke(app, ["plan", *CAMERA, "--signal", "0.2,0.3,0.15", option, minutes,
+                                       "--json"])
+    assert outcome.exit_code == 3 and "minutes of a measurement" in outcome.stdout

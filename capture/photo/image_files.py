@@ -22,6 +22,7 @@ from spectrabox.radiometry.system.words import reason_of
 # Not of TIFF: those may begin a camera raw.
 PICTURE_STARTS = (b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff")
 TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+PNG_END = b"IEND\xaeB`\x82"
 IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
 LINEAR_FORMATS = ("openexr", "tiff")
 FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files
@@ -542,12 +543,27 @@ def _positive(spec: oiio.ImageSpec, name: str) -> float | None:
 
 
 def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
+    require_utf8_name(path)
     with whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
             raise unwritten(path, file or oiio)
-        if not (file.write_image(pixels) and file.close()):
+        if not (file.write_image(pixels) and file.close() and ends_whole(unfinished)):
             raise unwritten(path, file)
+
+
+def ends_whole(path: Path) -> bool:
+    """Whether a written picture has its end: OpenImageIO does not say that a full disk cut a PNG.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    if path.suffix.lower() != ".png":
+        return True
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - len(PNG_END), 0))
+        return file.read() == PNG_END
 
 
 def unwritten(path: Path, writer: Any) -> EnvironmentProblem:

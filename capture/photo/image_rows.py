@@ -20,6 +20,7 @@ from spectrabox.capture.photo.image_files import (
     VARIANCE,
     band_order,
     channel_names,
+    ends_whole,
     exr_spec,
     full_scale,
     is_image_file,
@@ -29,7 +30,7 @@ from spectrabox.capture.photo.image_files import (
 )
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import whole_file
+from spectrabox.radiometry.files import require_utf8_name, whole_file
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
 from spectrabox.radiometry.system.strips import (
     ReadRows,
@@ -218,6 +219,7 @@ def png_rows(path: Path, height: int, width: int, channels: int) -> Iterator[Wri
 
 @contextlib.contextmanager
 def _rows_of(path: Path, spec: oiio.ImageSpec, kind: Any) -> Iterator[WriteRows]:
+    require_utf8_name(path)
     with whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
@@ -232,7 +234,7 @@ def _rows_of(path: Path, spec: oiio.ImageSpec, kind: Any) -> Iterator[WriteRows]
 
         try:
             yield write
-            if not file.close():
+            if not (file.close() and ends_whole(unfinished)):
                 raise unwritten(path, file)
         finally:
             file.close()

@@ -22,6 +22,7 @@ from typing import TextIO
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import read_text, require_no_link
+from spectrabox.radiometry.system.words import is_whole_number
 
 TITLE = "spectrabox transcript"
 VERSION = "1"
@@ -51,7 +52,7 @@ class Transcript:
     def baud(self) -> int:
         """Speed of the recorded line."""
         text = self.facts.get("line", "").split(" ")[0]
-        if not text.isdigit():
+        if not is_whole_number(text):
             raise InputError(f"{self.file} states no line speed; a line '# line: 9600' is needed")
         return int(text)
 

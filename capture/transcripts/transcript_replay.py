@@ -15,6 +15,7 @@ from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Transcript, TranscriptWriter
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.readings import SpectralReading
+from spectrabox.radiometry.system.words import is_whole_number
 
 SETTINGS = {"integration_ms": float, "averages": int, "sync_hz": float}
 PLAYED_LIMIT_S = 2.0        # shortest wait for a played reply
@@ -129,6 +130,6 @@ def settings_of(transcript: Transcript) -> MeterSettings:
 
 def _count(transcript: Transcript) -> int:
     text = transcript.facts.get("readings", "1")
-    if not text.isdigit():
+    if not is_whole_number(text):
         raise InputError(f"{transcript.file} states {text!r} readings; a number is needed")
     return int(text)

@@ -55,6 +55,14 @@ def is_number(text: str) -> bool:
     return True
 
 
+def is_whole_number(text: str) -> bool:
+    """Whether a text is a whole number of at most 18 digits.
+
+    Not ``str.isdigit``, which takes a raised 2 for one; ``int`` refuses more than 4300 digits.
+    """
+    return text.isascii() and text.isdigit() and len(text) <= 18
+
+
 def reason_of(source: Any) -> str:
     """The error message of OpenImageIO in one line.
 

@@ -33,6 +33,7 @@ from spectrabox.radiometry.records import (
 from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_name
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, table_text
 from spectrabox.radiometry.spectra.stated_light import stated_light
+from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.calibration_facts import (
     left_out_facts,
     left_out_sentence,
@@ -161,7 +162,7 @@ def numbers_of_patches(written: str) -> list[int]:
         If they are not whole numbers.
     """
     words = [word.strip() for word in written.split(",") if word.strip()]
-    wrong = [word for word in words if not word.isdigit()]
+    wrong = [word for word in words if not is_whole_number(word)]
     if wrong:
         raise InputError(f"--leave-out {written}: {wrong[0]!r} is no patch; they are numbered "
                          "from 1, the first patch of the chart first")

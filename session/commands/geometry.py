@@ -50,7 +50,8 @@ class BoardRequest(CommonOptions):
 
     board_file: Annotated[Path, typer.Option("--board", metavar="board.toml", show_default=False)]
     out: Annotated[Path, typer.Option("--out", "-o", metavar="PNG", show_default=False)]
-    square_px: Annotated[int, typer.Option(min=40, help="Width of a square in the picture.")] = 200
+    square_px: Annotated[int, typer.Option(min=40, max=4000,
+                                           help="Width of a square in the picture.")] = 200
     force: Force = False
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.command_line import (
     Answer,
     CommandGroup,
@@ -224,7 +225,7 @@ def _source(port: str | None, instrument: str | None, program: str | None, ambie
     if program != "spotread" or instrument is not None or wanted != type(wanted)():
         raise typer.BadParameter("only spotread is known, without --instrument, --integration-ms, "
                                  "--averages and --sync-hz", param_hint="--with")
-    if port is not None and not port.isdigit():
+    if port is not None and not is_whole_number(port):
         raise typer.BadParameter(f"{port!r} is no number of an instrument in spotread's list",
                                  param_hint="--port")
     return lambda folder: _by_spotread(folder, int(port or 1), ambient)

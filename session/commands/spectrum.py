@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.command_line import (
     Answer,
     CommandGroup,
@@ -127,7 +128,7 @@ def _indices(table: SpectralTable, column: str | None) -> list[int]:
 
 
 def _name_or_number(column: str) -> str | int:
-    return int(column) if column.isdigit() else column
+    return int(column) if is_whole_number(column) else column
 
 
 def _text(table: SpectralTable, facts: dict[str, Any], column: str | None, plot: bool) -> str:

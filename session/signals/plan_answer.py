@@ -49,8 +49,9 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
     if sensitivity is None or light is None or signal is None:
         raise InputError("nothing to plan for: give the folder of a finished session, or "
                          "--sensitivity, --light and --signal")
-    if min(request.reading_minutes, request.photo_minutes, request.spot_minutes or 1.0) <= 0:
-        raise InputError("the minutes of a measurement must be positive")
+    minutes = (request.reading_minutes, request.photo_minutes, request.spot_minutes)
+    if any(each is not None and not 0.001 <= each <= 1e6 for each in minutes):     # also of nan
+        raise InputError("the minutes of a measurement must lie between 0.001 and 1,000,000")
     response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
     bands = len(response)
     white = optional_numbers(request.white, bands, "white")

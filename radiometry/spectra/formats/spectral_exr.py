@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import require_utf8_name
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.measurement_table import MAX_VALUES, SpectralTable
 from spectrabox.radiometry.spectra.spectral_layers import (
@@ -59,6 +60,7 @@ def _opened(path: Path) -> tuple[np.ndarray, list[str], dict[str, str], int]:
     """Pixels (n, C) of the first part, names of its channels, its stated facts, and the parts."""
     import OpenImageIO as oiio
 
+    require_utf8_name(path)
     file = oiio.ImageInput.open(os.fspath(path))
     if file is None:
         raise InputError(f"{path.name} is cut or damaged in its header "
