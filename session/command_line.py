@@ -379,8 +379,8 @@ def check_ending(path: Path | None, endings: Mapping[str, str], option: str = "-
     """
     if path is not None and path.suffix.lower() not in endings:
         known = ", ".join(f"{ending} ({what})" for ending, what in endings.items())
-        raise typer.BadParameter(f"{message(path.name)} does not end in what is written here: {known}",
-                                 param_hint=option)
+        raise typer.BadParameter(f"{message(path.name)} does not end in what is written here: "
+                                 f"{known}", param_hint=option)
 
 
 def require_new(out: Path, force: bool, *inputs: Path | None) -> None:
