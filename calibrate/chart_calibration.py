@@ -119,7 +119,7 @@ class ChartCalibration(Record):
     held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
     prior_fit: PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
-    excluded: Annotated[np.ndarray, "I"]            # bool: of no fit at all
+    excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded
     cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
 

@@ -91,8 +91,8 @@ def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -
     """What the band rests on, in words."""
     errors = ", ".join(f"{100 * error:.2g}"
                        for error in np.sqrt(np.diag(measured.noise_covariance)))
-    return (f"Conditional on Gaussian errors of the signal of {errors} % of white, on the sampler "
-            f"and its prior ({draws.method}), and, for the exact bounds, on splines of "
+    return (f"Assumes Gaussian signal errors of {errors} % of white, the prior and sampler "
+            f"{draws.method}, and, for the exact bounds, splines of "
             f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.sentence}")
 
 

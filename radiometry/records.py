@@ -307,7 +307,7 @@ class HeldOutPatches(Record):
     lower: Annotated[np.ndarray, "I P"]             # pointwise band at ``level``
     upper: Annotated[np.ndarray, "I P"]
     reference: Annotated[np.ndarray, "I P"]         # of the chart, taken as the truth
-    excluded: Annotated[np.ndarray, "I"]            # bool: of no fit at all
+    excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     expected: Annotated[np.ndarray, "I"]            # as ``inside``, had nothing erred
     level: float
     # how much brighter than by the other patches the photo shows each, relative, and the standard

@@ -72,6 +72,6 @@ def left_out_sentence(patches: HeldOutPatches) -> str:
     """
     rmse, inside, expected = patches.means
     return (f"each patch from the others: reflectance within {rmse:.3f} (rms), "
-            f"{inside:.0%} of it inside the {patches.level:.0%} band (of a chart's "
-            f"colours, which are familiar, {expected:.1%} is to be expected)")
+            f"{inside:.0%} of it inside the {patches.level:.0%} band ({expected:.1%} expected "
+            "for chart colours)")
 

@@ -74,7 +74,7 @@ def _sentences(shares: np.ndarray, half: np.ndarray, before: np.ndarray,
     width = float(np.mean(half) / np.mean(mean))
     sentences.append(f"its spectrum by itself is known within {width:.0%} of its mean "
                      f"({LEVEL:.0%} band); your spectra do not need the lamp alone, so they are "
-                     "known far better")
+                     "far better")
     if np.mean(half) > NARROWED * np.mean(before):
         sentences.append("the chart says little of the light by itself: relighting from under it, "
                          "or another camera under it, needs its measured spectrum")

@@ -73,8 +73,8 @@ def find_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarray
     ChartNotFoundError
         If no chart is detected, or the patches at the given corners do not look like one.
     CheckError
-        If the photo shows the chart mirrored, or is not linear in the light, or the reference lists
-        the patches in another order.
+        If the photo shows the chart mirrored, its values are not proportional to light, or the
+        reference lists the patches in another order.
     """
     detection = locate_chart(image, reference, corners_px, chart)
     if detection.mirrored:

@@ -4,8 +4,7 @@ log(rho / (1 - rho)) at 400, 405 ... 700 nm follows sum_c weight_c N(mean_c, cov
 draw lies strictly between 0 and 1. Every component belongs to a family of surfaces: paint, skin,
 leaves ... ``band_factors`` widen bands so that they held the stated share of reflectances that the
 mixture was not fitted to (split conformal calibration), each family having its own;
-``curve_factor`` does so for whole curves. `of_families` is what is believed once somebody says what
-a surface is.
+``curve_factor`` does so for whole curves. `of_families` conditions on the stated families.
 """
 from __future__ import annotations
 

@@ -234,7 +234,7 @@ def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None =
     ChartNotFoundError
         If there is no chart, or none at the corners.
     CheckError
-        If the photo shows the chart mirrored, or is not linear in the light.
+        If the photo shows the chart mirrored, or its values are not proportional to light.
     InputError
         If a file cannot be read, or the chart's layout is not known.
 
