@@ -241,6 +241,7 @@ def main() -> None:
         parser.error("run this as an ordinary user: root may write over /dev/null")
     if not (options.folder / "inputs").exists():
         write_inputs(options.folder / "inputs")
+    signal.signal(signal.SIGINT, signal.default_int_handler)    # also in the background of a shell
     warnings.simplefilter("ignore")     # of modules that are imported where they are not needed
     for room in ROOMS:
         package = importlib.import_module(f"spectrabox.{room}")
@@ -250,19 +251,21 @@ def main() -> None:
     for library in LIBRARIES:
         importlib.import_module(library)
     ends: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
-    for seed in range(options.seed, options.seed + options.cases):
-        rng = random.Random(seed)
-        name = rng.choice(options.commands.split(","))
-        environment = rng.choice(list(ENVIRONMENTS)) if options.environments else ""
-        case = Path(tempfile.mkdtemp(dir=options.folder))
-        ends[environment or name][run_case(name, environment, rng, case, options.folder / "inputs"
-                                           )] += 1
-        subprocess.run(["chmod", "-R", "u+rwx", case], check=False, stderr=subprocess.DEVNULL)
-        shutil.rmtree(case, ignore_errors=True)
+    with contextlib.suppress(KeyboardInterrupt):    # the table is of the cases until then
+        for seed in range(options.seed, options.seed + options.cases):
+            rng = random.Random(seed)
+            name = rng.choice(options.commands.split(","))
+            environment = rng.choice(list(ENVIRONMENTS)) if options.environments else ""
+            case = Path(tempfile.mkdtemp(dir=options.folder))
+            end = run_case(name, environment, rng, case, options.folder / "inputs")
+            ends[environment or name][end] += 1
+            subprocess.run(["chmod", "-R", "u+rwx", case], check=False, stderr=subprocess.DEVNULL)
+            shutil.rmtree(case, ignore_errors=True)
     print("| | cases | results | sentences | wrong |\n|---|--|--|--|--|")
     for name, counts in sorted(ends.items()):
         right = (counts["result"], counts["sentence"])
-        print("", name, counts.total(), *right, counts.total() - sum(right), "", sep=" | ")
+        row = (name, counts.total(), *right, counts.total() - sum(right))
+        print(f"| {' | '.join(map(str, row))} |")
 
 
 if __name__ == "__main__":

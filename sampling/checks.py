@@ -41,7 +41,21 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
             raise InputError(f"the {name} of the measurement holds numbers that are not finite; "
                              "measure it again")
     check_noise(measurement.noise_covariance)
-    response = measurement.relative_response
+    check_bands(measurement.relative_response)
+
+
+def check_bands(response: np.ndarray) -> None:
+    """Raise unless bands see different things.
+
+    Parameters
+    ----------
+    response : (K, P) array
+        Sensitivity times light.
+
+    Raises
+    ------
+    InputError
+    """
     length = np.linalg.norm(response, axis=1, keepdims=True)
     if np.any(length == 0) or np.linalg.svd(response / length, compute_uv=False)[-1] < ALIKE:
         raise InputError("two bands respond alike, or one sees nothing of 400-700 nm under this "

@@ -10,6 +10,7 @@ import pytest
 from sampling_cameras import seen, surface
 from scipy import stats
 
+from spectrabox.measure.pictures.uplift import require_bands
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
@@ -46,6 +47,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
 )
 from spectrabox.sampling.prior.quantiles import quantiles
 from spectrabox.sampling.prior.signal_posterior import sample_prior
+from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.prior.training import MIXED, enriched, fit_mixture
 from spectrabox.sampling.spline_measurement import nearest_splines, response_on
 
@@ -270,6 +272,14 @@ def test_strange_signals_are_said_to_be_strange(prior):
 def test_bad_measurements_are_errors(prior, change, message):
     with pytest.raises(InputError, match=message):
         sample_prior(replace(seen(np.full(61, 0.4)), **change), 10, 0, prior=prior)
+
+
+def test_bands_that_respond_alike_are_refused_in_tables_and_pictures_too(prior):
+    alike = seen(np.ones(61)).relative_response[[0, 1, 1]]
+    with pytest.raises(InputError, match="two bands respond alike"):
+        summaries(prior, alike, np.full((1, 3), 0.4), {"noise": 1e-4 * np.eye(3)[None]}, 0.95)
+    with pytest.raises(InputError, match="two bands respond alike"):
+        require_bands(3, alike)
 
 
 def test_no_draws_are_an_error(prior):

@@ -21,6 +21,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     survey_rows,
 )
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.checks import check_bands
 from spectrabox.sampling.prior.low_rank import low_rank
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
@@ -155,7 +156,7 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitM
 
 
 def require_bands(bands: int, relative_response: np.ndarray) -> None:
-    """Refuse an image whose bands are not those of the camera.
+    """Refuse an image whose bands are not those of the camera, or of which two respond alike.
 
     Raises
     ------
@@ -164,6 +165,7 @@ def require_bands(bands: int, relative_response: np.ndarray) -> None:
     if bands != len(relative_response):
         raise InputError(f"the image has {bands} bands and the sensitivities "
                          f"{len(relative_response)}")
+    check_bands(relative_response)
 
 
 def require_side(side: int) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.records import Outcome
+from spectrabox.sampling.checks import check_bands
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
 from spectrabox.sampling.prior.mixture import LogitMixture
@@ -60,7 +61,13 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
         Covariances of the signals' errors by cause; their sum is the noise.
     level : float
         Of the band.
+
+    Raises
+    ------
+    InputError
+        If two bands respond alike.
     """
+    check_bands(relative_response)
     batches = [slice(start, start + BATCH) for start in range(0, max(len(signals), 1), BATCH)]
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
         parts = [_batch(prior, relative_response, signals[rows],
