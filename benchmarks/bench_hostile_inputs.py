@@ -27,7 +27,9 @@ import tempfile
 import time
 import tomllib
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from typer.main import get_command
@@ -35,8 +37,11 @@ from typer.main import get_command
 from spectrabox.calibrate.geometry.board import read_board
 from spectrabox.calibrate.geometry.projection import board_picture
 from spectrabox.capture.photo.image_files import write_exr, write_png
+from spectrabox.fixtures import lamp
+from spectrabox.fixtures.demo_photos import camera_sensitivities
 from spectrabox.fixtures.demo_session import write_demo_session
 from spectrabox.fixtures.mutations import NUMBERS, WORDS, mutated, rewritten
+from spectrabox.fixtures.paints import NM, chart_truth
 from spectrabox.session.cli import app
 from spectrabox.session.cli import main as run_command
 
@@ -50,7 +55,7 @@ DOCUMENTED = range(8)
 LIMIT_S, MEMORY_BYTES, PROCESSES = 90.0, 6 << 30, 64
 RENDERING = ("relight", "geometry light")       # need threads, which a fork has not
 NOT_GIVEN = ("--debug", "--json", "--help", "--cluster")
-ANSWERED = ("batch", "check", "doctor", "chart")    # say with a result what is wrong
+ANSWERED = ("batch", "check", "doctor", "chart", "report")    # say with a result what is wrong
 PLACES = ("missing", ".", "..", "/", "loop", "sealed.csv", "empty", "/dev/null", "/dev/zero", "-",
           "/proc/self/mem", "--", "~", "a\nb", "http://localhost/x", "x" * 5000, "\udce9.csv")
 ROOMS = ("session", "measure", "capture", "calibrate", "sampling", "radiometry")
@@ -63,14 +68,17 @@ def write_inputs(folder: Path) -> None:
     for name, kind in TYPED["files"].items():
         shutil.copy(kinds[kind], folder / name)
     shutil.copytree(kinds["camera database .csv"].parent, folder / "cameras")
+    shutil.copy(folder / "cameras" / "b.csv", folder / "cameras" / "d.csv")
     write_flat(folder / "flat")
     for file in ("photos/sample.dng", "spectra/light.csv", "spectra/white_wall.csv"):
         shutil.copy(folder / "flat" / file, folder)
-    (folder / "spectra").mkdir()
     rng = np.random.default_rng(8)
-    rows = [np.arange(400, 701, 10), *rng.uniform(0.1, 0.9, (40, 31)).cumsum(axis=1) / 31]
-    (folder / "spectra" / "a.csv").write_text(
-        "\n".join(",".join(f"{value:.5g}" for value in row) for row in rows))
+    for library in ("spectra", "more"):
+        (folder / library).mkdir()
+        write_rows(folder / library / "a.csv", np.arange(400, 701, 10),
+                   *rng.uniform(0.1, 0.9, (40, 31)).cumsum(axis=1) / 31)
+    write_rows(folder / "patches.csv", "RGB",
+               *chart_truth(rng) @ (camera_sensitivities() * lamp.radiance(NM)).T)
     (folder / "white.csv").write_text("nm,white\n400,0.8\n700,0.8\n")
     (folder / "wall.toml").write_text(TYPED["wall"])
     (folder / "sessions").write_text("flat\n")
@@ -79,14 +87,20 @@ def write_inputs(folder: Path) -> None:
         f"px = [{325 + 70 * x / (1 + z / 9)}, {236 + 70 * y / (1 + z / 9)}]\n"
         for number, (x, y, z) in enumerate(rng.uniform(-1, 1, (6, 3)).round(2))))
     write_exr(folder / "wide.exr", rng.uniform(0.3, 0.5, (480, 640, 3)), ("R", "G", "B"), 0.1)
-    board = board_picture(read_board(folder / "board.toml"), 40)
-    write_png(folder / "board.png", np.repeat(board[..., None], 3, axis=2))
+    board = 50 + 0.6 * board_picture(read_board(folder / "board.toml"), 40)[..., None]
+    noisy = np.repeat(board, 3, axis=2) + rng.normal(0, 2, (*board.shape[:2], 3))
+    write_png(folder / "board.png", noisy.astype(np.uint8))
     write_demo_session(folder / "box", 1, size=(208, 312), spp=4)
     session = folder / "box" / "session.toml"
     session.write_text(session.read_text().replace("width = 96", "width = 40\nsteps = 80"))
     for name in ("flat", "box"):
         subprocess.run([sys.executable, "-m", "spectrabox", "run", folder / name, "-q"],
                        check=True, stdout=subprocess.DEVNULL)
+
+
+def write_rows(path: Path, *rows: Iterable[Any]) -> None:
+    """A CSV of rows."""
+    path.write_text("\n".join(",".join(map(str, row)) for row in rows))
 
 
 def spoil_option(rng: random.Random, words: list[str]) -> None:

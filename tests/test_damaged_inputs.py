@@ -22,6 +22,7 @@ from spectrabox.radiometry.system.archives import (
     opened_zip,
     unpacked,
 )
+from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
 from tests.damaged_inputs import subjects
 
@@ -91,3 +92,15 @@ def test_a_picture_too_large_to_hold_is_refused_before_memory_is_asked_for(tmp_p
     monkeypatch.setattr(image_files, "MAX_PICTURE_BYTES", 20 * 30 * 3 * 4 - 1)
     with pytest.raises(InputError, match="states 30 x 20 pixels of 3 channels"):
         read_linear_file(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize("before, after", [('"seconds"', '"second"'), ("1.0", '"1"')])
+def test_stored_facts_whose_time_is_damaged_are_damaged(tmp_path, before, after):
+    with stage_folder(tmp_path, "photo") as new:
+        save_stage(new, {"settings": {"v": 1}}, {}, 1.0, {})
+    facts = tmp_path / "photo" / "facts.json"
+    text = facts.read_text()
+    assert before in text
+    facts.write_text(text.replace(before, after))
+    stage = load_stage(tmp_path, "photo")
+    assert stage.damage == "facts.json" and stage.seconds == 0.0

@@ -94,7 +94,8 @@ def load_stage(results: Path, stage: str) -> StoredStage | None:
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         facts = None
-    if not isinstance(facts, dict) or not isinstance(facts.get("key"), dict):
+    if not (isinstance(facts, dict) and isinstance(facts.get("key"), dict)
+            and isinstance(facts.get("seconds"), int | float)):
         return StoredStage(folder, {"key": {}, "seconds": 0.0}, damage or FACTS)
     return StoredStage(folder, facts, damage)
 
