@@ -40,6 +40,7 @@ from spectrabox.fixtures.painted_box import (
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
+from spectrabox.radiometry.grid import FINE_GRID as FINE
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
 from spectrabox.radiometry.response import relative_response
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
@@ -48,7 +49,6 @@ from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pictures import scene_stage
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.stages.inputs import GRID as FINE
 
 NM_10 = np.arange(400, 701, 10)
 SIGMAS_95 = 1.96

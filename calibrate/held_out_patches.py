@@ -24,6 +24,8 @@ from spectrabox.calibrate.chart_equations import (
 )
 from spectrabox.radiometry.shaped import Record
 
+ROUND_OFF = 1e-6        # relative, of signals in single precision
+
 
 @dataclass(frozen=True, eq=False)
 class PatchesWithout(Record):
@@ -57,7 +59,8 @@ class PatchesWithout(Record):
         without it, and had the fit used it.
         """
         without = self.error_covariance(reflectances) - self.noise
-        used = without - without @ np.linalg.solve(without + self.noise, without)
+        # measured curves and patches without noise leave nothing uncertain: no inverse
+        used = without - without @ np.linalg.pinv(without + self.noise, hermitian=True) @ without
         return np.stack([np.sqrt(np.mean(np.einsum("ikk->ik", covariance)
                                          / self.predicted(reflectances)**2, axis=1))
                          for covariance in (without, used)], axis=1)
@@ -67,7 +70,9 @@ class PatchesWithout(Record):
         squares over its bands; the standard error of that (I,); and the chance (I,) of bands that
         differ as much among each other.
         """
-        covariance = self.error_covariance(reflectances)
+        # exact curves and patches without noise leave the round-off of stored signals
+        covariance = self.error_covariance(reflectances) \
+            + (ROUND_OFF * self.signal[:, :, None] * np.eye(self.signal.shape[1])) ** 2
         off = self.signal - self.predicted(reflectances)
         light = self.signal - off - self.offset
         weighted, innovation = (np.linalg.solve(covariance, vector[..., None])[..., 0]

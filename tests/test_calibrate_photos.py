@@ -208,5 +208,7 @@ def test_measured_curves_have_no_draws():
     signal = signals(curves, daylight(), SURFACES)
     fit = calibrate_chart([ChartPhoto(samples(signal), SURFACES, spectrum(daylight()))], GRID,
                           CalibrationOptions(curves=curves))
+    level, error, _ = fit.without.deviations(SURFACES)     # nothing uncertain, nothing off
+    assert np.abs(level).max() < 1e-4 and np.isfinite(error).all()
     with pytest.raises(InputError, match=r"measured curves from a file.*carry no covariance"):
         sensitivity_draws(fit.calibration, 10, 0)

@@ -126,7 +126,7 @@ def with_camera(captured, name):
 
 
 def test_a_session_names_a_published_camera(captured):
-    from spectrabox.session.stages.inputs import GRID as WORKING
+    from spectrabox.radiometry.grid import FINE_GRID as WORKING
     from spectrabox.session.stages.inputs import read_sensitivities
     config = with_camera(captured, "Nikon 5100 (NPL)")
     assert not config.sensitivity.from_chart
