@@ -61,7 +61,7 @@ class PatchesWithout(Record):
         without = self.error_covariance(reflectances) - self.noise
         # measured curves and patches without noise leave nothing uncertain: no inverse
         used = without - without @ np.linalg.pinv(without + self.noise, hermitian=True) @ without
-        return np.stack([np.sqrt(np.mean(np.einsum("ikk->ik", covariance)
+        return np.stack([np.sqrt(np.mean(np.maximum(np.einsum("ikk->ik", covariance), 0)
                                          / self.predicted(reflectances)**2, axis=1))
                          for covariance in (without, used)], axis=1)
 
