@@ -11,12 +11,13 @@ import pytest
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-# Run in the background, a shell has the tests ignore Ctrl-C, and all that they start would too;
-# under nohup they ignore that the terminal is gone.
+# Run in the background, a shell has the tests ignore Ctrl-C and Ctrl-\, and all that they start
+# would too; under nohup they ignore that the terminal is gone.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+for ignored in (signal.SIGHUP, signal.SIGQUIT):
+    if signal.getsignal(ignored) is signal.SIG_IGN:
+        signal.signal(ignored, signal.SIG_DFL)
 
 
 @pytest.hookimpl(optionalhook=True)
