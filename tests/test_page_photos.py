@@ -8,10 +8,10 @@ import pytest
 from served_page import wait_for
 
 from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.measure.photo_check import BRIGHT, brightest_signal, exposure_stops
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.page import photo_views, shooting
 from spectrabox.session.page.photo_views import PhotoViews
-from spectrabox.session.page.shooting import BRIGHT, brightest_signal, exposure_stops
 
 from tests.test_error_laws import image
 
@@ -99,5 +99,7 @@ def test_one_file_that_nobody_can_name_or_open_is_one_line_of_the_page(tmp_path,
     write_photo(tmp_path / "b.dng", np.full((60, 90, 3), 0.7), Fraction(1, 60),
                 np.random.default_rng(1))
     wait_for(lambda: len(watch.state()["shots"]) == 2)
-    assert "own error" in watch.state()["shots"][0]["reasons"][0]
+    fault = watch.state()["shots"][0]
+    assert fault["verdict"] == "FAULT" and shot["verdict"] == "RE-SHOOT"
+    assert "not of the photo: unexpected RuntimeError: a library's own error" in fault["reasons"][0]
     assert not watch.state()["arriving"] and json.dumps(watch.state(), ensure_ascii=False).encode()

@@ -31,6 +31,7 @@ from spectrabox.radiometry.spectra.formats.measurement_table import (
     SpectralTable,
     checked_table,
     distinct,
+    file_content,
     text_of,
 )
 from spectrabox.radiometry.spectra.formats.rawtoaces import is_rawtoaces, read_rawtoaces
@@ -45,7 +46,6 @@ __all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves
 FINE_STEP_NM = 2.5          # up to here linear interpolation is within measurement error
 # A step wider than both, among narrower ones, is a hole and no coarse grid.
 HOLE_STEPS, MAX_STEP_NM = 3.0, 20.0
-MAX_FILE_BYTES = 1_000_000_000
 MAX_NAMED = 24              # columns in one error sentence: as many as a chart has patches
 SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
               "uw cm-2 nm-1": 0.01, "µw cm-2 nm-1": 0.01, "μw cm-2 nm-1": 0.01,
@@ -84,20 +84,7 @@ def read_table(path: Path, wavelength_column: int = 1) -> SpectralTable:
         If the file is missing, is of no known format, is damaged, or its wavelengths are not
         ascending in nm.
     """
-    try:
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError(f"{path} is a device or a pipe; a file of spectra is needed")
-        if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path.name} is larger than {MAX_FILE_BYTES // 1_000_000} MB; "
-                             "give a file of spectra")
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} is missing: give the file or correct its name") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a folder; a file of spectra is needed") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    content = file_content(path)
     kind = format_of(content, path)
     # what overflows is noted as a gap
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

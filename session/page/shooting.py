@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import stat
 import threading
 import time
@@ -10,16 +9,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from spectrabox.capture.chart.detection import locate_chart
-from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.measure.camera import chart_signals
+from spectrabox.measure.photo_check import (
+    brightest_signal,
+    clipped_share,
+    exposure_stops,
+    judge_photo,
+)
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.command_line import describe_error
 
@@ -28,11 +26,7 @@ PHOTO_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2"
 LOOK_EVERY_S = 0.25
 STILL_S = 0.5           # a file that has not changed for so long is whole
 GIVE_UP_S = 10.0        # on a file that cannot be read, until it changes: a copy may have paused
-BRIGHT = 0.75           # of saturation, where the brightest parts should lie
-DARKEST = 0.2           # of it, below which a photo is shot again
-MAX_CLIPPED = 0.002     # share of pixels that may be clipped: a lamp in view, a highlight
-BRIGHT_PERCENTILE = 99.5
-GOOD, RE_SHOOT = "GOOD", "RE-SHOOT"
+GOOD, RE_SHOOT, FAULT = "GOOD", "RE-SHOOT", "FAULT"
 FileState = tuple[int, int]     # bytes, and time of the last change in ns
 
 
@@ -41,70 +35,13 @@ class Shot:
     """One new photo and what it is good for."""
 
     file: str
-    verdict: str                    # GOOD or RE-SHOOT
+    verdict: str                    # GOOD, RE-SHOOT, or FAULT where this program failed
     reasons: tuple[str, ...]
     chart: bool                     # whether a chart is in it
     clipped: tuple[float, ...]      # share of pixels, by band
     brightest: tuple[float, ...]    # of saturation, by band
     stops: float                    # by which a longer exposure would be right; negative: shorter
     seconds: float                  # from the file's last change to the verdict
-
-
-def judge_photo(image: LinearImage, chart: Chart = CLASSIC) -> tuple[tuple[str, ...], bool]:
-    """Why a photo should be shot again, and whether a chart is in it.
-
-    Parameters
-    ----------
-    image : LinearImage
-    chart : Chart
-        Layout that is looked for.
-
-    Returns
-    -------
-    reasons : tuple of str
-        Empty for a good photo.
-    chart : bool
-    """
-    reasons, clipped, brightest = [], clipped_share(image), brightest_signal(image)
-    if max(clipped) > MAX_CLIPPED:
-        reasons.append(f"{max(clipped):.1%} of the pixels are clipped; expose "
-                       f"{_stops_words(-1.0)}")
-    elif max(brightest) < DARKEST:
-        reasons.append(f"the brightest parts reach {max(brightest):.0%} of saturation; expose "
-                       f"{_stops_words(exposure_stops(image))}")
-    if not chart.has_known_colours:
-        return tuple(reasons), False
-    try:
-        signals = chart_signals(chart, None, image.signal.shape[2], visible_grid())
-        detection = locate_chart(image, signals, None, chart)
-    except SpectraboxError:
-        return tuple(reasons), False
-    verdict = judge_chart(image, detection, signals, chart)
-    if detection.mirrored:
-        reasons.append("the chart is mirrored")
-    return (*reasons, *verdict.reasons), True
-
-
-def clipped_share(image: LinearImage) -> tuple[float, ...]:
-    """Share of clipped pixels, by band."""
-    return tuple(float(share) for share in image.saturated.mean(axis=(0, 1)))
-
-
-def brightest_signal(image: LinearImage) -> tuple[float, ...]:
-    """Signal of the brightest parts, by band: of saturation."""
-    stride = max(1, int(math.sqrt(image.signal[..., 0].size / 250_000)))
-    return tuple(float(value) for value in np.percentile(
-        image.signal[::stride, ::stride].reshape(-1, image.signal.shape[2]), BRIGHT_PERCENTILE,
-        axis=0))
-
-
-def exposure_stops(image: LinearImage) -> float:
-    """By how many stops a longer exposure brings the brightest parts to ``BRIGHT``."""
-    return float(np.log2(BRIGHT / max(max(brightest_signal(image)), 1e-6)))
-
-
-def _stops_words(stops: float) -> str:
-    return f"{abs(stops):.1f} stops {'longer' if stops > 0 else 'shorter'}"
 
 
 class Shooting:
@@ -200,11 +137,16 @@ class Shooting:
         try:
             image = open_any(self.folder / name, not_linear=True)
             reasons, chart = judge_photo(image, self._chart)
-        except Exception as error:  # noqa: BLE001 - one bad file must not end the watch
-            if not give_up:
-                return None
-            return Shot(plain(name), RE_SHOOT, (plain(describe_error(error)[0]),), False, (), (),
-                        0.0, time.monotonic() - since)
-        return Shot(plain(name), RE_SHOOT if reasons else GOOD, reasons, chart,
-                    clipped_share(image), brightest_signal(image), exposure_stops(image),
+        except (SpectraboxError, OSError, MemoryError) as error:
+            verdict, reason = RE_SHOOT, describe_error(error)[0]
+        except Exception as error:  # noqa: BLE001 - a fault of ours must not end the watch
+            verdict, reason = FAULT, ("a fault of spectrabox, not of the photo: "
+                                      + describe_error(error)[0])
+        else:
+            return Shot(plain(name), RE_SHOOT if reasons else GOOD, reasons, chart,
+                        clipped_share(image), brightest_signal(image), exposure_stops(image),
+                        time.monotonic() - since)
+        if not give_up:
+            return None
+        return Shot(plain(name), verdict, (plain(reason),), False, (), (), 0.0,
                     time.monotonic() - since)

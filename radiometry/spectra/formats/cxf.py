@@ -5,8 +5,8 @@ which needs half a second to import, refuses Python 3.14 and resolves XML entiti
 """
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from spectrabox.radiometry.spectra.formats.measurement_table import (
     number,
     text_of,
 )
+from spectrabox.radiometry.spectra.formats.xml_elements import elements, parse_xml
 
 
 def is_cxf(text: str) -> bool:
@@ -39,20 +40,12 @@ def read_cxf(content: bytes, path: Path) -> SpectralTable:
         If the XML is damaged, no object has a reflectance spectrum, or two have different
         wavelengths.
     """
-    text = text_of(content, path.name)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(f"{path.name} declares XML entities, which no spectral file needs; it is "
-                         "not read")
-    try:
-        root = ElementTree.fromstring(text.encode("utf-8"), ElementTree.XMLParser(encoding="utf-8"))
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"{path.name} is damaged XML ({error}); export it again") from None
+    root = parse_xml(text_of(content, path.name), path.name)
     starts, steps = _specifications(root)
     names: list[str] = []
     spectra: list[tuple[np.ndarray, np.ndarray]] = []
-    for sample in (element for element in root.iter() if _tag(element) == "Object"):
-        spectrum = next((element for element in sample.iter()
-                         if _tag(element) == "ReflectanceSpectrum"), None)
+    for sample in elements(root, "Object"):
+        spectrum = next(elements(sample, "ReflectanceSpectrum"), None)
         if spectrum is None:
             continue
         names.append(sample.get("Name") or sample.get("Id") or f"sample {len(names) + 1}")
@@ -68,26 +61,19 @@ def read_cxf(content: bytes, path: Path) -> SpectralTable:
         if not np.array_equal(wavelengths, nm):
             raise InputError(f"{path.name}: {names[0]!r} and {name!r} have different wavelengths, "
                              "or state none; export the file again")
-    description = next(((element.text or "").strip() for element in root.iter()
-                        if _tag(element) == "Description"), "")
+    description = next(((element.text or "").strip()
+                        for element in elements(root, "Description")), "")
     return SpectralTable(nm, distinct(names), np.array([values for _, values in spectra]),
                          {"source": description or path.name, "quantity": "reflectance",
                           "unit": "1"}, path.name)
 
 
-def _tag(element: ElementTree.Element) -> str:
-    return element.tag.rpartition("}")[2]
-
-
-def _specifications(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, float]]:
+def _specifications(root: Element) -> tuple[dict[str, str], dict[str, float]]:
     """First wavelength and step (nm) of every colour specification that states them."""
     starts, steps = {}, {}
-    for specification in root.iter():
-        if _tag(specification) != "ColorSpecification":
-            continue
-        for limits in (element for element in specification.iter()
-                       if _tag(element) == "WavelengthRange"):
-            identity = specification.get("Id", "")
+    for specification in elements(root, "ColorSpecification"):
+        identity = specification.get("Id", "")
+        for limits in elements(specification, "WavelengthRange"):
             if "StartWL" in limits.attrib:
                 starts[identity] = limits.attrib["StartWL"]
             if "Increment" in limits.attrib:

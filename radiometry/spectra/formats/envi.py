@@ -13,6 +13,7 @@ from spectrabox.radiometry.spectra.formats.measurement_table import (
     MAX_VALUES,
     SpectralTable,
     distinct,
+    file_content,
     number,
     text_of,
 )
@@ -44,7 +45,8 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
     InputError
     """
     header_path, data, data_name = _both_files(content, path)
-    header = text_of(content if header_path == path else _bytes_of(header_path), header_path.name)
+    header = text_of(content if header_path == path else file_content(header_path),
+                     header_path.name)
     keys = {match[1].strip().lower(): (match[2] if match[2] is not None else match[3]).strip()
             for match in ITEM.finditer(header.replace("\r\n", "\n"))}
     bands, count, offset, data_type = (_integer(keys, key, header_path.name)
@@ -127,14 +129,7 @@ def _both_files(content: bytes, path: Path) -> tuple[Path, bytes, str]:
     if (data := envi_values_of(path)) is None:
         raise InputError(f"{path.name} is the header of an ENVI library; put its values "
                          f"{path.stem}.sli beside it")
-    return path, _bytes_of(data), data.name
-
-
-def _bytes_of(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    return path, file_content(data), data.name
 
 
 def _integer(keys: dict[str, str], key: str, name: str) -> int:

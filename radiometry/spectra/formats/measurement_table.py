@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 
 MIN_NM, MAX_NM = 100.0, 1e5
+MAX_FILE_BYTES = 1_000_000_000
 MAX_VALUES = 50_000_000     # of one file: more is no spectral file, or a damaged count
 GAP_STEPS = 3.0             # a step this many times the usual one is a gap
 UNITS = {"reflectance": Quantity.REFLECTANCE.value, "irradiance": Quantity.IRRADIANCE.value,
@@ -81,6 +83,33 @@ def checked_table(table: SpectralTable) -> SpectralTable:
                          f"wavelengths ({nm[row][0]:g}-{nm[row][-1]:g} nm)")
     return SpectralTable(nm, table.names, values, table.facts, table.file, table.main,
                          table.column_facts, (*table.notes, *notes))
+
+
+def file_content(path: Path) -> bytes:
+    """What a file of spectra holds.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        If it is missing, no file, too large, or cannot be read.
+    """
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError(f"{path} is a device or a pipe; a file of spectra is needed")
+        if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path.name} is larger than {MAX_FILE_BYTES // 1_000_000} MB; "
+                             "give a file of spectra")
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: give the file or correct its name") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder; a file of spectra is needed") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def text_of(content: bytes, name: str) -> str:

@@ -3,15 +3,16 @@ left out.
 """
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from html import escape
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, number, text_of
+from spectrabox.radiometry.spectra.formats.xml_elements import elements, parse_xml
 from spectrabox.radiometry.system.words import plain
 
 NAMESPACE = "http://www.ies.org/iestm2714"
@@ -45,23 +46,16 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
     ------
     InputError
     """
-    text = text_of(content, path.name)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(f"{path.name} declares XML entities, which no spectral file needs; it is "
-                         "not read")
-    try:
-        root = ElementTree.fromstring(text.encode("utf-8"), ElementTree.XMLParser(encoding="utf-8"))
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"{path.name} is damaged XML ({error}); export it again") from None
-    distributions = [element for element in root.iter() if _tag(element) == "SpectralDistribution"]
+    root = parse_xml(text_of(content, path.name), path.name)
+    distributions = list(elements(root, "SpectralDistribution"))
     if not distributions:
         raise InputError(f"{path.name} holds no SpectralDistribution; a TM-27 document is needed")
     pairs = [_pairs(element, path.name) for element in distributions]
     if any(not np.array_equal(nm, pairs[0][0]) for nm, _ in pairs):
         raise InputError(f"{path.name}: its {len(distributions)} distributions have different "
                          "wavelengths; split the file")
-    header = {_tag(element): (element.text or "").strip() for element in root.iter()
-              if _tag(element) in HEADER_KEYS}
+    header = {key: (element.text or "").strip()
+              for key in HEADER_KEYS for element in elements(root, key)}
     facts = {"source": header.get("Description") or path.name, **_quantity(distributions[0]),
              **{key.lower(): value for key, value in header.items() if value}}
     names = ("value",) if len(distributions) == 1 else tuple(f"distribution {index}"
@@ -96,21 +90,16 @@ def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quant
     return "\n".join([*lines, "</IESTM2714>", ""])
 
 
-def _tag(element: ElementTree.Element) -> str:
-    return element.tag.rpartition("}")[2]
-
-
-def _quantity(distribution: ElementTree.Element) -> dict[str, str]:
-    stated = next(((child.text or "").strip().lower() for child in distribution if _tag(child)
-                   == "SpectralQuantity"), "")
+def _quantity(distribution: Element) -> dict[str, str]:
+    stated = distribution.findtext("{*}SpectralQuantity", "").strip().lower()
     if stated not in QUANTITIES:
         return {"quantity": stated} if stated and stated not in ("other", "unknown") else {}
     quantity, unit = QUANTITIES[stated]
     return {"quantity": quantity, "unit": unit}
 
 
-def _pairs(distribution: ElementTree.Element, name: str) -> tuple[np.ndarray, np.ndarray]:
-    points = [child for child in distribution if _tag(child) == "SpectralData"]
+def _pairs(distribution: Element, name: str) -> tuple[np.ndarray, np.ndarray]:
+    points = distribution.findall("{*}SpectralData")
     nm = np.array([number(child.get("wavelength", "")) for child in points])
     values = np.array([number(child.text or "") for child in points])
     if not points or not np.all(np.isfinite(nm)):
