@@ -144,8 +144,9 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     Parameters
     ----------
     photos : sequence of ChartPhoto
-        By one camera. Light, scale, predicted signals and colour differences are those of
-        the first; more than one needs the method ``prior``. With a known irradiance of the first,
+        By one camera; those of an unknown light all under the first one's. Light, scale, predicted
+        signals and colour differences are those of the first; more than one needs the method
+        ``prior``. With a known irradiance of the first,
         the calibration carries a light scale.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
@@ -287,7 +288,7 @@ def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) ->
         if method != "prior":
             raise InputError(f"method {method} needs the spectrum of the light, and the photo has "
                              f"an {first.light.words}; use method prior, or measure the light")
-        if any(photo.light is not first.light for photo in photos[1:]):
+        if any(not isinstance(photo.light, UnknownLight) for photo in photos[1:]):
             raise InputError("several chart photos of which one has an unknown light must all be "
                              "under that light: fit those under other lights by themselves, or "
                              "measure it")

@@ -185,8 +185,7 @@ def _input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]
     roles: dict[str, str] = {}
     for view in config.all_views:
         for role, names in (("object photo", view.photo_files),
-                            ("light spectrum", [name for light in view.all_lights
-                                                for name in light.files]),
+                            ("light spectrum", view.light_files),
                             ("scene", [view.scene] if view.scene else []),
                             ("chart photo", view.chart_files)):
             for name in names:

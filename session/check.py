@@ -26,7 +26,9 @@ from spectrabox.session.stages.inputs import (
     chart_corners,
     power_of,
     read_chart_reference,
+    read_filter,
     read_light,
+    read_light_of,
     read_photo,
     read_reflectance,
     read_sensitivities,
@@ -129,6 +131,8 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
     for view in config.all_views:
         for spectrum in view.all_lights:
             attempt(read_light, config, spectrum)
+        if view.filter is not None:
+            attempt(read_filter, config, view.filter)
         scene = None if config.flat else attempt(read_session_scene, config, view)
         if scene is not None:
             attempt(require_materials, scene, config.bsdfs)
@@ -153,8 +157,8 @@ def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
                 attempt(sample_regions, developed[0], {name: region.outline()})
             if scene is not None:
                 attempt(require_same_shape, developed[0], scene, view.photo_files[0])
-        light, chart_signals = silent(read_light, config, view.light), silent(read_chart_reference,
-                                                                              config)
+        light = silent(read_light_of, config, view)
+        chart_signals = silent(read_chart_reference, config)
         if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
                 and light is not None and chart_signals is not None:
             attempt(require_chart, config, view, chart[0],

@@ -209,11 +209,13 @@ def _stated_errors(config: SessionConfig) -> dict[str, Any]:
 
 
 def _lights(config: SessionConfig) -> dict[str, Any]:
-    return {view.name: [_plain(light) for light in view.all_lights] for view in config.all_views}
+    return {view.name: {"lights": [_plain(light) for light in view.all_lights], "lamp": view.lamp,
+                        "filter": None if view.filter is None else _plain(view.filter)}
+            for view in config.all_views}
 
 
 def _light_files(config: SessionConfig) -> list[str]:
-    return [name for view in config.all_views for light in view.all_lights for name in light.files]
+    return [name for view in config.all_views for name in view.light_files]
 
 
 def _own_camera(source: SourceTable) -> str | None:

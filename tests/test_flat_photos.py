@@ -91,6 +91,26 @@ def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, o
     assert both[~known, 1].min() > 0.75
 
 
+def test_two_lamps_of_one_word_are_two_and_one_lamp_in_two_photos_is_one(tmp_path):
+    folder = write_flat(tmp_path / "session")
+    second = second_photo(folder, "warm", "unknown")
+    text = HEAD.replace("spectra/light.csv", "unknown") + regions_toml()
+    finished = {}
+    for name, said in (("two", second),
+                       ("one", second.replace("warm.dng", "again.dng").replace(
+                           'light = "unknown"', 'same_light_as = "photo"'))):
+        write_photo(folder / "photos" / "again.dng", picture(), Fraction(1, 100),
+                    np.random.default_rng(12))
+        (folder / "session.toml").write_text(text + said, encoding="utf-8")
+        finished[name] = run(folder).records
+    two, one = (finished[name].signals for name in ("two", "one"))
+    assert two.signal.shape == (len(PAINTS), 6) and one.signal.shape == (len(PAINTS), 3)
+    assert len(finished["one"].calibrate.whites) == 2
+    for signals in (two, one):
+        off = (signals.signal - true_signals(signals)) / errors_of(signals)
+        assert np.abs(off).max() < 4    # as above
+
+
 def test_regions_are_measured_in_the_photos_that_show_them(tmp_path):
     folder = write_flat(tmp_path / "session")
     text = HEAD + second_photo(folder, "warm", "spectra/warm.csv") + "".join(

@@ -152,3 +152,57 @@ def test_a_light_may_be_a_word_a_temperature_or_a_file(tmp_path, written, said):
      "leaves 7 patches; 8 are needed")])
 def test_what_an_unknown_light_or_a_left_out_patch_cannot_do_is_said(tmp_path, change, sentence):
     assert any(sentence in said for said in problems_of(tmp_path, GOOD.replace(*change)))
+
+
+FLAT = """
+[photos]
+object = "photos/sample.dng"
+[light]
+spectrum = {first}
+[views.b]
+photo = "photos/b.dng"
+{b}
+[views.c]
+photo = "photos/c.dng"
+{c}
+[regions.blue]
+rect = [10, 10, 40, 40]
+"""
+FILTERED = 'filter = "orange.csv"'
+
+
+@pytest.mark.parametrize("first, b, c, lamps", [
+    # one word is not one lamp
+    ("unknown", 'light = "unknown"', 'light = "unknown"', ["photo", "b", "c"]),
+    ("halogen", 'light = "halogen"', 'same_light_as = "b"', ["photo", "b", "b"]),
+    ("unknown", "light = {cct = 3200}", "light = {cct = 3200}", ["photo", "b", "c"]),
+    # one measured file, or one published spectrum, is
+    ("lamp.csv", 'light = "other.csv"', 'light = "lamp.csv"', ["photo", "b", "photo"]),
+    ("D65", 'light = "A"', 'light = "A"', ["photo", "b", "b"]),
+    # a light left out is that of [photos]; statements follow one another
+    ("unknown", "", 'same_light_as = "b"', ["photo", "photo", "photo"]),
+    ("unknown", 'same_light_as = "c"', 'light = "unknown"', ["photo", "c", "c"])])
+def test_photos_are_under_one_lamp_by_statement_and_never_by_a_word(tmp_path, first, b, c, lamps):
+    text = FLAT.format(first=f'"{first}"', b=b, c=c)
+    (tmp_path / "session.toml").write_text(text, encoding="utf-8")
+    assert [view.lamp for view in read_session(tmp_path).all_views] == lamps
+
+
+@pytest.mark.parametrize("b, c, complaint", [
+    ('same_light_as = "d"', "", "views.b.same_light_as names 'd'; the session's photos are photo, "
+     "b, c"),
+    ('same_light_as = "c"', 'same_light_as = "b"', "b -> c -> b goes round in a circle"),
+    ('same_light_as = "photo"\nlight = "A"', "", "leave one out")])
+def test_a_lamp_in_common_must_be_somebodys(tmp_path, b, c, complaint):
+    assert any(complaint in problem
+               for problem in problems_of(tmp_path, FLAT.format(first='"unknown"', b=b, c=c)))
+
+
+def test_a_filter_changes_the_light_and_needs_a_chart_of_its_own(tmp_path):
+    text = FLAT.format(first='"unknown"', b=FILTERED, c='same_light_as = "b"\nfilter = "unknown"')
+    (tmp_path / "session.toml").write_text(text, encoding="utf-8")
+    first, b, c = read_session(tmp_path).all_views
+    assert first.lamp == b.lamp == c.lamp and first.filter is None
+    assert b.filter.file == "orange.csv" and c.filter is not None and c.filter.file is None
+    assert [view.chart_files for view in (b, c)] == [("photos/b.dng",), ("photos/c.dng",)]
+    assert not b.same_light(first) and not b.same_light(c) and b.same_light(b)

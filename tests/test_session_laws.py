@@ -25,7 +25,8 @@ def drift(changed):
 
 def views(*names):
     return [SimpleNamespace(name=name, title=name, light="lamp", scene="box.xml", lights_by_id={},
-                            turn_deg=0.0) for name in names]
+                            turn_deg=0.0, spectrum_stated=True, same_light=lambda other: True)
+            for name in names]
 
 
 @pytest.mark.parametrize("with_chart", [(0, 1, 2), (0, 2), (0, 1, 3), (0, 2, 3)])
@@ -35,7 +36,7 @@ def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_char
     scales = {number: 10.0 + number for number in with_chart}
     charts = {}
     for number, view in enumerate(every):
-        view.light, view.chart = SimpleNamespace(stated=True), number in with_chart
+        view.chart = number in with_chart
         if view.chart:
             charts[view.name] = SimpleNamespace(samples=number, thumbnail=None)
 
@@ -49,7 +50,7 @@ def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_char
             prior_fit=SimpleNamespace(photos=states, sensitivity=camera.sensitivity))
 
     for name, replacement in (
-            ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
+            ("read_light_of", lambda *_: camera.light), ("calibrate_chart", calibrated),
             ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
             ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
             ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),
@@ -75,14 +76,14 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(monkeypatch):
     soiled, excluded = np.arange(24) == 3, []
     first, second = views("", "second")
     for view in (first, second):
-        view.light, view.chart = SimpleNamespace(stated=True), True
+        view.chart = True
 
     def calibrated(photos, *_):
         excluded.extend(photo.excluded for photo in photos)
         return SimpleNamespace(calibration=camera, prior_fit=None, scale=camera.light_scale)
 
     for name, replacement in (
-            ("read_light", lambda *_: camera.light), ("calibrate_chart", calibrated),
+            ("read_light_of", lambda *_: camera.light), ("calibrate_chart", calibrated),
             ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
             ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
             ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.files import names_a_file
-from spectrabox.radiometry.spectra.light_words import vague_words
+from spectrabox.radiometry.spectra.light_words import UNKNOWN, vague_words
 
 FROM_CHART = "chart"                    # of the sensitivities
 
@@ -78,6 +78,25 @@ def _as_light(written: Any) -> Any:
 
 LightRef = Annotated[LightTable, BeforeValidator(
     _as_light, json_schema_input_type=str | LightTable)]
+
+
+class FilterTable(Table):
+    """A filter before the lens or the lamp: its transmittance in a text file, or not known."""
+
+    file: str | None = Field(None, description="name of the file of its transmittance, 0 to 1; of "
+                             "a filter that nobody measured left out")
+    column: str | int | None = Field(None, description="name or number, where it holds several")
+    wavelength_column: int = Field(1, description="number of the column of wavelengths")
+
+
+def _as_filter(written: Any) -> Any:
+    if not isinstance(written, str):
+        return written
+    return {} if written == UNKNOWN else {"file": written}
+
+
+FilterRef = Annotated[FilterTable, BeforeValidator(
+    _as_filter, json_schema_input_type=str | FilterTable)]
 
 
 class SourceTable(Table):

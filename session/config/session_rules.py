@@ -62,7 +62,7 @@ def _unknown_lights(config: SessionConfig) -> list[str]:
         problems.append(f"{FILE_NAME}: light.by_id.{unknown[0]} is not known: one chart under "
                         "several lamps cannot tell their spectra apart; measure this lamp, or "
                         "leave it out if it has the spectrum of the others")
-    if all(view.light.stated for view in config.all_views):
+    if all(view.spectrum_stated for view in config.all_views):
         return problems
     if config.light.by_id:
         problems.append(f"{FILE_NAME}: a light is not known, but light.by_id says that the scene "
@@ -75,8 +75,9 @@ def _unknown_lights(config: SessionConfig) -> list[str]:
                         "chart: leave out sensitivity.from and sensitivity.method, or measure the "
                         "light")
     problems += [f"{FILE_NAME}: views.{view.name} has another light than the first photo, and not "
-                 "both are known: give it a chart photo of its own, or measure both lights"
-                 for view in config.all_views[1:] if view.light != first.light and not view.chart]
+                 "both are known: give it a chart photo of its own, measure both lights, or write "
+                 f"same_light_as = \"{FIRST_PHOTO}\" if one lamp lit both"
+                 for view in config.all_views[1:] if not view.same_light(first) and not view.chart]
     return problems
 
 
@@ -256,6 +257,8 @@ def _views(config: SessionConfig) -> list[str]:
             problems.append(f"{FILE_NAME}: views.{name}.turn_deg turns the turntable of "
                             "[scene.box], which this view has none of; give turntable_mm there, or "
                             "leave it out")
+        if view.same_light_as is not None:
+            problems += _same_light(config, name, view)
         if view.camera is not None:
             problems += _camera_of(config, name, view)
     cameras = [view.camera for view in config.views.values()]
@@ -269,6 +272,23 @@ def _views(config: SessionConfig) -> list[str]:
         problems.append(f"{FILE_NAME}: several views are fitted by reconstruct.engine = "
                         f"\"transport\" alone; {config.reconstruct.engine!r} takes one photo")
     return problems
+
+
+def _same_light(config: SessionConfig, name: str, view: ViewSection) -> list[str]:
+    """Faults of what a view says of the lamp that it has in common with another."""
+    place, other = f"{FILE_NAME}: views.{name}.same_light_as", view.same_light_as
+    if view.light is not None:
+        return [f"{place} says whose lamp it is and views.{name}.light names one; leave one out"]
+    if other != FIRST_PHOTO and other not in config.views:
+        return [f"{place} names {other!r}; the session's photos are "
+                f"{', '.join((FIRST_PHOTO, *config.views))}"]
+    passed = [name]
+    while other in config.views and other not in passed:
+        passed.append(other)
+        other = config.views[other].same_light_as
+    return [] if other not in passed else [
+        f"{place}: {' -> '.join((*passed, other))} goes round in a circle; let one of them name "
+        "its light"]
 
 
 def _camera_of(config: SessionConfig, name: str, view: ViewSection) -> list[str]:

@@ -22,6 +22,8 @@ from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumP
 from spectrabox.session.config.curve_sources import (
     FROM_CHART,
     CurvesRef,
+    FilterRef,
+    FilterTable,
     LightRef,
     LightTable,
     SourceRef,
@@ -264,7 +266,12 @@ class ViewSection(Table):
     """A further photo of the same materials: another light, exposure or viewpoint."""
 
     photo: Photo = Field(description="files as of photos.object")
-    light: LightRef | None = Field(None, description="its light; light.spectrum where left out")
+    light: LightRef | None = Field(None, description="its light; that of light.spectrum, from the "
+                                   "same lamp, where left out")
+    same_light_as: str | None = Field(None, description="in place of light: the view whose lamp "
+                                      "shines here too, unchanged; \"photo\" is that of [photos]")
+    filter: FilterRef | None = Field(None, description="a filter before lens or lamp: the file of "
+                                     "its transmittance, or \"unknown\"")
     scene: str | None = Field(None, description="its scene; that of [scene] where left out")
     turn_deg: float | None = Field(None, ge=-360, le=360, description="by which the turntable of "
                                    "[scene.box] had turned, counter-clockwise as seen from above")
@@ -383,6 +390,8 @@ class ViewInputs:
     lights_by_id: dict[str, LightTable]
     turn_deg: float = 0.0               # of the turntable
     camera: CameraTable | None = None   # of a box's photo, where it is not that of [scene.box]
+    lamp: str = FIRST_PHOTO             # title of the first photo that this lamp is stated to light
+    filter: FilterTable | None = None   # before its lens or lamp
 
     @property
     def title(self) -> str:
@@ -396,6 +405,21 @@ class ViewInputs:
     @property
     def chart_files(self) -> tuple[str, ...]:
         return all_files(self.chart)
+
+    @property
+    def spectrum_stated(self) -> bool:
+        """Whether the spectrum of what lights it, filter included, is stated."""
+        return self.light.stated and (self.filter is None or self.filter.file is not None)
+
+    def same_light(self, other: ViewInputs) -> bool:
+        """Whether both are stated to be under one lamp, through one filter if any."""
+        return self.lamp == other.lamp and self.filter == other.filter
+
+    @property
+    def light_files(self) -> tuple[str, ...]:
+        """Of the spectra of its lights and its filter."""
+        of_filter = () if self.filter is None or self.filter.file is None else (self.filter.file,)
+        return (*(name for light in self.all_lights for name in light.files), *of_filter)
 
     @property
     def all_lights(self) -> tuple[LightTable, ...]:
@@ -454,18 +478,39 @@ class SessionConfig(SessionTables):
         chart = by_band(self.photos.chart if self.needs_chart else None)
         first = ViewInputs("", shown, chart or shown if self.flat else chart, self.light.spectrum,
                            self.scene.file if self.scene else None, self.light.by_id or {})
-        return (first, *(ViewInputs(name, by_band(view.photo), self._chart_of(view),
-                                    view.light or first.light, view.scene or first.scene,
-                                    {} if view.light else first.lights_by_id,
-                                    view.turn_deg or 0.0, view.camera)
-                         for name, view in self.views.items()))
+        return (first, *(self._further_view(name, view, first) for name, view
+                         in self.views.items()))
 
-    def _chart_of(self, view: ViewSection) -> dict[str, tuple[str, ...]]:
-        """The chart photo of a further view; empty where the first view's serves it."""
-        if view.chart is None and self.flat and (view.light is not None
-                                                 or self.photos.chart is None):
-            return by_band(view.photo)
-        return by_band(view.chart)
+    def _further_view(self, name: str, view: ViewSection, first: ViewInputs) -> ViewInputs:
+        lamp = self._lamp_of(name)
+        light = None if lamp not in self.views else self.views[lamp].light
+        chart = by_band(view.chart)
+        if not chart and self.flat and (lamp != FIRST_PHOTO or view.filter is not None
+                                        or self.photos.chart is None):
+            chart = by_band(view.photo)
+        return ViewInputs(name, by_band(view.photo), chart, light or first.light,
+                          view.scene or first.scene, {} if light else first.lights_by_id,
+                          view.turn_deg or 0.0, view.camera, lamp, view.filter)
+
+    def _lamp_of(self, name: str) -> str:
+        """Title of the first photo that is stated to be under the lamp of a view.
+
+        One lamp is what ``same_light_as`` says, what names no light of its own, and what names the
+        same measured file or the same CIE name. A word such as "unknown" or "halogen" says what two
+        lamps are like, not that they are one.
+        """
+        passed: list[str] = []
+        while (other := self.views[name].same_light_as) in self.views and other not in passed:
+            assert other is not None
+            passed.append(name)
+            name = other
+        light = self.views[name].light
+        if light is None:
+            return FIRST_PHOTO
+        alike = [title for title, named in ((FIRST_PHOTO, self.light.spectrum),
+                                            *((other, view.light) for other, view
+                                              in self.views.items())) if named == light]
+        return alike[0] if light.stated else name
 
     @property
     def views_with_chart(self) -> tuple[ViewInputs, ...]:

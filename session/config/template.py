@@ -82,7 +82,9 @@ file = "scene/scene.xml"            # geometry, camera pose and light in their p
 
 # [views.warm]                      # the same materials under another light, or from elsewhere
 # photo = "photos/warm.dng"
-# light = "spectra/warm.csv"        # without it: the light above
+# light = "spectra/warm.csv"        # or "unknown"; without it the lamp above
+# same_light_as = "warm"            # in place of light: the lamp of another view
+# filter = "spectra/orange.csv"     # its transmittance, or "unknown"; before lens or lamp
 # chart = "photos/chart_warm.dng"   # without it: materials in common tell its strength
 
 [materials.wall]                    # one table for every BSDF of the scene's surfaces

@@ -41,7 +41,7 @@ from spectrabox.session.stages.inputs import (
     excluded_patches,
     read_chart_reference,
     read_known_light,
-    read_light,
+    read_light_of,
     read_sensitivities,
     require_curves_of_bands,
 )
@@ -97,11 +97,11 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
                                              config.sensitivity.relative_error)
         calibrations[first.name] = camera
         for view in others:
-            scale = camera.light_scale if view.light == first.light else None
+            scale = camera.light_scale if view.same_light(first) else None
             if view.chart:
                 scale = _own_scale(photos[view.name], camera, None if fit is None
                                    else fit.prior_fit, fitted.index(view.name) if several else 0)
-            light = read_light(config, view.light)
+            light = read_light_of(config, view)
             calibrations[view.name] = dataclasses.replace(
                 camera, light_scale=scale,
                 light=camera.light if isinstance(light, UnknownLight) else light)
@@ -115,11 +115,12 @@ def _one_fit_each(config: SessionConfig) -> list[list[ViewInputs]]:
     each light, and each chart of a scene with the views that have none.
     """
     views = list(config.all_views)
-    if all(view.light.stated for view in views):
+    if all(view.spectrum_stated for view in views):
         return [views]
     if config.flat:
-        return [[view for view in views if view.light == light]
-                for light in dict.fromkeys(view.light for view in views)]
+        return [[other for other in views if other.same_light(view)]
+                for number, view in enumerate(views)
+                if not any(other.same_light(view) for other in views[:number])]
     first = [view for view in views if not view.name or not view.chart]
     return [first, *([view] for view in views[1:] if view.chart)]
 
@@ -142,7 +143,7 @@ def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOpt
 
 def _chart_photo(config: SessionConfig, view: ViewInputs, chart: MeasuredChart,
                  irradiance: np.ndarray | None) -> ChartPhoto:
-    return ChartPhoto(chart.samples, read_chart_reference(config), read_light(config, view.light),
+    return ChartPhoto(chart.samples, read_chart_reference(config), read_light_of(config, view),
                       irradiance, excluded_patches(config), session_chart(config))
 
 

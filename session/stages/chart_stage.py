@@ -14,7 +14,7 @@ from spectrabox.session.stages.inputs import (
     chart_corners,
     power_of,
     read_chart_reference,
-    read_light,
+    read_light_of,
 )
 from spectrabox.session.stages.records import ChartRecords, MeasuredChart
 from spectrabox.session.stages.stage_task import StageTask
@@ -43,7 +43,7 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         task.progress((index + 0.1) / len(config.views_with_chart), f"finding the chart in {name}")
         photo, own_notes = task.photos.developed(config, view.chart)
         expected = typical_camera_signals(read_chart_reference(config), FINE_GRID,
-                                          power_of(read_light(config, view.light)))
+                                          power_of(read_light_of(config, view)))
         detection = find_chart(photo, expected, chart_corners(config, view), layout)
         write_png(task.folder / f"{view.label('overlay')}.png", chart_overlay(photo, detection))
         verdict = judge_chart(photo, detection, expected, layout,

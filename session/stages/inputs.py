@@ -24,7 +24,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
-from spectrabox.session.config.curve_sources import LightTable, SpectrumTable
+from spectrabox.session.config.curve_sources import FilterTable, LightTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files, session_chart
 from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, ViewInputs
 
@@ -57,6 +57,46 @@ def read_light(config: SessionConfig, reference: LightTable | None = None
         raise InputError(f"{reference.file}: a light spectrum must be positive; "
                          f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
     return light
+
+
+def read_light_of(config: SessionConfig, view: ViewInputs) -> Spectrum | UnknownLight:
+    """What lights a view: its lamp through its filter.
+
+    Raises
+    ------
+    InputError
+        As ``read_light``, and if a filter transmits less than nothing or more than all.
+    """
+    light = read_light(config, view.light)
+    if view.filter is None:
+        return light
+    transmittance = read_filter(config, view.filter)
+    if transmittance is None or isinstance(light, UnknownLight):
+        return UnknownLight()
+    power = spectrum_on_grid(light, FINE_GRID) * transmittance
+    return Spectrum(FINE_GRID, power, Quantity.RELATIVE, f"{light.source} through "
+                    f"{view.filter.file}")
+
+
+def read_filter(config: SessionConfig, reference: FilterTable) -> np.ndarray | None:
+    """Transmittance (P,) of a filter on the working grid; None of one that nobody measured.
+
+    Raises
+    ------
+    InputError
+        If its file cannot be read, does not cover 400-700 nm, or it transmits less than nothing or
+        more than all.
+    """
+    if reference.file is None:
+        return None
+    values = spectrum_on_grid(read_spectrum(
+        config.path(reference.file), role=Quantity.RELATIVE, column=reference.column,
+        wavelength_column=reference.wavelength_column), FINE_GRID)
+    if values.min() < -0.01 or not 0 < values.max() <= 1.05:
+        raise InputError(f"{reference.file}: a filter's transmittance lies between 0 and 1; it "
+                         f"runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm"
+                         + (": divide percent by 100" if values.max() > 1.05 else ""))
+    return np.clip(values, 0.0, 1.0)
 
 
 def power_of(light: Spectrum | UnknownLight) -> np.ndarray | None:

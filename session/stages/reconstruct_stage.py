@@ -166,7 +166,7 @@ def view_of_chart(config: SessionConfig, view: ViewInputs) -> ViewInputs | None:
     is the same.
     """
     first = config.all_views[0]
-    return view if view.chart else first if first.chart and view.light == first.light else None
+    return view if view.chart else first if first.chart and view.same_light(first) else None
 
 
 def scale_of_view(config: SessionConfig, view: ViewInputs, photo: LinearImage,
