@@ -29,22 +29,35 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
                              grid: WavelengthGrid) -> np.ndarray:
     """CIEDE2000 (I,) between what the photo shows and what the fit predicts, under D65.
 
+    Parameters
+    ----------
+    measured, predicted, reflectances, grid
+        As of ``chart_colours``.
+    """
+    white = tristimulus(grid.nm, np.ones(grid.nm.size))
+    return ciede2000(*(lab_from_xyz(xyz, white) for xyz in chart_colours(
+        measured, predicted, reflectances, grid)))
+
+
+def chart_colours(measured: np.ndarray, predicted: np.ndarray, reflectances: np.ndarray,
+                  grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
+    """X, Y, Z (I, 3) under D65 of what the photo shows, and of what the fit predicts.
+
     Signals are turned into colours by the linear map that best takes the predicted signals to the
     tristimulus values of the reference reflectances.
 
     Parameters
     ----------
     measured, predicted : (I, K) arrays
-        Signals of the patches.
+        Signals of the patches; NaN where one was not measured.
     reflectances : (I, P) array
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
     true = np.array([tristimulus(grid.nm, reflectance) for reflectance in reflectances])
-    white = tristimulus(grid.nm, np.ones(grid.nm.size))
-    to_xyz, *_ = np.linalg.lstsq(predicted, true, rcond=None)
-    return ciede2000(lab_from_xyz(measured @ to_xyz, white),
-                     lab_from_xyz(predicted @ to_xyz, white))
+    usable = np.isfinite(predicted).all(axis=1) & np.isfinite(measured).all(axis=1)
+    to_xyz, *_ = np.linalg.lstsq(predicted[usable], true[usable], rcond=None)
+    return measured @ to_xyz, predicted @ to_xyz
 
 
 def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGrid) -> str | None:

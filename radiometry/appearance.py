@@ -84,9 +84,19 @@ def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     a, b : (P,) arrays
         Reflectances.
     """
-    white = tristimulus(nm, np.ones(len(nm)))
-    return float(ciede2000(*(lab_from_xyz(tristimulus(nm, reflectance), white)
-                             for reflectance in (a, b))))
+    return float(ciede2000(reflectance_to_lab(nm, a), reflectance_to_lab(nm, b)))
+
+
+def reflectance_to_lab(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
+    """L*, a*, b* (3,) of a reflectance under D65.
+
+    Parameters
+    ----------
+    nm : (P,) array
+        Ascending.
+    reflectance : (P,) array
+    """
+    return lab_from_xyz(tristimulus(nm, reflectance), tristimulus(nm, np.ones(len(nm))))
 
 
 def lab_from_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:

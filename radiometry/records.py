@@ -176,6 +176,11 @@ class PatchSamples(Record):
         """Whether too many samples of each patch (I,) are clipped for its mean to mean anything."""
         return np.asarray(self.saturated_fraction.max(axis=1) > CLIPPED_LIMIT)
 
+    @property
+    def standard_error(self) -> np.ndarray:
+        """Of each patch's mean (I, K), by the noise of its pixels."""
+        return np.sqrt(np.diagonal(self.covariance_of_mean, axis1=1, axis2=2))
+
 
 @dataclass(frozen=True, eq=False)
 class RegionSamples(Record):

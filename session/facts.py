@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from spectrabox.radiometry.appearance import lab_from_xyz, tristimulus
+from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.pictures.picture_results import picture_facts
@@ -79,7 +79,7 @@ def _region_facts(region: MaterialResult, results: FlatResults) -> dict[str, Any
     if (summary := region.summary) is not None:
         every = slice(None, None, STEP_NM)
         facts |= {"wavelengths_nm": summary.grid.nm[every].tolist(),
-                  "lab_d65": _lab(summary.grid.nm, summary.mean)}
+                  "lab_d65": reflectance_to_lab(summary.grid.nm, summary.mean).tolist()}
         facts |= {name: getattr(summary, name)[every].tolist()
                   for name in ("mean", "standard_deviation", "lower", "upper", "bound_lower",
                                "bound_upper")}
@@ -150,7 +150,8 @@ def _flat_lines(results: FlatResults) -> list[str]:
         cells = ["given"] + [""] * 5
         if (summary := region.summary) is not None:
             error, scores = light.get(region.name), region.scores
-            cells = [" ".join(f"{value:.1f}" for value in _lab(summary.grid.nm, summary.mean)),
+            cells = [" ".join(f"{value:.1f}" for value in reflectance_to_lab(summary.grid.nm,
+                                                                          summary.mean)),
                      _width(region), "" if error is None else percent(error),
                      *(["", "", ""] if scores is None else
                        [f"{scores.rmse_mean:.4f}", f"{scores.coverage_95:.0%}",
@@ -178,9 +179,3 @@ def _table(results: CommonResults, headings: Sequence[str], rows: Sequence[Seque
 def _width(surface: MaterialResult) -> str:
     assert surface.summary is not None
     return f"{np.mean(surface.summary.upper - surface.summary.lower):.3f}"
-
-
-def _lab(nm: np.ndarray, reflectance: np.ndarray) -> list[float]:
-    """L*, a*, b* of a reflectance under D65, 2 degree observer."""
-    white = tristimulus(nm, np.ones(nm.size))
-    return [float(value) for value in lab_from_xyz(tristimulus(nm, reflectance), white)]

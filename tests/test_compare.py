@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.measure.chart_quantities import BRIGHTNESS, chart_quantities, relative_exposure
 from spectrabox.measure.comparison import (
     Quantity,
     SessionQuantities,
@@ -29,9 +30,7 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples, SpectrumSummary
 from spectrabox.session.cli import app
 from spectrabox.session.commands.finished import _text as report_text
-from spectrabox.session.compare.quantities import BRIGHTNESS, find_sessions
-from spectrabox.session.compare.quantities import _exposure as exposure
-from spectrabox.session.compare.quantities import _of_chart as of_chart
+from spectrabox.session.compare.quantities import find_sessions
 
 GRID = visible_grid(10.0)
 
@@ -278,7 +277,7 @@ def test_links_are_not_followed_to_sessions_elsewhere(tmp_path):
 def test_settings_that_let_in_as_much_light_count_as_one_exposure(seconds, iso, f_number):
     photo = dataclasses.replace(image(np.ones((1, 1, 3))), exposure_s=seconds, iso=iso,
                                 f_number=f_number)
-    assert exposure(photo) == pytest.approx(0.1 / 64)
+    assert relative_exposure(photo) == pytest.approx(0.1 / 64)
 
 
 def test_one_normal_value_in_hundreds_is_out_where_nothing_is_known_of_the_spread():
@@ -292,15 +291,13 @@ def test_one_normal_value_in_hundreds_is_out_where_nothing_is_known_of_the_sprea
 
 def test_brightness_and_balance_of_a_chart_err_as_those_of_repeated_photos():
     rng, truth = np.random.default_rng(7), np.linspace(0.1, 0.9, 24)[:, None] * [1.0, 0.8, 0.5]
-    sigma, config = 0.03 * truth, SimpleNamespace(
-        repeatability=SimpleNamespace(relative_error=0.01))
+    sigma = 0.03 * truth
     found, stated = [], []
     for _ in range(400):
         samples = PatchSamples(truth + sigma * rng.standard_normal(truth.shape),
                                np.einsum("ik,kl->ikl", sigma**2, np.eye(3)), np.full(24, 100),
                                np.zeros((24, 3)), np.zeros((24, 3)))
-        chart = SimpleNamespace(samples=samples, thumbnail=image(np.ones((1, 1, 3))))
-        quantities = of_chart(chart, None, config)
+        quantities = chart_quantities(samples, image(np.ones((1, 1, 3))), 0.01)
         found.append([one.value for one in quantities.values()])
         stated.append([one.standard_error for one in quantities.values()])
     # 400 photos know a deviation to 3.5 %; a band errs a little less beside the mean of all three

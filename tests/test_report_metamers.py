@@ -5,15 +5,11 @@ import numpy as np
 import pytest
 from report_example import example_session
 
+from spectrabox.measure.metamers import LIGHTS, metamer_pair
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.session.report.metamers import (
-    LIGHTS,
-    metamer_drawing,
-    metamer_facts,
-    metamer_pair,
-)
+from spectrabox.session.report.metamers import metamer_drawing, metamer_facts
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import render_report
 from spectrabox.session.report.verdict import judge

@@ -225,7 +225,7 @@ def _figure_reasons(names: tuple[str, ...], excluded: np.ndarray, glare: np.ndar
 
 def _size_reasons(samples: PatchSamples, names: tuple[str, ...]) -> list[str]:
     """Whether a patch has too few pixels for their noise."""
-    error = np.sqrt(np.diagonal(samples.covariance_of_mean, axis1=1, axis2=2))
+    error = samples.standard_error
     relative = (error / np.maximum(samples.mean, samples.mean.max(axis=0) / 10)).min(axis=1)
     worst = int(relative.argmax())
     if relative[worst] <= MAX_MEAN_ERROR:

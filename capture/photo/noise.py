@@ -33,6 +33,7 @@ from statistics import NormalDist
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage
 
 LARGE_TILE, SMALL_TILE = 16, 8  # pixels; the small one for pictures with few large ones
 MANY_TILES, MIN_TILES = 200, 4
@@ -41,6 +42,7 @@ MAX_TILES = 10_000  # of each band, spread over the picture: the line is then kn
 QUANTILE = 0.15                 # q
 ROUNDS = 6                      # of weights from the line itself
 MAX_AT_BLACK = 0.9              # of a tile's samples: beyond, their share tells too little
+HALF_SCALE, NEAR = 0.5, 0.1     # signals at which noise is stated, and within how much of it
 SMOOTH_ERROR = 0.03             # relative, of a level however many its tiles: texture
 # Second differences of white noise are correlated by -2/3 and 1/6 along the row; their mean square
 # has fewer degrees of freedom than terms, by 1 + 2 (4/9 + 1/36).
@@ -209,6 +211,20 @@ def _level_starts(mean: np.ndarray) -> np.ndarray:
     share = max(TILES_PER_LEVEL, mean.size // MAX_LEVELS)
     return np.concatenate([np.linspace(start, stop, max((stop - start) // share, 1), False)
                            for start, stop in itertools.pairwise(edges)]).astype(int)
+
+
+def noise_near(image: LinearImage, band: int, level: float) -> float | None:
+    """Median standard deviation of the noise of pixels about a signal; None where there are none.
+
+    Parameters
+    ----------
+    image : LinearImage
+    band : int
+    level : float
+        Signal; pixels within ``NEAR`` of it count.
+    """
+    variance = image.variance[..., band][np.abs(image.signal[..., band] - level) < NEAR]
+    return float(np.sqrt(np.median(variance))) if variance.size else None
 
 
 def _flat_quantile(tiles: int, freedom: float) -> float:

@@ -136,26 +136,21 @@ def _open(photo: Path, encoded: bool | None) -> LinearImage:
 
 
 def _photo_facts(image: LinearImage) -> dict[str, Any]:
-    import numpy as np
-    bright = [float(np.sqrt(np.median(near))) if (near := image.variance[..., band][
-                                                      np.abs(image.signal[..., band] - 0.5)
-                                                      < 0.1]).size else None
-              for band in range(image.signal.shape[2])]
+    from spectrabox.capture.photo.noise import HALF_SCALE, noise_near
+    noise = [noise_near(image, band, HALF_SCALE) for band in range(image.signal.shape[2])]
     return {"camera": image.camera, "exposure_s": image.exposure_s, "iso": image.iso,
             "f_number": image.f_number, "kind": image.kind.value, "source": image.source,
             "sha256": image.sha256,
             "saturated_fraction": float(image.saturated.any(axis=2).mean()),
-            "noise_at_half": [2 * value for value in bright if value is not None]}
+            "noise_at_half": [value / HALF_SCALE for value in noise if value is not None]}
 
 
 def _facts(photo: Path, image: LinearImage, detection: ChartDetection,
            verdict: ChartVerdict) -> dict[str, Any]:
-    import numpy as np
     samples = verdict.samples
-    error = np.sqrt(np.diagonal(samples.covariance_of_mean, axis1=1, axis2=2))
     return {"verdict": verdict.verdict, "reasons": list(verdict.reasons),
             "corners_px": detection.corners_px.tolist(), "mean": samples.mean.tolist(),
-            "standard_error": error.tolist(), "mirrored": detection.mirrored,
+            "standard_error": samples.standard_error.tolist(), "mirrored": detection.mirrored,
             "confidence": detection.confidence, "pixels": samples.pixels.tolist(),
             "saturated_fraction": samples.saturated_fraction.tolist(),
             "gradient": samples.gradient.tolist(), "excluded_fraction": verdict.excluded.tolist(),

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.metamers import metamer_pair
 from spectrabox.radiometry.placements import SceneGeometry
-from spectrabox.radiometry.records import PatchSamples, SpectrumSamples, SurfaceAgreement
+from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
-from spectrabox.session.report.metamers import metamer_facts, metamer_pair
+from spectrabox.session.report.metamers import metamer_facts
 from spectrabox.session.report.spectra import every_10_nm, material_curves
 from spectrabox.session.report.swatches import swatch_facts
 from spectrabox.session.report.verdict import (
@@ -120,12 +121,6 @@ def band_width(material: MaterialResult) -> float | None:
                                                          weights=summary.grid.weights_nm))
 
 
-def standard_errors(samples: PatchSamples) -> np.ndarray:
-    """Standard error of each patch's mean (I, K)."""
-    errors: np.ndarray = np.sqrt(np.diagonal(samples.covariance_of_mean, axis1=1, axis2=2))
-    return errors
-
-
 def family_facts(material: MaterialResult) -> list[dict[str, Any]]:
     """The families that a material may be of, and what 95 % bands of each held when it was judged;
     None where it was not.
@@ -177,7 +172,7 @@ def _calibration(results: CommonResults) -> dict[str, Any]:
 def _chart(results: CommonResults, chart: ChartResult) -> dict[str, Any]:
     return {"swatches": swatch_facts(results), "prior": _fields(
                 chart.prior, "share", "families", "probabilities"),
-            "measured": chart.samples.mean, "standard_error": standard_errors(chart.samples),
+            "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,
             "covariance_of_mean": chart.samples.covariance_of_mean,
             "saturated_fraction": chart.samples.saturated_fraction,
             "saturated": chart.samples.saturated_fraction.max(axis=1), "predicted": chart.predicted,

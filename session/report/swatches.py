@@ -5,14 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import (
-    ciede2000,
-    encode_srgb,
-    encoded_srgb,
-    lab_from_xyz,
-    tristimulus,
-)
-from spectrabox.radiometry.records import HeldOutPatches
+from spectrabox.calibrate.trust import chart_colour_differences, chart_colours
+from spectrabox.radiometry.appearance import encode_srgb, encoded_srgb
 from spectrabox.session.report.maps import display_bands
 from spectrabox.session.report.verdict import chart_residuals
 from spectrabox.session.results import CommonResults
@@ -55,8 +49,9 @@ def swatch_facts(results: CommonResults) -> dict[str, Any] | None:
         colours, difference = _camera_colours(results, measured, predicted), None
         off = np.abs(predicted / measured - 1).max(axis=1)
     else:
-        colours, difference = _chart_colours(measured, predicted, left_out)
-        off = difference
+        patches = (measured, predicted, left_out.reference, left_out.grid)
+        colours = [np.array([encoded_srgb(one) for one in xyz]) for xyz in chart_colours(*patches)]
+        off = difference = chart_colour_differences(*patches)
     return {"measured": [css_colour(one) for one in colours[0]],
             "predicted": [css_colour(one) for one in colours[1]], "delta_e00": difference,
             "from_others": held_out is not None,
@@ -78,20 +73,6 @@ def swatch_section(results: CommonResults) -> dict[str, Any] | None:
             "from_others": facts["from_others"],
             "worst": None if difference is None else float(np.nanmax(difference)),
             "mean": None if difference is None else float(np.nanmean(difference))}
-
-
-def _chart_colours(measured: np.ndarray, predicted: np.ndarray, left_out: HeldOutPatches
-                   ) -> tuple[list[np.ndarray], np.ndarray]:
-    """Encoded sRGB (I, 3) of both, and CIEDE2000 (I,) between them."""
-    nm = left_out.grid.nm
-    true = np.array([tristimulus(nm, reflectance) for reflectance in left_out.reference])
-    usable = np.isfinite(predicted).all(axis=1) & np.isfinite(measured).all(axis=1)
-    to_xyz, *_ = np.linalg.lstsq(predicted[usable], true[usable], rcond=None)
-    white = tristimulus(nm, np.ones(nm.size))
-    both = [signal @ to_xyz for signal in (measured, predicted)]
-    first, second = (lab_from_xyz(xyz, white) for xyz in both)
-    return ([np.array([encoded_srgb(one) for one in xyz]) for xyz in both],
-            ciede2000(first, second))
 
 
 def _camera_colours(results: CommonResults, measured: np.ndarray,

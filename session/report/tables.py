@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.metamers import LIGHTS, metamer_pair
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
@@ -14,8 +15,8 @@ from spectrabox.session.report.figures import (
     irradiance_figure,
 )
 from spectrabox.session.report.maps import surface_colours
-from spectrabox.session.report.metamers import LIGHTS, metamer_drawing, metamer_pair
-from spectrabox.session.report.numbers import band_width, standard_errors
+from spectrabox.session.report.metamers import metamer_drawing
+from spectrabox.session.report.numbers import band_width
 from spectrabox.session.report.small_figures import prior_share_figure
 from spectrabox.session.report.spectra import (
     error_budget_figure,
@@ -115,7 +116,7 @@ def _patches(results: CommonResults, residuals: np.ndarray,
     chart = results.chart
     assert chart is not None
     measured, predicted = chart.samples.mean, np.asarray(chart.predicted)
-    error = standard_errors(chart.samples)
+    error = chart.samples.standard_error
     return [{"number": p + 1, "name": chart.layout.names[p],
              "bands": [{"measured": float(measured[p, k]), "error": float(error[p, k]),
                         "predicted": float(predicted[p, k]), "residual": float(residuals[p, k]),
