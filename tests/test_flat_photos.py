@@ -1,4 +1,5 @@
 """Flat samples in several photos: other lights and filters, other exposures, one after another."""
+import json
 from fractions import Fraction
 
 import numpy as np
@@ -17,6 +18,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
+from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.new_session import FlatOrder, session_of
 from spectrabox.session.store.locks import only_writer
 
@@ -203,3 +205,35 @@ def test_two_commands_do_not_work_in_one_session_at_once(tmp_path):
     assert outcome.exit_code != 0 and not (folder / "report.html").exists()
     assert "'spectrabox run' (process" in outcome.stderr and "works in this session" in \
         outcome.stderr
+
+
+def test_photos_from_one_tripod_are_one_command_and_each_has_its_own_lamp(tmp_path):
+    write_raw()(tmp_path / "_DSC1.dng")
+    for name in ("warm", "glass"):
+        write_raw(power=SECOND[name])(tmp_path / f"{name}.dng")
+    (tmp_path / "glass.csv").write_text(table_text(
+        NM, {"value": FILTER}, quantity=Quantity.RELATIVE, source="glass"), encoding="utf-8")
+    one, warm, glass = (str(tmp_path / name) for name in ("_DSC1.dng", "warm.dng", "glass.dng"))
+    region = "--region=wall=" + ",".join(map(str, rect_of("white_wall")))
+    outcome = CliRunner().invoke(app, ["flat", one, warm, "--also", f"{glass}=filter:"
+                                       f"{tmp_path / 'glass.csv'}", region, "--json"])
+    assert outcome.exit_code == 0, outcome.output
+    wall = json.loads(outcome.stdout)["regions"][0]
+    assert len(wall["signal"]) == 9
+    folder = tmp_path / "_DSC1-flat"
+    views = read_session(folder).all_views
+    assert [(view.title, view.lamp) for view in views] == [
+        ("photo", "photo"), ("warm", "warm"), ("glass", "photo")]
+    assert (folder / views[2].filter.file).read_bytes() == (tmp_path / "glass.csv").read_bytes()
+
+
+@pytest.mark.parametrize("words, sentence", [
+    (["{a}", "{a}"], "is given twice"), (["{a}", "--also", "b.dng=orange.csv"], "is needed"),
+    (["{a}", "--also", "{a}=same"], "is given twice"),
+    (["{a}", "none.dng"], "none.dng is missing")])
+def test_photos_that_cannot_go_together_are_one_sentence(tmp_path, words, sentence):
+    write_raw()(tmp_path / "a.dng")
+    outcome = CliRunner().invoke(app, ["flat", *(word.format(a=tmp_path / "a.dng")
+                                                 for word in words), "--region", "a=300,50,340,90"])
+    assert outcome.exit_code == 3 and sentence in outcome.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a.dng"]

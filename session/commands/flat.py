@@ -1,17 +1,20 @@
-"""The command that goes from one photo with a chart in it to spectra of its regions."""
+"""The command that goes from photos with a chart in them to spectra of their regions."""
 from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.command_line import Answer, ChartLayout, CommonOptions, Quiet, command
 from spectrabox.session.commands.session import RunRequest, run_session
+
+if TYPE_CHECKING:
+    from spectrabox.session.flat.new_session import FurtherPhoto
 
 
 def register(app: typer.Typer) -> None:
@@ -23,14 +26,19 @@ def register(app: typer.Typer) -> None:
 class FlatRequest(CommonOptions):
     """Options of ``spectrabox flat``."""
 
-    photo: Annotated[Path, typer.Argument(
-        metavar="PHOTO", show_default=False, help="The samples, with a colour chart among them: "
-        "camera raw or linear file.")]
+    photos: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="PHOTO...", show_default=False, help="The samples, with a colour chart among them: "
+        "camera raw or linear file. Further photos are of the same samples from the same tripod, "
+        "each with the chart and under another unknown light: every one adds its bands.")]
+    also: Annotated[tuple[str, ...], typer.Option(
+        "--also", help="PHOTO=WHAT: a further photo under a light or through a filter of which "
+        "something is known: filter:FILE or filter:unknown (before the first photo's light), "
+        "light:LIGHT as of --light, or same (the first photo's light). May be repeated.")] = ()
     region: Annotated[tuple[str, ...], typer.Option(
-        "--region", help="NAME=x0,y0,x1,y1: two opposite corners in pixels of the photo; may be "
-        "repeated. Without one a picture with pixels on its axes is written.")] = ()
+        "--region", help="NAME=x0,y0,x1,y1: two opposite corners in pixels of the first photo; may "
+        "be repeated. Without one a picture with pixels on its axes is written.")] = ()
     light: Annotated[str, typer.Option(
-        help="unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
+        help="Of the first photo: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
         "spectrum.")] = "unknown"
     chart: Annotated[Path | None, typer.Option(
         "--chart", help="Photo of the chart in the samples' place, where they do not show "
@@ -68,10 +76,11 @@ class FlatRequest(CommonOptions):
 
 @command
 def flat(request: FlatRequest) -> Answer:
-    """Spectra of regions of a photo that shows a colour chart, without a scene."""
+    """Spectra of regions of photos that show a colour chart, without a scene."""
     start = time.perf_counter()
+    photo, *others = request.photos
     if not request.region:
-        return _write_picture(request.photo)
+        return _write_picture(photo)
     from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
     regions = {name: _numbers(rest, 4, f"--region {name}")
                for name, rest in _pairs(request.region, "--region", "x0,y0,x1,y1").items()}
@@ -89,17 +98,34 @@ def flat(request: FlatRequest) -> Answer:
     if unknown := [name for name in (*families, *truths, *surfaces) if name not in regions]:
         raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
     px = None if request.corners is None else _numbers(request.corners, 8, "--corners")
-    order = FlatOrder(request.photo, regions, request.light, request.chart, request.flat_field,
+    further = [*map(_further, others), *(
+        _further(Path(file), said)
+        for file, said in _pairs(request.also, "--also", "WHAT").items())]
+    order = FlatOrder(photo, regions, request.light, request.chart, request.flat_field,
                       None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
                       families, surfaces, of_all, known, truths, request.layout,
-                      request.reference, request.picture, request.picture_light)
+                      request.reference, request.picture, request.picture_light,
+                      further)
     if request.picture_light is not None and not request.picture:
         raise InputError("--picture-light says how a picture is shown: give --picture too")
     with session_of(order, request.session) as folder:
         run = RunRequest(folder=folder, device="not needed", quiet=request.quiet)
-        answer = run_session(run, ["spectrabox", "flat", request.photo.stem])
+        answer = run_session(run, ["spectrabox", "flat", photo.stem])
     seconds = round(time.perf_counter() - start, 3)
     return Answer({**answer.facts, "seconds": seconds}, answer.text)
+
+
+def _further(photo: Path, said: str = "light:unknown") -> FurtherPhoto:
+    """A further photo and what is said of its light."""
+    from spectrabox.session.flat.new_session import FurtherPhoto
+
+    kind, _, what = said.partition(":")
+    if said == "same":
+        return FurtherPhoto(photo, None)
+    if not what or kind not in ("filter", "light"):
+        raise InputError(f"--also {photo}={said}: PHOTO=filter:FILE, PHOTO=filter:unknown, "
+                         "PHOTO=light:LIGHT or PHOTO=same is needed")
+    return FurtherPhoto(photo, None, what) if kind == "filter" else FurtherPhoto(photo, what)
 
 
 def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, str], str | None]:

@@ -248,6 +248,9 @@ def _empty(rect: Sequence[float]) -> bool:
 
 def _views(config: SessionConfig) -> list[str]:
     problems = []
+    if FIRST_PHOTO in config.views:
+        problems.append(f"{FILE_NAME}: views.{FIRST_PHOTO}: {FIRST_PHOTO!r} is what the photo of "
+                        "[photos] is called; rename the view")
     for name, view in config.views.items():
         if view.chart is not None and not config.chart_pose_known and not config.flat:
             problems.append(f"{FILE_NAME}: views.{name}.chart needs chart.scene: a scale from a "

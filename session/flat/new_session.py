@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +27,7 @@ from spectrabox.radiometry.files import (
 )
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.names import file_stem
-from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
 
 MARK = "# as 'spectrabox flat' wrote it: "
@@ -36,10 +37,24 @@ WAVELENGTHS_NM = (360, 830)
 
 
 @dataclass(frozen=True)
+class FurtherPhoto:
+    """A further photo of the samples from the same tripod; it shows the chart too."""
+
+    photo: Path
+    light: str | None = "unknown"               # a light of its own; None: the first photo's lamp
+    filter: str | None = None                   # a file of its transmittance, or "unknown"
+
+    @property
+    def name(self) -> str:
+        """What it is called in the session."""
+        return _name(self.photo)
+
+
+@dataclass(frozen=True)
 class FlatOrder:
     """What the command was asked for."""
 
-    photo: Path
+    photo: Path                                 # in which the regions are outlined
     regions: Mapping[str, Sequence[float]]      # [x0, y0, x1, y1] by name
     light: str = "unknown"
     chart: Path | None = None
@@ -54,6 +69,7 @@ class FlatOrder:
     reference: str | None = None                # its reflectances: a name or a file
     picture: bool = False                       # of the spectra of every pixel
     picture_light: str | None = None            # CIE name of a light beside D65
+    further: Sequence[FurtherPhoto] = ()
 
 
 @contextlib.contextmanager
@@ -72,9 +88,11 @@ def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
         If a file is missing, or the folder holds another session or an edited one.
     """
     folder = folder or order.photo.with_name(f"{order.photo.stem}{SUFFIX}")
-    for path in (order.photo, order.chart, order.flat_field):
+    for path in (order.photo, order.chart, order.flat_field,
+                 *(further.photo for further in order.further)):
         if path is not None and not path.is_file():
             raise InputError(f"{path} is missing; give the name of a photo")
+    _require_several(order)
     made = not folder.exists()
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; name another folder with --session")
@@ -87,6 +105,25 @@ def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
         if made:
             shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def _name(photo: Path) -> str:
+    """What something is called that is named after a photo: a name begins with a letter or digit,
+    and cameras write _DSC0001.
+    """
+    return re.sub(r"^[\W_]+", "", photo.stem) or FIRST_PHOTO
+
+
+def _require_several(order: FlatOrder) -> None:
+    """Refuse photos that are given twice, or whose names are one."""
+    given: dict[str, Path] = {}
+    for path in (order.photo, *(further.photo for further in order.further)):
+        if (other := given.get(_name(path))) is not None:
+            raise InputError(f"{path} is given twice; give each photo once"
+                             if path.resolve() == other.resolve() else
+                             f"{other} and {path} have one name, after which results are named; "
+                             "rename one")
+        given[_name(path)] = path
 
 
 def _require_unedited(folder: Path) -> None:
@@ -110,14 +147,20 @@ def _write(order: FlatOrder, folder: Path) -> None:
     for key, path in (("chart", order.chart), ("flat", order.flat_field)):
         if path is not None:
             photos[key] = _copied(path, folder, "photos")
-    by_file = names_a_file(order.light)
-    light = _copied(Path(order.light), folder, "spectra") if by_file else order.light
+    light = _spectrum(order.light, folder)
     lines = ["#:schema ./session.schema.json", "", "[session]",
-             f"name = {_quoted(order.photo.stem)}", "", "[photos]",
+             f"name = {_quoted(_name(order.photo))}", "", "[photos]",
              *(f"{key} = {_quoted(name)}" for key, name in photos.items()), "", "[light]",
              f"spectrum = {_quoted(light)}", ""]
     if chart := _chart(order, folder):
         lines += ["[chart]", *(f"{key} = {value}" for key, value in chart.items()), ""]
+    for further in order.further:
+        lines += [f"[views.{_quoted(further.name)}]",
+                  f"photo = {_quoted(_copied(further.photo, folder, 'photos'))}",
+                  'same_light_as = "photo"' if further.light is None
+                  else f"light = {_quoted(_spectrum(further.light, folder))}",
+                  *([] if further.filter is None
+                    else [f"filter = {_quoted(_spectrum(further.filter, folder))}"]), ""]
     for name, rect in order.regions.items():
         lines += [f"[regions.{_quoted(name)}]", f"rect = {json.dumps(list(rect))}"]
         if name in order.known:
@@ -155,6 +198,11 @@ def _chart(order: FlatOrder, folder: Path) -> dict[str, str]:
     if order.corners_px is not None:
         said["corners_px"] = json.dumps([list(corner) for corner in order.corners_px])
     return said
+
+
+def _spectrum(word: str, folder: Path) -> str:
+    """A word for a spectrum, or the name in the session of the copy of its file."""
+    return _copied(Path(word), folder, "spectra") if names_a_file(word) else word
 
 
 def _copied(path: Path, folder: Path, part: str) -> str:
