@@ -1,0 +1,120 @@
+"""Swatches of the material at hand: what is learnt on materials whose truth is known.
+
+Surfaces are drawn with normal deviates; a prior is off by a linear function of the signals, or not
+at all. Statistical tests have a significance of 1e-4 each, at fixed seeds.
+"""
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.further.swatches import (
+    FEWEST,
+    Swatches,
+    correct,
+    corrected_draws,
+    learn_correction,
+)
+
+SIGMAS = stats.norm.isf(0.5e-4)
+NM, BANDS, OWN = np.linspace(400, 700, 61), 6, 0.01
+SHAPES = 0.05 * np.array([np.cos(np.pi * order * (NM - 400) / 300) for order in range(4)])
+RESPONSE = np.array([np.exp(-0.5 * ((NM - centre) / 25)**2) for centre in range(420, 690, 50)])
+RESPONSE /= RESPONSE.sum(axis=1, keepdims=True)
+
+
+def material(rng, count, bias, own=OWN):
+    """Swatches of one material; the prior's mean is off by ``bias`` times a smooth function of the
+    signals, and by errors of each one's own.
+    """
+    truth = 0.45 + rng.standard_normal((count, 4)) @ SHAPES
+    signals = truth @ RESPONSE.T + 0.001 * rng.standard_normal((count, BANDS))
+    off = bias * (signals[:, :3] - 0.4) @ np.sin(np.outer([1, 2, 3], NM / 80))
+    errors = own / 2**0.5 * rng.standard_normal((count, 4)) @ np.sin(np.outer([2, 3, 4, 5],
+                                                                             NM / 60))
+    return Swatches(signals, truth, truth - off + errors, np.full(truth.shape, own))
+
+
+def rmse(one, other):
+    return np.sqrt(np.mean((one - other)**2, axis=1)).mean()
+
+
+def corrected(swatches, samples):
+    return correct(learn_correction(swatches), samples.signals, samples.mean, samples.deviation)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_prior_is_off_for_a_material_is_learnt_and_the_band_holds(seed):
+    rng = np.random.default_rng(seed)
+    swatches, samples = material(rng, 24, 0.3), material(rng, 60, 0.3)
+    found = corrected(swatches, samples)
+    truth = samples.reflectances
+    # a linear function of six signals and 24 swatches: its errors add a quarter to what is random
+    assert rmse(found.mean, truth) < min(1.3 * OWN, 0.6 * rmse(samples.mean, truth))
+    inside = np.mean(np.abs(truth - found.mean) <= 1.96 * found.deviation)
+    # 60 samples of four independent errors: 0.95 within 4 standard errors, wider at times
+    assert inside > 0.95 - SIGMAS * np.sqrt(0.95 * 0.05 / 240)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_swatches_of_a_prior_that_is_right_do_no_harm(seed):
+    rng = np.random.default_rng(seed)
+    swatches, samples = (dataclasses.replace(one, mean=one.reflectances + 0.2 * (
+        one.mean - one.reflectances)) for one in (material(rng, 24, 0.0), material(rng, 60, 0.0)))
+    found = corrected(swatches, samples)
+    # the prior errs by 0.002 and so could not be told from the correction's own error
+    assert rmse(found.mean, samples.reflectances) < rmse(samples.mean, samples.reflectances) + 2e-4
+
+
+def test_where_the_correction_predicts_swatches_no_better_the_prior_stays_alone():
+    rng = np.random.default_rng(1)
+    swatches = material(rng, 12, 0.0)
+    exact = dataclasses.replace(swatches, mean=swatches.reflectances)
+    correction = learn_correction(exact)
+    assert not correction.helps and "leave the spectra as they are" in correction.sentence
+    found = correct(correction, swatches.signals, swatches.mean, swatches.deviation)
+    np.testing.assert_array_equal(found.mean, swatches.mean)
+    np.testing.assert_allclose(found.deviation, swatches.deviation, rtol=1e-12)     # round-off
+
+
+def test_samples_unlike_the_swatches_keep_the_mean_of_the_prior_and_at_least_its_band():
+    rng = np.random.default_rng(2)
+    swatches, samples = material(rng, 24, 0.3), material(rng, 20, 0.3)
+    across = np.linalg.svd(swatches.signals - swatches.signals.mean(axis=0))[2][-1]
+    unlike = dataclasses.replace(samples, signals=samples.signals + 0.5 * across)
+    found = corrected(swatches, unlike)
+    assert found.likeness.max() < 0.02      # 0.5 of white where the swatches stay within 0.001
+    np.testing.assert_allclose(found.mean, samples.mean, atol=0.01)     # 2 % of the correction
+    assert np.all(found.deviation > 0.98 * samples.deviation)           # the rest is the prior's
+
+
+def test_the_order_of_swatches_does_not_matter():
+    rng = np.random.default_rng(3)
+    swatches, samples = material(rng, 16, 0.3), material(rng, 5, 0.3)
+    order = rng.permutation(16)
+    turned = Swatches(*(getattr(swatches, field.name)[order]
+                        for field in dataclasses.fields(swatches)))
+    for one, other in zip(*(dataclasses.astuple(corrected(each, samples))
+                            for each in (swatches, turned)), strict=True):
+        # inverses of matrices with a condition of 1e6 or less
+        np.testing.assert_allclose(one, other, rtol=1e-7)
+
+
+def test_draws_are_moved_to_the_corrected_mean_and_deviation():
+    rng = np.random.default_rng(4)
+    draws = 0.5 + 0.01 * rng.standard_normal((500, 61))
+    moved = corrected_draws(draws, np.full(61, 0.4), np.full(61, 0.03))
+    np.testing.assert_allclose(moved.mean(axis=0), 0.4, rtol=1e-12)     # round-off
+    np.testing.assert_allclose(moved.std(axis=0), 0.03, rtol=1e-12)
+
+
+def test_too_few_swatches_and_swatches_of_one_colour_are_refused():
+    swatches = material(np.random.default_rng(5), FEWEST - 1, 0.3)
+    with pytest.raises(InputError, match=f"7 swatches are given; a correction needs {FEWEST}"):
+        learn_correction(swatches)
+    alike = Swatches(*(np.repeat(getattr(swatches, field.name)[:1], 9, axis=0)
+                       for field in dataclasses.fields(swatches)))
+    with pytest.raises(InputError, match="have the same signal"):
+        learn_correction(alike)
