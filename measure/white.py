@@ -258,16 +258,23 @@ def _with_nodes(samples: RegionSamples, nodes_px: np.ndarray) -> RegionSamples:
         np.vstack([samples.scatter, empty]), np.concatenate([samples.points_px, points]))
 
 
-def light_map(photo: FlatPhoto, errors: FlatErrors) -> np.ndarray:
-    """Light over a photo relative to the chart's mean, and its relative error, (2, h, w)."""
+def light_map(photo: FlatPhoto, known: Mapping[str, np.ndarray],
+              errors: FlatErrors) -> np.ndarray:
+    """Light over a photo that shows regions, relative to the chart's mean, and its relative error,
+    (2, h, w), as chart and known regions show it.
+
+    Parameters and Raises as of ``white_at_regions``.
+    """
     height, width = photo.image.signal.shape[:2]
     rows = max(round(MAP_COLUMNS * height / width), 2)
     at = [(np.arange(count) + 0.5) / count * size * photo.image.sensor_step - 0.5
           for count, size in ((MAP_COLUMNS, width), (rows, height))]
-    points = np.stack(np.meshgrid(*at), axis=-1).reshape(-1, 1, 2)
-    light = _light_at(photo, errors, list(points))
-    error = np.sqrt(np.diag(light.covariance)[2 * light.level.size:])
-    return np.array([np.exp(light.field), error]).reshape(2, rows, MAP_COLUMNS)
+    points = np.stack(np.meshgrid(*at), axis=-1).reshape(-1, 2)
+    white = white_at_regions(photo, known, errors, points)
+    assert white is not None and photo.samples is not None, "the photo shows regions"
+    nodes = slice(len(photo.samples.names), None)
+    return np.array([np.exp(white.log_field), white.field_error])[:, nodes].reshape(
+        2, rows, MAP_COLUMNS)
 
 
 def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],

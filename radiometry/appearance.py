@@ -87,16 +87,25 @@ def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     return float(ciede2000(reflectance_to_lab(nm, a), reflectance_to_lab(nm, b)))
 
 
-def reflectance_to_lab(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
-    """L*, a*, b* (3,) of a reflectance under D65.
+def reflectance_to_lab(nm: np.ndarray, reflectance: np.ndarray, light: str = "D65") -> np.ndarray:
+    """L*, a*, b* (..., 3) of reflectances under a light.
 
     Parameters
     ----------
     nm : (P,) array
         Ascending.
-    reflectance : (P,) array
+    reflectance : (..., P) array
+        0 to 1.
+    light : str
+        CIE name: D65, A, FL11, LED-B3.
+
+    Raises
+    ------
+    InputError
+        If no light of that name is published.
     """
-    return lab_from_xyz(tristimulus(nm, reflectance), tristimulus(nm, np.ones(len(nm))))
+    weights = tristimulus_weights(nm, light)
+    return lab_from_xyz(reflectance @ weights.T, weights.sum(axis=1))
 
 
 def lab_from_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.radiometry.records import SurfaceMisfit
+from spectrabox.radiometry.records import SurfaceAgreement, SurfaceMisfit
 
 FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
 SHAPE_ERROR = 0.02      # relative error of a block besides its noise: pose, light profile, lens
@@ -24,6 +24,9 @@ BLOCK = 4               # pixels
 MIN_PIXELS = 12         # of a surface, below which nothing is tested
 CERTAIN = 3.0           # standard errors of noise that are taken off a block's deviation
 MEDIAN_STEP = 0.6745 * 2**0.5   # median |difference of two| of normal noise of deviation 1
+MANY = 3                # misfits, from which a common cause is looked for
+COMMON = 0.75           # share of the squared deviations that a common cause explains
+ALIKE = 0.3             # of the largest deviation: bands that differ by less are off alike
 MIN_SHOWN = 0.005       # smaller deviations are left unsaid, however certain
 
 
@@ -151,6 +154,37 @@ def surface_misfits(tests: Sequence[SurfaceTest],
             f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
             "check its light, position and paint, and for gloss"))
     return tuple(misfits)
+
+
+def common_cause(agreement: SurfaceAgreement, misfits: Sequence[SurfaceMisfit],
+                 bands: Sequence[str]) -> str | None:
+    """What the deviations of many surfaces have in common, as a sentence; None of fewer than three
+    misfits, or where less than half of the surfaces do not fit.
+
+    Parameters
+    ----------
+    agreement : SurfaceAgreement
+        Of the same photo.
+    misfits : sequence of SurfaceMisfit
+    bands : sequence of K str
+    """
+    log = np.log(agreement.ratio[(agreement.ratio > 0).all(axis=1)])
+    if len(misfits) < MANY or 2 * len(misfits) < len(agreement.names) or not log.size:
+        return None
+    common = log.mean(axis=0)
+    count = f"{len(misfits)} of {len(agreement.names)} surfaces do not fit, "
+    if len(log) * (common**2).sum() < COMMON * (log**2).sum():
+        return (f"{count}each by another factor: check the pose of the camera, the lamp's position "
+                "and the sizes of the scene before the surfaces.")
+    if np.ptp(common) < ALIKE * np.abs(common).max():
+        ratio = float(np.exp(common.mean()))
+        return (f"{count}and all are off by one factor (the photo is {abs(ratio - 1):.0%} "
+                f"{'brighter' if ratio > 1 else 'darker'}): check exposure, the lamp's strength "
+                "and the known reflectance.")
+    factors = ", ".join(f"{band} {value:+.0%}" for band, value in zip(
+        bands, np.exp(common) - 1, strict=True))
+    return (f"{count}and all are off by the same factor in each band ({factors}): check the "
+            "spectrum of the light and the camera's curves.")
 
 
 def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> float:

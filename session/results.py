@@ -59,6 +59,12 @@ class MaterialResult:
     families: tuple[FamilyCoverage, ...] = ()
 
     @property
+    def band_width(self) -> float | None:
+        """Mean width of the band over wavelength; None where the spectrum was given."""
+        return None if self.summary is None else float(np.average(
+            self.summary.upper - self.summary.lower, weights=self.summary.grid.weights_nm))
+
+    @property
     def doubtful(self) -> bool:
         """Whether its draws ended with a reservation."""
         return self.samples is not None and self.samples.outcome not in VALID_OUTCOMES

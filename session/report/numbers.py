@@ -104,7 +104,7 @@ def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
         "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper",
                            "bound_lower", "bound_upper", "level", "conditional_on",
                            "next_measurement_nm"),
-        "band_width": band_width(material),
+        "band_width": material.band_width,
         "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(shown_nm, curves)},
         "samples": _samples(material.samples),
         "metamers": None if material.samples is None or len(material.samples.spectra) < 2
@@ -114,11 +114,6 @@ def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
         }
 
 
-def band_width(material: MaterialResult) -> float | None:
-    """Mean width of the band over the working wavelengths; None where the spectrum was given."""
-    summary = material.summary
-    return None if summary is None else float(np.average(summary.upper - summary.lower,
-                                                         weights=summary.grid.weights_nm))
 
 
 def family_facts(material: MaterialResult) -> list[dict[str, Any]]:

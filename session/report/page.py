@@ -1,6 +1,7 @@
 """The session report: one HTML file that opens offline and embeds its own numbers."""
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +15,7 @@ from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.report import flat_figures, words
+from spectrabox.session.report.cards import answer_card
 from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
 from spectrabox.session.report.geometry import geometry_section
 from spectrabox.session.report.maps import (
@@ -42,7 +44,10 @@ from spectrabox.session.results import FlatResults, SceneResults, SessionResults
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
-           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact}
+           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
+# a number and its unit stay on one line; scripts and styles are left as they are
+UNITS = re.compile(r"<(script|style)\b.*?</\1>|>[^<]+", re.DOTALL)
+NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|nm|px|s|mm|cm|m|K)\b|%)")
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,11 @@ def render_report(results: SessionResults) -> RenderedReport:
     page = templates().get_template("report.html.j2").render(
         content | {"numbers": numbers, "style": style_sheet(),
                    "script": Markup((TEMPLATES / "report.js").read_text(encoding="utf-8"))})
-    return RenderedReport(page, numbers)
+    return RenderedReport(UNITS.sub(_with_units_kept, page), numbers)
+
+
+def _with_units_kept(part: re.Match[str]) -> str:
+    return part[0] if part[1] else NUMBER_AND_UNIT.sub("\u00a0", part[0])
 
 
 @cache
@@ -110,8 +119,11 @@ def _common_content(results: SessionResults, verdict: Verdict) -> dict[str, Any]
     """What the page of any session shows."""
     flat = isinstance(results, FlatResults)
     fit, light = results.calibration.sensitivity, results.calibration.light
-    pictures = {"photo": picture_data_uri(results.previews[""])}
-    if results.chart is not None:
+    surfaces = sorted(results.materials, key=lambda surface: surface.summary is None)
+    doubts = verdict.doubts
+    pictures = {}
+    if results.chart is not None and (not isinstance(results, FlatResults) or all(
+            photo.chart_px is None for photo in results.photos)):
         pictures["chart"] = picture_data_uri(results.chart_overlay)
     if isinstance(results, SceneResults):
         pictures |= {f"photo {view.name}": picture_data_uri(results.previews[view.name])
@@ -124,8 +136,16 @@ def _common_content(results: SessionResults, verdict: Verdict) -> dict[str, Any]
         "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
         "surfaces": {"title": "Regions" if flat else "Materials",
                      "one": "Region" if flat else "Material", "fitted": not flat},
-        "materials": [material_section(number, material, results.grid.nm, results.signal_bands)
-                      for number, material in enumerate(results.materials, start=1)],
+        "cards": [answer_card(number, surface, results.grid, doubts.get(surface.name, ()))
+                  for number, surface in enumerate(surfaces, start=1)],
+        "level": next((surface.summary.level for surface in surfaces
+                       if surface.summary is not None), None),
+        "truths": any(surface.scores is not None for surface in surfaces),
+        "problems": sorted((c for c in verdict.criteria if not c.passed),
+                           key=lambda c: -c.status.value),
+        "passed": [c for c in verdict.criteria if c.passed], "files": _files(results),
+        "materials": [material_section(number, surface, results.grid.nm, results.signal_bands)
+                      for number, surface in enumerate(surfaces, start=1)],
         "calibration": {
             "chart": chart_section(results), "held_out_rms": held_out_rms(results),
             "scale": None if isinstance(results, FlatResults) else scale_words(
@@ -137,10 +157,21 @@ def _common_content(results: SessionResults, verdict: Verdict) -> dict[str, Any]
         }
 
 
+def _files(results: SessionResults) -> list[tuple[str, str]]:
+    """Files next to the page that hold the spectra, and what is in each."""
+    files = [("spectra.csv", "means, bands and bounds"), ("materials.csv", "colours"),
+             ("spdx/", "one IES TM-27 file a surface")]
+    if isinstance(results, SceneResults):
+        files.append(("materials.xml", "for Mitsuba"))
+    if results.picture is not None:
+        files += [(str(name), "a spectrum for every pixel") for name in results.picture.files[:1]]
+    return files
+
+
 def _flat_content(results: FlatResults) -> dict[str, Any]:
     """What only the page of flat samples shows: its photos, with regions and light."""
     return {
-        "contents": _contents(results, ("photos", "Photos and light"), ("materials", "Regions")),
+        "geometry": None,
         "photos": [{"name": photo.name, "regions": photo.light,
                     "figure": flat_figures.photo_figure(f"photo-{number}", photo),
                     "light": flat_figures.light_figure(f"light-map-{number}", photo),
@@ -151,12 +182,7 @@ def _flat_content(results: FlatResults) -> dict[str, Any]:
 def _scene_content(results: SceneResults) -> dict[str, Any]:
     """What only the page of a scene shows: photo against rendering, geometry, convergence."""
     fit = results.reconstruction
-    geometry = geometry_section(results.geometry, results.previews)
-    moved = [("geometry", "What moved")] if geometry else []
     return {
-        "contents": _contents(results, ("materials", "Materials"),
-                              ("agreement", "Photo against rendering"), *moved,
-                              after=[("convergence", "Convergence")]),
         "agreement": _agreement_section("", fit, results.calibration, results.bands) | {
             "surfaces": surface_figure("surfaces", fit)},
         "views": [_agreement_section(f"-{number}", view.reconstruction, view.calibration,
@@ -166,16 +192,8 @@ def _scene_content(results: SceneResults) -> dict[str, Any]:
                                            view.calibration.light_posterior),
                      "scale_source": view.reconstruction.light_scale.source}
                   for number, view in enumerate(results.views, start=2)],
-        "geometry": geometry, "loss": loss_figure("loss", fit.loss_history)}
-
-
-def _contents(results: SessionResults, *first: tuple[str, str],
-              after: list[tuple[str, str]] | None = None) -> list[tuple[str, str]]:
-    """Anchors and titles of the page's sections, in their order."""
-    picture = [("picture", "Picture")] if results.picture else []
-    last = ("Inputs", "Warnings", "Methods", "Provenance", "Check")
-    return [*first, *picture, ("calibration", "Calibration"), *(after or []),
-            *((title.lower(), title) for title in last)]
+        "geometry": geometry_section(results.geometry, results.previews),
+        "loss": loss_figure("loss", fit.loss_history)}
 
 
 def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,

@@ -100,7 +100,7 @@ def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) ->
     was measured.
     """
     nm, curves = material_curves(material, grid_nm)
-    drawing, axes = framed(6.6, 3.7)
+    drawing, axes = framed(5.2, 2.9)
     if material.summary is None:
         plot_given(axes, nm, curves["given"])
     else:
@@ -168,7 +168,7 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
         Measured curves (K, P) at nm (P,), the highest peak of all being 1.
     """
     nm = fit.grid.nm
-    drawing, axes = framed(5.6, 3.1)
+    drawing, axes = framed(5.2, 2.9)
     plot_sensitivities(axes, nm, fit.curves, fit.standard_error,
                        [plain_line(band, 24) for band in bands], truth)
     series: dict[str, np.ndarray] = {}
@@ -206,7 +206,7 @@ def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = 
         if light.standard_error is not None:
             series["± 2 s.e."] = 2 * light.standard_error
             band = (values - 2 * light.standard_error, values + 2 * light.standard_error)
-    drawing, axes = framed(3.7, 3.1, 0.8)
+    drawing, axes = framed(5.2, 2.9, 0.8)
     plot_light(axes, nm, values, band, quantity)
     digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(values).max()), 1e-30))), 0, 12))
     return inline_svg(drawing, name, "Light spectrum", f"{quantity} over wavelength.",

@@ -29,6 +29,7 @@ from spectrabox.session.report.safe_json import json_for_script
 
 DIGITS = 6          # significant, of a plotted number: far finer than a line is drawn
 MARGIN_IN, LEGEND_ROW_IN, LEGEND_LETTER_IN = 0.12, 0.18, 7.5 / 72
+NARROW_IN = 6.5      # wider figures scroll on a telephone instead of shrinking
 GRID = "#e3e6ea"
 STYLE = {
     "svg.fonttype": "none", "svg.hashsalt": "spectrabox", "svg.image_inline": True,
@@ -146,7 +147,9 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str,
                      '<title id="{}-title">{}</title><desc id="{}-desc">{}</desc>').format(
                          view_box, name, name, name, title, name, description)
     svg = opening + Markup(_with_prefix(body, name)) + Markup("</svg>")
-    box = Markup('<div class="plot-box" id="{}">{}{}</div>')
+    wide = drawing.get_figwidth() > NARROW_IN
+    box = Markup('<div class="plot-box wide" id="{}" tabindex="0">{}{}</div>' if wide
+                 else '<div class="plot-box" id="{}">{}{}</div>')
     return Drawing(box.format(name, svg, _readout_html(drawing, readout)), name, title,
                    plotted_numbers(drawing))
 

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.metamers import LIGHTS, metamer_pair
-from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_sentence
@@ -16,7 +15,6 @@ from spectrabox.session.report.figures import (
 )
 from spectrabox.session.report.maps import surface_colours
 from spectrabox.session.report.metamers import metamer_drawing
-from spectrabox.session.report.numbers import band_width
 from spectrabox.session.report.small_figures import prior_share_figure
 from spectrabox.session.report.spectra import (
     error_budget_figure,
@@ -29,6 +27,9 @@ from spectrabox.session.report.swatches import css_colour, swatch_section
 from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.session.report.words import OFF
 from spectrabox.session.results import CommonResults, MaterialResult
+
+
+MAX_CAUSES, SMALL_SHARE = 5, 0.01     # of the spectrum's variance, named beside its plot
 
 
 def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
@@ -44,13 +45,12 @@ def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
     signal_bands : tuple of str
         Of its signal.
     """
-    summary = material.summary
     nm, curves = material_curves(material, grid_nm)
-    shown = summary.mean if summary is not None else curves["given"]
+    causes = sorted(material.variance_shares.items(), key=lambda cause: -cause[1])
     return {
         "id": f"material-{number}", "material": material,
-        "swatch": css_colour(reflectance_to_srgb(nm, shown)), "band_width": band_width(material),
-        "columns": list(curves), "rows": every_10_nm(nm, curves),
+        "largest_causes": [(cause, share) for cause, share in causes[:MAX_CAUSES]
+                           if share >= SMALL_SHARE], "columns": list(curves), "rows": every_10_nm(nm, curves),
         "figure": material_figure(f"spectrum-{number}", material, grid_nm),
         "certified": certified_sentence(material.families),
         "in_doubt": mostly_in_doubt(material.families),

@@ -76,7 +76,10 @@ GRADES = {Outcome.CONVERGED: Status.PASS, Outcome.ILL_POSED: Status.INFO,
 
 @dataclass(frozen=True)
 class Criterion:
-    """One line of the verdict; ``value`` is None where it could not be measured."""
+    """One line of the verdict; ``value`` is None where it could not be measured.
+
+    ``surfaces`` are the materials or regions that it speaks against.
+    """
 
     name: str
     value: float | None
@@ -84,6 +87,12 @@ class Criterion:
     limit: str
     status: Status
     sentence: str
+    surfaces: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is to be done about it."""
+        return self.status in (Status.PASS, Status.INFO)
 
 
 @dataclass(frozen=True)
@@ -93,6 +102,25 @@ class Verdict:
     status: Status
     sentence: str
     criteria: tuple[Criterion, ...]
+
+    @property
+    def headline(self) -> str:
+        """The sentence; of several reasons the first."""
+        reasons = dict.fromkeys(c.sentence for c in self.criteria if c.status is self.status)
+        if self.status not in (Status.WARN, Status.FAIL) or len(reasons) < 2:
+            return self.sentence
+        more = len(reasons) - 1
+        return f"{next(iter(reasons))} And {more} more reason{'s' if more > 1 else ''}, below."
+
+    @property
+    def doubts(self) -> dict[str, tuple[str, ...]]:
+        """Names of the criteria that each surface does not pass; only surfaces that have any."""
+        doubts: dict[str, tuple[str, ...]] = {}
+        for criterion in self.criteria:
+            for surface in () if criterion.passed else criterion.surfaces:
+                name = criterion.name.partition(", worst")[0]
+                doubts[surface] = (*doubts.get(surface, ()), name)
+        return doubts
 
 
 def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
@@ -123,7 +151,7 @@ def _scene_criteria(evidence: SceneEvidence) -> list[Criterion]:
                for view in evidence.views]
     agreement = [*(_median_surface(photo.agreement, where) for where, photo, _ in photos),
                  *(_worst_surface(photo.agreement, bands, where) for where, photo, bands in photos)]
-    misfits = [_misfits(photo, where) for where, photo, _ in photos]
+    misfits = [_misfits(photo, bands, where) for where, photo, bands in photos]
     if evidence.picture is not None:
         agreement = [replace(each, status=Status.INFO) for each in agreement]
         misfits = [each if each.status is Status.PASS else
@@ -143,7 +171,9 @@ def _light(evidence: FlatEvidence) -> list[Criterion]:
                     f"The light on “{worst}” is known to {percent(error)}"
                     + ("." if error <= LIGHT_LIMITS[0] else ": it lies far from the chart, or the "
                        "light is uneven; put the chart or a white card next to it, or photograph "
-                       "a white card in the samples' place as flat field."))
+                       "a white card in the samples' place as flat field."),
+                    tuple(name for (_, name), (_, own) in light.items()
+                          if own > LIGHT_LIMITS[0]))
     return [known, Criterion("Change of the light from the chart to the regions", change,
                              percent(change), "corrected", Status.INFO,
                              f"The light changes by {percent(change)} between chart and regions, "
@@ -171,7 +201,9 @@ def _known_levels(evidence: FlatEvidence) -> list[Criterion]:
                       f"{size:.1f} standard errors", f"pass up to {LEVEL_DOUBTED:.0f}", status,
                       f"The level of “{worst}”, of known spectrum, is {size:.1f} standard errors "
                       "from what the chart's light gives" + ("." if status is Status.PASS else
-                      ": check its stated reflectance, and for a shadow on it or on the chart."))]
+                      ": check its stated reflectance, and for a shadow on it or on the chart."),
+                      tuple(name for name, misfit in misfits.items()
+                            if abs(misfit) > LEVEL_DOUBTED))]
 
 
 def _uneven_regions(evidence: FlatEvidence) -> list[Criterion]:
@@ -187,7 +219,8 @@ def _uneven_regions(evidence: FlatEvidence) -> list[Criterion]:
         Status.WARN if several else Status.PASS,
         f"The pixels of “{worst}” scatter by {percent(scatter[worst])} beyond noise and even light"
         + (", more than one paint does: its spectrum is the mean of several; outline a part of one "
-           "paint." if several else "."))]
+           "paint." if several else "."),
+        tuple(name for name, value in scatter.items() if value > ONE_PAINT))]
 
 
 def chart_residuals(evidence: CommonEvidence) -> np.ndarray | None:
@@ -249,12 +282,14 @@ def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: s
     fits = "fits least" if abs(ratio - 1) <= WORST_LIMITS[0] else "does not fit"
     return _graded(name, abs(ratio - 1), WORST_LIMITS,
                    f"The surface “{agreement.names[surface]}”{where} {fits}: in band {bands[band]} "
-                   f"the photo is {deviation_words(ratio)} than the rendering.")
+                   f"the photo is {deviation_words(ratio)} than the rendering.",
+                   (agreement.materials[surface],))
 
 
-def _misfits(made: Reconstruction, where: str) -> Criterion:
+def _misfits(made: Reconstruction, bands: tuple[str, ...], where: str) -> Criterion:
     """Surfaces whose deviation neither chance nor the stated errors explain."""
-    from spectrabox.reconstruct.misfit import FALSE_ALARM  # a flat sample needs nothing of it
+    # here: a flat sample needs nothing of it
+    from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause
     name = f"Surfaces beyond chance and stated errors (p < {FALSE_ALARM:g}){where}"
     limit = f"none; fail beyond {percent(WORST_LIMITS[1], 0)}"
     if not made.misfits:
@@ -262,11 +297,17 @@ def _misfits(made: Reconstruction, where: str) -> Criterion:
                          f"No surface{where} is off by more than chance and stated errors explain.")
     worst = max(abs(misfit.deviation) for misfit in made.misfits)
     status = Status.WARN if worst <= WORST_LIMITS[1] else Status.FAIL
-    said = f"In{where[3:]}: " if where else ""
-    said += ". ".join(misfit.sentence for misfit in made.misfits[:MAX_NAMED])
-    more = len(made.misfits) - MAX_NAMED
+    sentence = common_cause(made.agreement, made.misfits, bands)
+    if sentence is None:
+        named = [misfit.sentence for misfit in made.misfits[:MAX_NAMED]]
+        if (more := len(made.misfits) - MAX_NAMED) > 0:
+            named.append(f"{more} more do not fit")
+        sentence = f"{'. '.join(named)}."
+    materials = dict(zip(made.agreement.names, made.agreement.materials, strict=True))
     return Criterion(name, worst, f"{len(made.misfits)}, off by up to {percent(worst)}", limit,
-                     status, f"{said}{f'. {more} more do not fit' if more > 0 else ''}.")
+                     status, f"In{where[3:]}: {sentence}" if where else sentence,
+                     tuple(dict.fromkeys(materials[misfit.surface] for misfit in made.misfits
+                                         if misfit.surface in materials)))
 
 
 def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
@@ -369,7 +410,7 @@ def _samplers(evidence: CommonEvidence) -> list[Criterion]:
                           f"{drawn[0][1].outcome.value}")]
     reservations = "; ".join(f"“{name}”: {sentence}" for name, sentence in doubtful)
     return [Criterion("Samplers", None, "see words", "as intended", Status.WARN,
-                      f"Sampler of {reservations}")]
+                      f"Sampler of {reservations}", tuple(name for name, _ in doubtful))]
 
 
 def _between_photos(evidence: SceneEvidence) -> list[Criterion]:
@@ -421,7 +462,8 @@ def _truths(evidence: CommonEvidence) -> list[Criterion]:
         Status.WARN if another else Status.PASS,
         f"The stated truth disagrees with every band of “{worst}”: it lies {far[worst]:.1f} "
         "standard deviations from the mean (rms over wavelengths); check that it is of this "
-        "surface." if another else "Every stated truth can be that of its surface.")]
+        "surface." if another else "Every stated truth can be that of its surface.",
+        tuple(name for name, off in far.items() if off > ANOTHER_TRUTH))]
 
 
 def _rehearsal(evidence: SceneEvidence) -> list[Criterion]:
@@ -435,11 +477,11 @@ def _rehearsal(evidence: SceneEvidence) -> list[Criterion]:
                       f"R{verdict_sentence(facts)[1:]}.")]
 
 
-def _graded(name: str, value: float, limits: tuple[float, float],
-            sentence: str) -> Criterion:
+def _graded(name: str, value: float, limits: tuple[float, float], sentence: str,
+            surfaces: tuple[str, ...] = ()) -> Criterion:
     status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[
         1] else Status.FAIL
-    return Criterion(name, value, percent(value), _limit(limits), status, sentence)
+    return Criterion(name, value, percent(value), _limit(limits), status, sentence, surfaces)
 
 
 def _limit(limits: tuple[float, float]) -> str:

@@ -52,6 +52,11 @@ def fixed(value: float | None, decimals: int = 3) -> str:
         value) else f"{float(value):.{decimals}f}"
 
 
+def lab(values: Any) -> str:
+    """L*, a*, b* (3,), or their standard errors, with one decimal."""
+    return " ".join(f"{float(value):.1f}".replace("-", "−") for value in values)
+
+
 def exposure(seconds: float | None) -> str:
     """Exposure time as photographers write it."""
     if seconds is None:

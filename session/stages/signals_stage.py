@@ -50,7 +50,8 @@ def find_signals(task: StageTask) -> SignalRecords:
             notes += far_notes(white) + level_notes(white)
             lights[view.name] = RegionLight(
                 np.exp(white.log_field), white.field_error,
-                np.array(list(white.level_misfits.values())), light_map(photo, errors))
+                np.array(list(white.level_misfits.values())),
+                light_map(photo, known, errors))
     families = {name: region.families for name, region in config.regions.items()}
     signals = flat_signals(photos, whites, families, known,
                            band_names(config, len(photos[0].response)), errors)

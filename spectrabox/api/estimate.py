@@ -12,7 +12,7 @@ import numpy as np
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
-from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz, tristimulus_weights
+from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import (
     SpectralMeasurement,
@@ -388,8 +388,7 @@ class SpectrumEstimate:
         return self.draws(COLOUR_DRAWS, COLOUR_SEED)
 
     def _lab_of(self, light: str, spectra: np.ndarray) -> np.ndarray:
-        weights = tristimulus_weights(self.nm, light)
-        return lab_from_xyz(spectra @ weights.T, weights.sum(axis=1))
+        return reflectance_to_lab(self.nm, spectra, light)
 
     def __repr__(self) -> str:
         if self.given is not None:

@@ -47,13 +47,13 @@
     readouts += 1;
   });
   document.documentElement.dataset.readouts = readouts;
-  // Paper has nothing to click: what is folded away is printed too.
-  let folded = [];
-  window.addEventListener("beforeprint", () => {
-    folded = [...document.querySelectorAll("details:not([open])")];
-    folded.forEach((each) => { each.open = true; });
+  // A link to what is folded away unfolds it.
+  const unfold = () => document.querySelectorAll("details").forEach((each) => {
+    const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    if (target && each.contains(target)) { each.open = true; target.scrollIntoView(); }
   });
-  window.addEventListener("afterprint", () => folded.forEach((each) => { each.open = false; }));
+  window.addEventListener("hashchange", unfold);
+  unfold();
   // Files that somebody chooses, against the digests and numbers embedded in the page.
   const says = document.getElementById("check-says");
   const embedded = () => JSON.parse(document.getElementById("spectrabox-results").textContent);
