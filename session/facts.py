@@ -11,7 +11,6 @@ from rich.console import Console
 from rich.table import Table
 
 from spectrabox.radiometry.appearance import reflectance_to_lab
-from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
@@ -110,57 +109,50 @@ def _surface_facts(surface: MaterialResult) -> dict[str, Any]:
 
 
 def run_text(results: SessionResults) -> str:
-    """A table of surfaces and the few numbers that matter first, for a person.
+    """A line for each surface and the verdict with its reason, for a person.
 
     Parameters
     ----------
     results : SessionResults
     """
-    lines = _flat_lines(results) if isinstance(results, FlatResults) else _scene_lines(results)
+    verdict, lines = judge(results), [_surface_table(results)]
     if results.picture is not None:
         lines.append(results.picture.sentence)
         lines += results.picture.notes if isinstance(results, SceneResults) else ()
-    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in results.warnings)])
+    lines += [f"warning: {sentence}" for sentence in results.warnings]
+    return "\n".join([*lines, f"verdict: {verdict.status.name}. {verdict.sentence}"])
 
 
-def _scene_lines(results: SceneResults) -> list[str]:
+def _surface_table(results: SessionResults) -> str:
+    """A row for each surface: colour, width of the band, and how the truth compares, where given.
+    """
+    fitted = isinstance(results, SceneResults)
+    light = {} if isinstance(results, SceneResults) else {
+        name: error for photo in results.photos for name, (_, error) in photo.light.items()}
+    truths = any(surface.scores is not None for surface in results.materials)
+    headings = ["material" if fitted else "region", "L*a*b* under D65", "band width",
+                *(["light known to"] if light else []),
+                *(["95 % band holds", "RMSE"] if truths else []),
+                *(["RMSE inverse rendering"] if truths and fitted else []),
+                *(["dE00"] if truths else []), "measure next"]
     rows = []
-    for material in results.materials:
-        cells = ["given"] + [""] * 5
-        if (summary := material.summary) is not None:
-            width, following = _width(material), f"{summary.next_measurement_nm:.0f} nm"
-            cells = ["", "", "", width, "", following] if (scores := material.scores) is None else [
-                f"{scores.rmse_mean:.4f}", f"{scores.rmse_inverse_rendering:.4f}",
-                f"{scores.coverage_95:.0%}", width, f"{scores.delta_e00_mean:.2f}", following]
-        rows.append([material.name, *cells])
-    return [_table(results, ("material", "RMSE mean", "RMSE inverse rendering", "95 % band holds",
-                             "band width", "dE00", "measure next"), rows),
-            "rendered signal within "
-            f"{percent(median_surface_error(results.reconstruction.agreement))} of the photo "
-            "(worst band, median over surfaces)",
-            f"verdict: {judge(results).status.name}",
-            *(f"{material.name}: {certified_sentence(material.families)}"
-              for material in results.materials if mostly_in_doubt(material.families))]
-
-
-def _flat_lines(results: FlatResults) -> list[str]:
-    light = {name: error for photo in results.photos for name, (_, error) in photo.light.items()}
-    rows = []
-    for region in results.materials:
-        cells = ["given"] + [""] * 5
-        if (summary := region.summary) is not None:
-            error, scores = light.get(region.name), region.scores
-            cells = [" ".join(f"{value:.1f}" for value in reflectance_to_lab(summary.grid.nm,
-                                                                          summary.mean)),
-                     _width(region), "" if error is None else percent(error),
-                     *(["", "", ""] if scores is None else
-                       [f"{scores.rmse_mean:.4f}", f"{scores.coverage_95:.0%}",
-                        f"{scores.delta_e00_mean:.2f}"])]
-        rows.append([region.name, *cells])
-    verdict = judge(results)
-    return [_table(results, ("region", "L*a*b* under D65", "band width", "light known to", "RMSE",
-                             "95 % band holds", "dE00"), rows),
-            f"verdict: {verdict.status.name}. {verdict.sentence}"]
+    for surface in sorted(results.materials, key=lambda surface: surface.summary is None):
+        if (summary := surface.summary) is None:
+            rows.append([surface.name, "given", *[""] * (len(headings) - 2)])
+            continue
+        cells = [" ".join(f"{value:.1f}" for value in reflectance_to_lab(
+            summary.grid.nm, summary.mean)), f"{surface.band_width:.3f}"]
+        if light:
+            error = light.get(surface.name)
+            cells.append("" if error is None else percent(error))
+        if truths:
+            scores = surface.scores
+            cells += [""] * (4 if fitted else 3) if scores is None else [
+                percent(scores.coverage_95), f"{scores.rmse_mean:.4f}",
+                *([f"{scores.rmse_inverse_rendering:.4f}"] if fitted else []),
+                f"{scores.delta_e00_mean:.2f}"]
+        rows.append([surface.name, *cells, f"{summary.next_measurement_nm:.0f} nm"])
+    return _table(results, headings, rows)
 
 
 def _table(results: CommonResults, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -174,8 +166,3 @@ def _table(results: CommonResults, headings: Sequence[str], rows: Sequence[Seque
     # names are the operator's: brackets in them are no markup
     Console(file=stream, width=110, markup=False, emoji=False, highlight=False).print(table)
     return stream.getvalue().rstrip()
-
-
-def _width(surface: MaterialResult) -> str:
-    assert surface.summary is not None
-    return f"{np.mean(surface.summary.upper - surface.summary.lower):.3f}"

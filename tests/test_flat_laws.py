@@ -154,6 +154,29 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(s
     assert np.sqrt(estimate.covariance[8, 8]) < (0.9 if noisier == 1 else 0.99) * REPEATS
 
 
+def test_the_map_of_the_light_shows_what_a_known_card_said(monkeypatch):
+    """Where the card lies the map has the card's small error, further away the chart's."""
+    def smooth(_, __, points):
+        at = np.array([np.mean(one, axis=0) for one in points])
+        apart = np.linalg.norm(at[:, None] - at[None], axis=-1)
+        covariance = np.zeros((6 + len(at),) * 2)
+        covariance[6:, 6:] = 0.08**2 * np.exp(-((apart / 3)**2))
+        return RegionLight(LEVEL, 0 * GLARE, np.zeros(len(at)), covariance, np.ones(1))
+    monkeypatch.setattr(module, "_light_at", smooth)
+    monkeypatch.setattr(module, "relative_response", lambda *_: np.eye(3))
+    signal = EXPOSURE * LEVEL * SURFACES
+    regions = RegionSamples(("cloth", "card"), signal, np.zeros((2, 3, 3)), np.full(2, 100),
+                            np.zeros((2, 3)), np.array([np.full((25, 2), 3.0), np.zeros((25, 2))]))
+    shown = dataclasses.replace(flat_photo(), samples=regions)
+    known = {"card": SURFACES[1]}
+    white = module.white_at_regions(shown, known, ERRORS)
+    _, error = module.light_map(shown, known, ERRORS)
+    assert error[0, 0] == pytest.approx(white.field_error[1], rel=0.3)
+    assert error[0, 0] < 0.5 * error[-1, -1]
+    _, by_chart = module.light_map(shown, {}, ERRORS)
+    assert by_chart.min() > 0.079
+
+
 @pytest.mark.parametrize("model", [0.0, 0.02])
 def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     rng = np.random.default_rng(64)

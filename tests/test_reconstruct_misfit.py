@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.records import SurfaceAgreement
+from spectrabox.radiometry.records import SurfaceAgreement, SurfaceMisfit
 from spectrabox.reconstruct.agreement import scene_errors
-from spectrabox.reconstruct.misfit import FALSE_ALARM, holm, surface_misfits, surface_tests
+from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause, holm, surface_misfits, surface_tests
 
 NAMES = ("white / floor", "white / back", "red / wall", "grey / lid")
 SIZE = 48
@@ -51,6 +51,19 @@ def test_a_gradient_that_keeps_the_mean_is_found_by_the_shape():
     assert {test.surface for test in wrong} == {"grey / lid"}
     assert "its parts differ among themselves" in surface_misfits(
         wrong, ("R", "G", "B"))[0].sentence
+
+
+@pytest.mark.parametrize("factors, cause", [
+    (np.full((4, 3), 1.2), "exposure"),
+    (np.tile([1.15, 1.0, 0.9], (4, 1)), "spectrum of the light"),
+    (np.array([0.8, 1.2, 0.9, 1.15])[:, None] * np.ones(3), "pose of the camera")])
+def test_what_many_misfits_have_in_common_is_said(factors, cause):
+    ratio = factors * np.random.default_rng(4).normal(1, 0.01, (4, 3))
+    agreement = SurfaceAgreement(NAMES, NAMES, np.full(4, 100), ratio, np.zeros((4, 3)))
+    misfits = [SurfaceMisfit(name, 0.2, "") for name in NAMES[:3]]
+    said = common_cause(agreement, misfits, ("R", "G", "B"))
+    assert said.startswith("3 of 4 surfaces do not fit") and cause in said
+    assert common_cause(agreement, misfits[:2], ("R", "G", "B")) is None
 
 
 def test_the_worst_surface_is_named_first():
@@ -145,4 +158,4 @@ def test_a_rendered_glossy_panel_that_the_scene_calls_matt_fails(tmp_path):
     # Fresnel reflection of 4 % at the normal on a red of 8 to 58 %, several times as much at the
     # angles at which the box shows it.
     assert worst.surface == "red / red_wall" and worst.deviation > 0.15
-    assert _misfits(fit, "").status is Status.FAIL
+    assert _misfits(fit, ("R", "G", "B"), "").status is Status.FAIL

@@ -61,8 +61,8 @@ def test_files_are_compared_with_the_page_in_the_browser(browser, written, tmp_p
         with browser.new_page() as page:
             page.goto((folder / "report.html").as_uri())
             page.set_input_files("#check-files", files)
-            page.wait_for_selector("#check-says[data-wrong]")
-            return page.inner_text("#check-says").splitlines()
+            page.wait_for_selector("#check-says[data-wrong]", state="attached")
+            return page.locator("#check-says p").all_text_contents()
 
     before = sentences(folder / "report.json", photo, toml)
     assert "report.json holds the numbers of this page." in before

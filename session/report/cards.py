@@ -10,7 +10,6 @@ from spectrabox.radiometry.appearance import (
     reflectance_to_lab,
     reflectance_to_srgb,
 )
-from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.sampling.prior.family_coverage import mostly_in_doubt
 from spectrabox.session.report.swatches import css_colour
 from spectrabox.session.results import MaterialResult
@@ -50,27 +49,30 @@ class Card:
         return css_colour(self.colour.srgb)
 
 
-def surface_colour(surface: MaterialResult, grid: WavelengthGrid) -> Colour:
+def surface_colour(surface: MaterialResult, grid_nm: np.ndarray) -> Colour:
     """Colour of a surface, the error of L*, a*, b* from its draws.
 
     Parameters
     ----------
     surface : MaterialResult
-    grid : WavelengthGrid
+    grid_nm : (P,) array
         Of a spectrum that was given.
     """
-    summary, samples = surface.summary, surface.samples
-    if summary is None:
-        assert surface.spectrum is not None, "a surface is estimated or given"
-        nm, mean = grid.nm, surface.spectrum
-    else:
-        nm, mean = summary.grid.nm, summary.mean
+    samples, (nm, mean) = surface.samples, _shown(surface, grid_nm)
     error = None if samples is None or len(samples.spectra) < 2 else reflectance_to_lab(
         samples.grid.nm, samples.spectra).std(axis=0)
     return Colour(reflectance_to_lab(nm, mean), error, reflectance_to_srgb(nm, mean))
 
 
-def answer_card(number: int, surface: MaterialResult, grid: WavelengthGrid,
+def _shown(surface: MaterialResult, grid_nm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (P,) and mean (P,) of an estimated surface, or the spectrum that was given."""
+    if surface.summary is not None:
+        return surface.summary.grid.nm, surface.summary.mean
+    assert surface.spectrum is not None, "a surface is estimated or given"
+    return grid_nm, surface.spectrum
+
+
+def answer_card(number: int, surface: MaterialResult, grid_nm: np.ndarray,
                 doubts: tuple[str, ...]) -> Card:
     """The card of one surface.
 
@@ -79,29 +81,27 @@ def answer_card(number: int, surface: MaterialResult, grid: WavelengthGrid,
     number : int
         On the page.
     surface : MaterialResult
-    grid : WavelengthGrid
+    grid_nm : (P,) array
         Of a spectrum that was given.
     doubts : tuple of str
         Names of the criteria that it does not pass.
     """
     if mostly_in_doubt(surface.families):
         doubts += (UNTESTED,)
-    return Card(f"material-{number}", surface, surface_colour(surface, grid),
-                small_spectrum(surface, grid), doubts)
+    return Card(f"material-{number}", surface, surface_colour(surface, grid_nm),
+                small_spectrum(surface, grid_nm), doubts)
 
 
-def small_spectrum(surface: MaterialResult, grid: WavelengthGrid) -> Markup:
+def small_spectrum(surface: MaterialResult, grid_nm: np.ndarray) -> Markup:
     """Mean and band of a surface, and its measured truth where there is one, as a small drawing.
 
     Parameters
     ----------
     surface : MaterialResult
-    grid : WavelengthGrid
+    grid_nm : (P,) array
         Of a spectrum that was given.
     """
-    summary, truth = surface.summary, surface.truth
-    nm = grid.nm if summary is None else summary.grid.nm
-    mean = surface.spectrum if summary is None else summary.mean
+    summary, truth, (nm, mean) = surface.summary, surface.truth, _shown(surface, grid_nm)
     tops = [mean, *([] if summary is None else [summary.upper]),
             *([] if truth is None else [truth.values])]
     top = max(1.0, *(float(np.nanmax(values)) for values in tops))
@@ -129,6 +129,6 @@ def small_spectrum(surface: MaterialResult, grid: WavelengthGrid) -> Markup:
         inside = (truth.grid.nm >= nm[0]) & (truth.grid.nm <= nm[-1]) & np.isfinite(truth.values)
         drawn = points(truth.grid.nm[inside], truth.values[inside])
         parts.append(f'<polyline class="truth" points="{drawn}"/>')
+    name = f"Reflectance of {surface.name} over wavelength in nm"
     return Markup('<svg class="small" role="img" aria-label="{}" viewBox="0 0 {} {}">{}</svg>'
-                  ).format(f"Reflectance of {surface.name} over wavelength in nm", LEFT + WIDTH + 12,
-                           foot + 17, Markup("".join(parts)))
+                  ).format(name, LEFT + WIDTH + 12, foot + 17, Markup("".join(parts)))

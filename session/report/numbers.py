@@ -10,6 +10,7 @@ from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.report.cards import surface_colour
 from spectrabox.session.report.metamers import metamer_facts
 from spectrabox.session.report.spectra import every_10_nm, material_curves
 from spectrabox.session.report.swatches import swatch_facts
@@ -105,6 +106,7 @@ def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
                            "bound_lower", "bound_upper", "level", "conditional_on",
                            "next_measurement_nm"),
         "band_width": material.band_width,
+        "colour": _fields(surface_colour(material, nm), "lab", "lab_error", "hex"),
         "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(shown_nm, curves)},
         "samples": _samples(material.samples),
         "metamers": None if material.samples is None or len(material.samples.spectra) < 2
@@ -112,8 +114,6 @@ def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
         "truth": _fields(material.truth, "values", "standard_error", "source"),
         "scores": None if material.scores is None else vars(material.scores),
         }
-
-
 
 
 def family_facts(material: MaterialResult) -> list[dict[str, Any]]:

@@ -136,7 +136,7 @@ def _common_content(results: SessionResults, verdict: Verdict) -> dict[str, Any]
         "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
         "surfaces": {"title": "Regions" if flat else "Materials",
                      "one": "Region" if flat else "Material", "fitted": not flat},
-        "cards": [answer_card(number, surface, results.grid, doubts.get(surface.name, ()))
+        "cards": [answer_card(number, surface, results.grid.nm, doubts.get(surface.name, ()))
                   for number, surface in enumerate(surfaces, start=1)],
         "level": next((surface.summary.level for surface in surfaces
                        if surface.summary is not None), None),

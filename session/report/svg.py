@@ -147,10 +147,11 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str,
                      '<title id="{}-title">{}</title><desc id="{}-desc">{}</desc>').format(
                          view_box, name, name, name, title, name, description)
     svg = opening + Markup(_with_prefix(body, name)) + Markup("</svg>")
+    # what scrolls is reached by keyboard: a plot with a read-out is so already
     wide = drawing.get_figwidth() > NARROW_IN
-    box = Markup('<div class="plot-box wide" id="{}" tabindex="0">{}{}</div>' if wide
-                 else '<div class="plot-box" id="{}">{}{}</div>')
-    return Drawing(box.format(name, svg, _readout_html(drawing, readout)), name, title,
+    box = Markup('<div class="plot-box{}" id="{}"{}>{}{}</div>')
+    focus = Markup(' tabindex="0"') if wide and readout is None else ""
+    return Drawing(box.format(" wide" if wide else "", name, focus, svg, _readout_html(drawing, readout)), name, title,
                    plotted_numbers(drawing))
 
 

@@ -28,7 +28,6 @@ from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, roo
 from spectrabox.session.report.words import OFF
 from spectrabox.session.results import CommonResults, MaterialResult
 
-
 MAX_CAUSES, SMALL_SHARE = 5, 0.01     # of the spectrum's variance, named beside its plot
 
 
@@ -49,8 +48,8 @@ def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
     causes = sorted(material.variance_shares.items(), key=lambda cause: -cause[1])
     return {
         "id": f"material-{number}", "material": material,
-        "largest_causes": [(cause, share) for cause, share in causes[:MAX_CAUSES]
-                           if share >= SMALL_SHARE], "columns": list(curves), "rows": every_10_nm(nm, curves),
+        "largest_causes": [cause for cause in causes[:MAX_CAUSES] if cause[1] >= SMALL_SHARE],
+        "columns": list(curves), "rows": every_10_nm(nm, curves),
         "figure": material_figure(f"spectrum-{number}", material, grid_nm),
         "certified": certified_sentence(material.families),
         "in_doubt": mostly_in_doubt(material.families),
