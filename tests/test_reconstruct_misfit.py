@@ -8,7 +8,13 @@ import pytest
 
 from spectrabox.radiometry.records import SurfaceAgreement, SurfaceMisfit
 from spectrabox.reconstruct.agreement import scene_errors
-from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause, holm, surface_misfits, surface_tests
+from spectrabox.reconstruct.misfit import (
+    FALSE_ALARM,
+    common_cause,
+    holm,
+    surface_misfits,
+    surface_tests,
+)
 
 NAMES = ("white / floor", "white / back", "red / wall", "grey / lid")
 SIZE = 48
