@@ -151,8 +151,8 @@ def inline_svg(drawing: Figure, name: str, title: str, description: str,
     wide = drawing.get_figwidth() > NARROW_IN
     box = Markup('<div class="plot-box{}" id="{}"{}>{}{}</div>')
     focus = Markup(' tabindex="0"') if wide and readout is None else ""
-    return Drawing(box.format(" wide" if wide else "", name, focus, svg, _readout_html(drawing, readout)), name, title,
-                   plotted_numbers(drawing))
+    content = box.format(" wide" if wide else "", name, focus, svg, _readout_html(drawing, readout))
+    return Drawing(content, name, title, plotted_numbers(drawing))
 
 
 def plotted_numbers(drawing: Figure) -> list[dict[str, Any]]:
