@@ -97,7 +97,8 @@ def _photo(config: SessionConfig, scenes: SessionScenes) -> StageInputs:
          # the picture of a COLMAP model that says what the lens of each photo is
          "images": {name: camera.image for name, camera in cameras.items()
                     if camera is not None and camera.image is not None},
-         "photos": {view.name: view.photo for view in views}} | _developing(config))
+         "photos": {view.name: view.photo for view in views}} | _developing(config),
+        ("chart",) if config.flat and config.views else ())     # whose corners must agree
 
 
 def _calibrate(config: SessionConfig, scenes: SessionScenes) -> StageInputs:

@@ -16,6 +16,7 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "rawpy": ("capture/photo/raw.py",),
           "exifread": ("capture/photo/metadata.py",),
           "cv2": ("capture/chart/detection.py",           # pixels of a chart
+                  "capture/photo/registration.py",        # pixels of two photos
                   "calibrate/geometry/projection.py"),    # a lens and its pose
           "OpenImageIO": ("capture/photo/image_files.py",
                           "capture/photo/image_rows.py",    # what is too large to hold

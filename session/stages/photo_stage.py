@@ -1,11 +1,22 @@
 """The stage that decodes object photos: to the render's size, or to the signals of regions."""
 from __future__ import annotations
 
+import numpy as np
+
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.capture.photo.regions import region_signals, sample_regions
+from spectrabox.capture.photo.registration import (
+    Edges,
+    Registration,
+    find_edges,
+    own_motion_px,
+    register,
+    require_one_size,
+    require_registered,
+)
 from spectrabox.radiometry.records import LinearImage, RegionSamples
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.box.box_camera import lens_of_view
@@ -33,12 +44,16 @@ def measure_photos(task: StageTask) -> PhotoRecords:
         If most of a photo of a scene, or a region of flat samples, is saturated.
     InputError
         If a photo's shape is not that of its scene, or a region leaves its photo.
+    CheckError
+        If a further photo of flat samples was not taken from the tripod of the first.
     """
     config = task.config
     photos: dict[str, LinearImage] = {}
     regions: dict[str, RegionSamples] = {}
     notes: tuple[str, ...] = ()
     references = None
+    registrations: dict[str, Registration] = {}
+    first_edges: Edges | None = None
     for index, view in enumerate(config.all_views):
         task.progress((index + 0.1) / len(config.all_views), f"reading {view.photo_files[0]}")
         photo, own_notes = task.photos.developed(config, view.photo)
@@ -46,7 +61,12 @@ def measure_photos(task: StageTask) -> PhotoRecords:
         if config.drift.object_px and not view.name:
             references = region_signals(photo, config.drift.object_px)
         if config.flat:
-            if (samples := _regions(config, view, photo)) is not None:
+            if config.views and not view.name:
+                first_edges = find_edges(photo)
+            elif first_edges is not None and (registration := _registration(
+                    task, view, first_edges, photo)) is not None:
+                registrations[view.name] = registration
+            if (samples := _regions(config, view, photo, registrations.get(view.name))) is not None:
                 regions[view.name] = samples
                 notes += _uneven_notes(samples)
             photos[view.name] = thumbnail(photo, THUMBNAIL_WIDTH)
@@ -58,7 +78,7 @@ def measure_photos(task: StageTask) -> PhotoRecords:
                                                               config.reconstruct.width))
             preview = signal_rgb8(photo.signal)
         write_png(task.folder / f"{view.label('preview')}.png", preview)
-    return PhotoRecords(photos, regions, references, notes)
+    return PhotoRecords(photos, regions, references, registrations, notes)
 
 
 def _as_rendered(config: SessionConfig, view: ViewInputs, photo: LinearImage) -> LinearImage:
@@ -71,9 +91,43 @@ def _as_rendered(config: SessionConfig, view: ViewInputs, photo: LinearImage) ->
     return photo
 
 
-def _regions(config: SessionConfig, view: ViewInputs, photo: LinearImage) -> RegionSamples | None:
+def _registration(task: StageTask, view: ViewInputs, first_edges: Edges,
+                  photo: LinearImage) -> Registration | None:
+    """How a photo is shifted against the first; None where no region is in both, or both have too
+    little in common to tell.
+
+    Raises
+    ------
+    InputError
+        If the photos are of different sizes.
+    CheckError
+        As ``require_registered``.
+    """
+    config = task.config
+    first, charts = config.all_views[0], task.records.chart.charts
+    both = {name: region.outline() for name, region in config.regions_in(first).items()
+            if name in config.regions_in(view)}
+    if not both or view.photo_files == first.photo_files:
+        return None
+    edges = find_edges(photo)
+    names = first.photo_files[0], view.photo_files[0]
+    require_one_size(first_edges, edges, *names)
+    shown = [charts[each.name].detection.corners_px for each in (first, view)
+             if each.chart_files == each.photo_files]
+    registration = register(first_edges, edges, (shown[0], shown[1]) if len(shown) == 2 else None)
+    if registration is not None:
+        require_registered(registration, own_motion_px(first_edges, edges, registration, both),
+                           photo.signal.shape[1] * photo.sensor_step, *names)
+    return registration
+
+
+def _regions(config: SessionConfig, view: ViewInputs, photo: LinearImage,
+             registration: Registration | None) -> RegionSamples | None:
     """The regions that the photo shows; None where it shows none."""
-    shown = {name: section.outline() for name, section in config.regions_in(view).items()}
+    outlined = config.regions_in(config.all_views[0])
+    shown = {name: section.outline() if registration is None or name not in outlined
+             else registration.moved(np.array(section.outline())).tolist()
+             for name, section in config.regions_in(view).items()}
     return sample_regions(photo, shown) if shown else None
 
 

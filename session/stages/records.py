@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.capture.photo.registration import Registration
 from spectrabox.radiometry.light_scale import drift_between
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
@@ -55,6 +56,7 @@ class PhotoRecords(Record):
     photos: dict[str, LinearImage]              # by view, at the render's size or thumbnails
     regions: dict[str, RegionSamples]           # of flat samples, by view, where some are shown
     references: Annotated[np.ndarray, "Q K"] | None     # signals in the first photo
+    registrations: dict[str, Registration]      # by view, of flat samples that the first shows too
     notes: tuple[str, ...]
 
 

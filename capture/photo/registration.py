@@ -1,0 +1,258 @@
+"""How far one photo of a scene is shifted and turned against another from the same tripod.
+
+Lamps and filters change what is bright and what is dark, but edges stay where they are: photos are
+compared by the size of their gradients, band by band, since the colour sites of a sensor lie beside
+each other. Phase correlation finds the shift, the enhanced correlation coefficient (Evangelidis and
+Psarakis 2008) what is left of it and the turn.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import cv2
+import numpy as np
+
+from spectrabox.capture.photo.binning import thumbnail
+from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.shaped import Record
+
+WIDTH = 1000                # pixels, of the pictures of edges that are compared
+SMOOTHED_PX = 1.0           # before gradients are taken: the mosaic's own steps
+NOISE_OF_GRADIENT = 1.5     # of a pixel's; a smaller gradient is none
+MIN_CORRELATION = 0.3       # of the edges of a band, below which it says nothing
+STEPS, PRECISION, BLUR_PX = 60, 1e-5, 5     # of the correlation coefficient
+STILL_PX = 0.5              # less than this is no motion
+MAX_SHIFT = 0.05            # of the photo's width
+# a sample's own motion: the share of the photo's width and pixels that are tolerated, the pixels of
+# the picture of edges about its outline, and how much better it fits where it is said to be
+TOLERATED, TOLERATED_PX, MARGIN, SURROUND_PX = 0.003, 3.0, 0.2, 12
+MIN_LIKENESS = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Registration(Record):
+    """From pixels of the first photo to those of another: ``matrix @ (x, y, 1)``."""
+
+    matrix: Annotated[np.ndarray, "2 3"]    # a turn and a shift, full resolution
+    shift_px: float                         # of the middle of the photo
+    correlation: float                      # of the edges of both photos, 0 to 1
+    residual_px: float | None               # rms, of the chart's corners; None: not in both photos
+
+    def moved(self, points_px: np.ndarray) -> np.ndarray:
+        """Points (..., 2) of the first photo in the pixels of the other."""
+        return points_px if self.still else np.asarray(
+            points_px @ self.matrix[:, :2].T + self.matrix[:, 2])
+
+    @property
+    def still(self) -> bool:
+        """Whether the photo moved by less than half a pixel."""
+        return self.shift_px < STILL_PX
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Where a photo has edges, band by band, (H, W, K) float32."""
+
+    size: np.ndarray
+    sensor_step: float      # pixels of the sensor a side of one of these
+
+    @property
+    def photo_px(self) -> tuple[int, int]:
+        """Width and height of the photo."""
+        height, width = self.size.shape[:2]
+        return round(width * self.sensor_step), round(height * self.sensor_step)
+
+    @property
+    def all_bands(self) -> np.ndarray:
+        """Of all bands together (H, W)."""
+        return np.asarray(self.size.sum(axis=2))
+
+
+def find_edges(image: LinearImage) -> Edges:
+    """The edges of a photo: square roots of gradients in standard errors of the noise.
+
+    Parameters
+    ----------
+    image : LinearImage
+    """
+    small = thumbnail(image, WIDTH) if image.signal.shape[1] > WIDTH else image
+    bands = []
+    for band in range(small.signal.shape[2]):
+        signal = cv2.GaussianBlur(np.ascontiguousarray(small.signal[..., band], np.float32),
+                                  (0, 0), SMOOTHED_PX)
+        across, down = (cv2.Sobel(signal, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
+        noise = np.sqrt(np.maximum(small.variance[..., band], np.finfo(np.float32).tiny))
+        bands.append(np.sqrt(np.maximum(np.hypot(across, down) / noise - NOISE_OF_GRADIENT, 0)))
+    return Edges(np.stack(bands, axis=2).astype(np.float32), small.sensor_step)
+
+
+def register(first: Edges, other: Edges,
+             chart_px: tuple[np.ndarray, np.ndarray] | None = None) -> Registration | None:
+    """The motion between two photos; None where they have too little in common.
+
+    Parameters
+    ----------
+    first, other : Edges
+        Of photos of one size.
+    chart_px : two (I, 4, 2) arrays, optional
+        Patches of the chart in both photos, where both show it.
+    """
+    matrix, correlation = _by_edges(first, other)
+    if matrix is None:
+        return None
+    middle = (np.array(first.size.shape[1::-1]) * first.sensor_step - 1) / 2
+    shift = matrix[:, :2] @ middle + matrix[:, 2] - middle
+    registration = Registration(matrix, float(np.hypot(*shift)), correlation, None)
+    if chart_px is None:
+        return registration
+    before, after = (patches.reshape(-1, 2) for patches in chart_px)
+    off = before @ matrix[:, :2].T + matrix[:, 2] - after
+    return replace(registration, residual_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
+
+
+def require_one_size(first: Edges, other: Edges, first_name: str, other_name: str) -> None:
+    """Refuse photos of different sizes.
+
+    Parameters
+    ----------
+    first, other : Edges
+    first_name, other_name : str
+        Of the photos.
+
+    Raises
+    ------
+    InputError
+    """
+    if first.size.shape != other.size.shape or first.sensor_step != other.sensor_step:
+        said = " and ".join(f"{name} of {' x '.join(map(str, edges.photo_px))}" for name, edges
+                            in ((first_name, first), (other_name, other)))
+        raise InputError(f"{said} pixels show the same regions: take all photos with one camera in "
+                         "one position")
+
+
+def require_registered(registration: Registration, own_motion: Mapping[str, float],
+                       width_px: float, first: str, other: str) -> None:
+    """Refuse a photo that moved too far, or whose chart or samples moved by themselves.
+
+    Parameters
+    ----------
+    registration : Registration
+    own_motion : mapping
+        As of ``own_motion_px``.
+    width_px : float
+        Of the photo, in pixels of the sensor.
+    first, other : str
+        What the photos are called.
+
+    Raises
+    ------
+    CheckError
+    """
+    if registration.shift_px > MAX_SHIFT * width_px:
+        raise CheckError(f"{other} is shifted by {registration.shift_px:.0f} pixels against "
+                         f"{first}, {registration.shift_px / width_px:.0%} of its width: the "
+                         "camera moved, and saw other light and gloss; take all photos from one "
+                         "tripod")
+    if own_motion:
+        name, distance = max(own_motion.items(), key=lambda item: item[1])
+        raise CheckError(f"from {first} to {other} region {name!r} moved by {distance:.0f} pixels "
+                         "against what else the photos show: leave the samples where they are "
+                         "from photo to photo, or give the region the one photo that shows it "
+                         "there")
+    residual = registration.residual_px
+    if residual is not None and residual > tolerated_px(width_px):
+        raise CheckError(f"from {first} to {other} the chart moved by {residual:.0f} pixels "
+                         "against what else the photos show: leave chart and samples where they "
+                         "are from photo to photo")
+
+
+def tolerated_px(width_px: float) -> float:
+    """By how many pixels parts of a scene may move against each other in a photo of a width."""
+    return max(TOLERATED_PX, TOLERATED * width_px)
+
+
+def own_motion_px(first: Edges, other: Edges, registration: Registration,
+                  outlines: Mapping[str, Sequence[Sequence[float]]]) -> dict[str, float]:
+    """By how many pixels regions moved that did not stay where the rest of the photo did.
+
+    A region without edges in or around it tells nothing, and is left out.
+
+    Parameters
+    ----------
+    first, other : Edges
+    registration : Registration
+        Of the other photo to the first.
+    outlines : mapping
+        From names to corners [x, y] in pixels of the first photo.
+    """
+    step = first.sensor_step
+    height, width = first.size.shape[:2]
+    inverse = _at_full_resolution(registration.matrix, 1 / step).astype(np.float32)
+    back = cv2.warpAffine(other.all_bands, inverse, (width, height),
+                          flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    before = first.all_bands
+    tolerated = tolerated_px(width * step) / step
+    reach = int(np.ceil(MAX_SHIFT * width))
+    moved = {}
+    for name, outline in outlines.items():
+        corners = np.asarray(outline, float) / step
+        low = np.maximum(np.floor(corners.min(axis=0)).astype(int) - SURROUND_PX, 0)
+        high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + SURROUND_PX, [width, height])
+        shown = before[low[1]:high[1], low[0]:high[0]]
+        start = np.maximum(low - reach, 0)
+        around = back[start[1]:high[1] + reach, start[0]:high[0] + reach]
+        if shown.std() == 0 or around.std() == 0:
+            continue
+        likeness = cv2.matchTemplate(around, shown, cv2.TM_CCOEFF_NORMED)
+        column, row = (low - start).tolist()
+        best_row, best_column = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
+        distance = float(np.hypot(best_row - row, best_column - column))
+        if distance > tolerated and likeness.max() > max(MIN_LIKENESS,
+                                                         likeness[row, column] + MARGIN):
+            moved[name] = distance * step
+    return moved
+
+
+def _by_edges(first: Edges, other: Edges) -> tuple[np.ndarray | None, float]:
+    """Motion (2, 3) between pixels of the sensor and correlation of the edges; None where no band
+    has enough of them.
+    """
+    window = cv2.createHanningWindow(first.size.shape[1::-1], cv2.CV_32F)
+    (across, down), _ = cv2.phaseCorrelate(first.all_bands, other.all_bands, window)
+    start = np.array([[1, 0, across], [0, 1, down]], np.float32)
+    bands = range(first.size.shape[2])
+    seen = [(matrix, correlation) for matrix, correlation
+            in (_band_motion(np.ascontiguousarray(first.size[..., band]),
+                             np.ascontiguousarray(other.size[..., band]), start) for band in bands)
+            if correlation > MIN_CORRELATION]
+    if not seen:
+        return None, 0.0
+    # the error of a motion falls as the correlation nears 1
+    weights = np.array([correlation**2 / max(1 - correlation**2, 1e-3) for _, correlation in seen])
+    matrix = np.average([matrix for matrix, _ in seen], axis=0, weights=weights)
+    return (_at_full_resolution(matrix, first.sensor_step),
+            max(correlation for _, correlation in seen))
+
+
+def _band_motion(first: np.ndarray, other: np.ndarray,
+                 start: np.ndarray) -> tuple[np.ndarray, float]:
+    """Motion (2, 3) of one band's edges (H, W) and their correlation; 0 where none is found."""
+    if not (first.std() > 0 and other.std() > 0):
+        return start, 0.0
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, STEPS, PRECISION)
+    try:
+        correlation, matrix = cv2.findTransformECC(
+            first, other, start.copy(), cv2.MOTION_EUCLIDEAN, criteria, None, BLUR_PX)
+    except cv2.error:       # the edges have nothing in common
+        return start, 0.0
+    return np.asarray(matrix), float(correlation)
+
+
+def _at_full_resolution(matrix: np.ndarray, step: float) -> np.ndarray:
+    """A motion between pixels of ``step`` sensor pixels a side as one between the sensor's."""
+    middle = (step - 1) / 2         # of the first pixel
+    turn = np.asarray(matrix[:, :2], float)
+    return np.column_stack([turn, step * matrix[:, 2] + middle - turn @ [middle, middle]])
