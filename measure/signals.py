@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.swatches import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import stated_causes
 from spectrabox.radiometry.errors import InputError
@@ -21,6 +22,7 @@ from spectrabox.sampling.error_budget import FLOOR, METAMERISM
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful, joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice, proposals_for
+from spectrabox.sampling.further.swatches import SwatchCorrection
 from spectrabox.sampling.polytope.bounds import bounds_of_many
 from spectrabox.sampling.polytope.refinement import sample_refined
 from spectrabox.sampling.prior.family_coverage import (
@@ -134,6 +136,7 @@ def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: 
                    light_error: float = 0.0, sensitivity_error: float = 0.0,
                    prior: LogitMixture | None = None, more: Sequence[MoreMeasurement] = (),
                    twice: SpectralMeasurement | None = None,
+                   swatches: tuple[np.ndarray, np.ndarray] | None = None,
                    with_draws: bool = True) -> list[SignalEstimate]:
     """Estimate the reflectance behind each of some signals.
 
@@ -155,6 +158,8 @@ def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: 
         Of the same surface as each signal.
     twice : SpectralMeasurement, optional
         Light reflected twice off the surface.
+    swatches : signals (n, K) and reflectances (n, 61), optional
+        Measured samples of the material, which correct the learnt prior; draws are then made.
     with_draws : bool
         Without, signals that the learnt prior explains get none, which is far faster.
 
@@ -167,15 +172,25 @@ def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: 
     for name, error in (("light", light_error), ("sensitivity", sensitivity_error)):
         if not 0 <= error < 0.5:
             raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
-    if not with_draws and options.method == "prior" and not more and twice is None:
+    if swatches is not None and (options.method != "prior" or more or twice is not None):
+        raise InputError("swatches correct what the learnt prior says of a signal alone; leave out "
+                         "further measurements, and take --method prior")
+    if not with_draws and options.method == "prior" and not more and twice is None \
+            and swatches is None:
         return _estimate_without_draws(relative_response, signals, options, white, noise,
                                        light_error, sensitivity_error, prior or load_prior())
-    estimates = []
-    for signal in signals:
+    def measured(signal: np.ndarray) -> tuple[SpectralMeasurement, dict[str, np.ndarray]]:
         base = measurement_of_signal(relative_response, signal, white, noise)
-        causes = stated_causes(base.signal, base.noise_covariance, light_error, sensitivity_error)
-        estimates.append(_estimate_from_draws(base, causes, options, prior, list(more), twice))
-    return estimates
+        return base, stated_causes(base.signal, base.noise_covariance, light_error,
+                                   sensitivity_error)
+
+    correction = None
+    if swatches is not None:
+        known = [_with_all_errors(*measured(signal)) for signal in swatches[0]]
+        correction = correction_by_swatches(known, swatches[1],
+                                            [prior or load_prior()] * len(known))
+    return [_estimate_from_draws(*measured(signal), options, prior, list(more), twice, correction)
+            for signal in signals]
 
 
 def check_options(options: SampleOptions) -> None:
@@ -203,10 +218,10 @@ def check_options(options: SampleOptions) -> None:
 
 def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
                          options: SampleOptions, prior: LogitMixture | None,
-                         more: list[MoreMeasurement],
-                         twice: SpectralMeasurement | None) -> SignalEstimate:
+                         more: list[MoreMeasurement], twice: SpectralMeasurement | None,
+                         correction: SwatchCorrection | None = None) -> SignalEstimate:
     """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
-    base = replace(base, noise_covariance=sum(causes.values(), np.zeros((base.signal.size,) * 2)))
+    base = _with_all_errors(base, causes)
     measurement = base if options.keep is not None else joined(base, more)
     count = options.samples if twice is None or options.keep is not None \
         else proposals_for(options.samples)
@@ -216,8 +231,11 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
         posterior = solve_posterior(prior, measurement)
         draws = posterior.samples(count, options.seed, options.coefficients)
         families = posterior.family_shares
-        certified, certificate = _certificate(prior, families, draws.outcome)
-        if not more and twice is None:
+        if correction is not None:      # neither was judged, nor is it known, of corrected bands
+            draws = corrected_samples(correction, base.signal, draws)
+        else:
+            certified, certificate = _certificate(prior, families, draws.outcome)
+        if not more and twice is None and correction is None:
             budget = posterior.variance_shares(causes)
     elif options.refine is not None:
         draws = _draw_refined(options, options.refine, measurement, count)
@@ -243,6 +261,11 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
         "the signal alone" if over_determined or options.keep else "all measurements",
         doubtful(base, more, prior or load_prior(), options.seed) if more else None,
         budget, families, certified, certificate, draws, base, causes)
+
+
+def _with_all_errors(base: SpectralMeasurement,
+                     causes: Mapping[str, np.ndarray]) -> SpectralMeasurement:
+    return replace(base, noise_covariance=sum(causes.values(), np.zeros((base.signal.size,) * 2)))
 
 
 def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasurement,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import spectrabox as sb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.further.swatches import (
     FEWEST,
@@ -17,6 +18,8 @@ from spectrabox.sampling.further.swatches import (
     corrected_draws,
     learn_correction,
 )
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.session.signals.signal_options import read_swatches
 
 SIGMAS = stats.norm.isf(0.5e-4)
 NM, BANDS, OWN = np.linspace(400, 700, 61), 6, 0.01
@@ -118,3 +121,63 @@ def test_too_few_swatches_and_swatches_of_one_colour_are_refused():
                        for field in dataclasses.fields(swatches)))
     with pytest.raises(InputError, match="have the same signal"):
         learn_correction(alike)
+
+
+CAMERA = {"camera": "Nikon 5100 (NPL)", "light": "D65", "noise": 0.003}
+
+
+def dyed(count, seed):
+    """Reflectances (n, 61) of one dye in various amounts and with a varying ground, far from what
+    the learnt prior expects; and signals (n, 3).
+    """
+    from spectrabox.radiometry.spectra.named_spectra import relative_response
+
+    rng = np.random.default_rng(seed)
+    amounts, ground = rng.uniform(0.1, 2, (count, 1)), rng.uniform(0.6, 0.9, (count, 1))
+    absorbed = np.exp(-0.5 * ((NM - 520) / 12)**2) + 0.7 * np.exp(-0.5 * ((NM - 610) / 10)**2)
+    truth = ground * 10**-(amounts * absorbed)
+    response = relative_response("Nikon 5100 (NPL)", "D65", PRIOR_GRID)
+    return truth, truth @ response.T * (1 + 0.003 * rng.standard_normal((count, 3)))
+
+
+def test_swatches_correct_the_spectra_behind_signals_of_three_bands():
+    (known, known_signals), (truth, signals) = dyed(24, 1), dyed(12, 2)
+    swatches = (known_signals, NM, known)
+    before, after = (sb.sample(signals, swatches=each, **CAMERA) for each in (None, swatches))
+    off = [np.mean([rmse(one.mean[None], each[None]) for one, each in
+                    zip(estimates.values(), truth, strict=True)]) for estimates in (before, after)]
+    assert off[1] < 0.5 * off[0]
+    inside = np.mean([np.mean((one.band()[0] <= each) & (each <= one.band()[1]))
+                      for one, each in zip(after.values(), truth, strict=True)])
+    # 12 samples of two independent errors: 0.95 within four standard errors
+    assert inside > 0.95 - SIGMAS * np.sqrt(0.95 * 0.05 / 24)
+    first = after["signal 1"]
+    assert "3 bands do not show whether its material is theirs" in first.outcome
+    assert first.causes == {} and np.all(first.band(0.5)[0] >= first.band()[0])
+
+
+def test_a_table_of_swatches_is_read_whatever_the_order_of_its_wavelengths(tmp_path):
+    truth, signals = dyed(9, 3)
+    table = tmp_path / "swatches.csv"
+    head = ["name", *(f"{nm:g}" for nm in NM[::-1]), "R", "G", "B"]
+    rows = [[f"s{at}", *map(repr, spectrum[::-1].tolist()), *map(repr, signal.tolist())]
+            for at, (spectrum, signal) in enumerate(zip(truth, signals, strict=True))]
+    table.write_text("\n".join(",".join(row) for row in [head, *rows]))
+    np.testing.assert_array_equal(read_swatches(table, 3)[0], signals)
+    np.testing.assert_allclose(read_swatches(table, 3)[1], truth, rtol=1e-12)    # of pchip at nodes
+    for text, sentence in (("R,G,B\n1,2,3", "is no table of swatches"),
+                           ("R,G,B,400,700\n1,1,1,50,60", "divide percentages by 100"),
+                           ("R,G,B,400,700\n1,1,1,0.5", "row 2 does not hold a number"),
+                           ("R,G,B,450,700\n1,1,1,0.5,0.5", "covers 450-700 nm"),
+                           ("R,G,B,400,400,700\n1,1,1,0.5,0.5,0.5", "not all different")):
+        table.write_text(text)
+        with pytest.raises(InputError, match=sentence):
+            read_swatches(table, 3)
+
+
+def test_swatches_go_with_the_learnt_prior_alone():
+    truth, signals = dyed(9, 3)
+    with pytest.raises(InputError, match="take --method prior"):
+        sb.sample(signals[0], swatches=(signals, NM, truth), method="uniform", **CAMERA)
+    with pytest.raises(InputError, match=r"give signals \(n, 3\)"):
+        sb.sample(signals[0], swatches=(signals[:, :2], NM, truth), **CAMERA)

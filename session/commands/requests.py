@@ -100,6 +100,9 @@ class SampleRequest(PriorOptions, MeasuredSignal, CameraAndLight):
 
     signals: Annotated[Path | None, typer.Option(
         help="CSV: a header of bands, one signal per row.")] = None
+    swatches: Annotated[Path | None, typer.Option(
+        help="CSV of measured samples of the material: band names and wavelengths above, below of "
+        "each its signals and its reflectances. They correct the spectra.")] = None
     coefficients: Coefficients = 13
     method: Annotated[str, typer.Option(help="prior, uniform or paper.")] = "prior"
     samples: Annotated[int, typer.Option(

@@ -32,6 +32,7 @@ from spectrabox.session.signals.signal_options import (
     numbers,
     optional_numbers,
     read_signals,
+    read_swatches,
     signal_and_noise,
 )
 
@@ -73,7 +74,8 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.
         sensitivity_error=request.sensitivity_error,
         prior=of_families(load_prior(request.prior), request.family)
         if options.method == "prior" or request.prior or more else None,
-        more=more, twice=twice,
+        more=more, twice=twice, swatches=None if request.swatches is None
+        else read_swatches(request.swatches, bands),
         with_draws=request.signal is not None or request.out is not None or request.baseline)
     results = [_estimate_facts(estimate) for estimate in estimates]
     if request.baseline or request.truth is not None:

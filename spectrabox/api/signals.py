@@ -23,8 +23,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.session.signals.signal_options import read_swatches, swatch_reflectances
 from spectrabox.session.signals.spectral_library import read_spectral_libraries
 
+SwatchesLike = str | Path | tuple[ArrayLike, ArrayLike, ArrayLike]
 VARIATION = 0.01        # of white: how much surfaces of one material differ
 
 
@@ -34,6 +36,7 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
            sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,
            method: str = "prior", draws: int = 2000, seed: int = 0, coefficients: int = 13,
            level: float = 0.95, prior: str | Path | LogitMixture | None = None,
+           swatches: SwatchesLike | None = None,
            names: Sequence[str] | None = None) -> SpectrumEstimate | SpectrumEstimates:
     """Every reflectance behind one signal, or behind each of many.
 
@@ -60,6 +63,9 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
         Of the band, 0 to 1.
     prior : path or LogitMixture, optional
         On reflectances; the shipped one by default.
+    swatches : path or (signals, nm, reflectances), optional
+        Eight or more measured samples of the material, which correct the spectra: a file as of
+        ``spectrabox sample --swatches``, or arrays (n, K), (Q,) and (n, Q).
     names : sequence of S str, optional
         Of the surfaces; "signal 1", "signal 2" ... by default.
 
@@ -108,8 +114,9 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
         response, rows, SampleOptions(method, draws, seed, coefficients, level),
         white=None if white is None else np.asarray(white, dtype=float),
         noise=np.broadcast_to(errors, bands).copy(), light_error=light_error,
-        sensitivity_error=sensitivity_error, prior=learnt, with_draws=given.ndim == 1)
-    estimates = [_estimate(name, one, learnt if method == "prior" else None)
+        sensitivity_error=sensitivity_error, prior=learnt, with_draws=given.ndim == 1,
+        swatches=None if swatches is None else _swatches(swatches, bands))
+    estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None)
                  for name, one in zip(labels, each, strict=True)]
     return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)
 
@@ -188,6 +195,18 @@ def match(signal: SpectrumEstimate | ArrayLike,
         known = read_spectral_libraries([str(word) for word in words], signal.measurement.grid)
     return match_signal(signal.name, signal.measurement, known, as_prior(prior),
                         variation=variation, evidence_ratio=evidence_ratio)
+
+
+def _swatches(swatches: SwatchesLike, bands: int) -> tuple[np.ndarray, np.ndarray]:
+    """Signals (n, K) and reflectances (n, 61) of swatches."""
+    if isinstance(swatches, str | Path):
+        return read_swatches(Path(swatches), bands)
+    signals, nm, values = (np.asarray(one, dtype=float) for one in swatches)
+    if signals.ndim != 2 or signals.shape[1] != bands or values.shape != (len(signals), nm.size):
+        raise InputError(f"swatches of shapes {signals.shape}, {nm.shape} and {values.shape} were "
+                         f"given; give signals (n, {bands}), wavelengths (Q,) and reflectances "
+                         "(n, Q)")
+    return signals, swatch_reflectances(nm, values, "swatches")
 
 
 def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None) -> SpectrumEstimate:
