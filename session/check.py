@@ -1,7 +1,4 @@
-"""Read every input of a session and say everything that is wrong with it at once.
-
-What photos and stages need is imported where they are looked at: not where all results are there.
-"""
+"""Read every input of a session and say everything that is wrong with it at once."""
 from __future__ import annotations
 
 import os
@@ -12,6 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.calibrate.geometry.lens_files import read_lens
+from spectrabox.capture.chart.detection import find_chart
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -36,6 +37,7 @@ from spectrabox.session.stages.inputs import (
     require_exposed,
 )
 from spectrabox.session.stages.order import stages_of
+from spectrabox.session.stages.reconstruct_stage import require_invertible
 from spectrabox.session.stages.scenes import (
     read_chart_scene,
     read_session_scene,
@@ -126,7 +128,6 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
         attempt(read_chart_reference, config)
         attempt(read_chart_scene, config)
     if config.camera.lens is not None:
-        from spectrabox.calibrate.geometry.lens_files import read_lens
         attempt(lambda: read_lens(config.path(config.camera.lens or "")))
     for view in config.all_views:
         for spectrum in view.all_lights:
@@ -140,8 +141,6 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
 
 def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
     """Decode every photo and look for what the stages would refuse."""
-    from spectrabox.capture.photo.regions import sample_regions
-
     def silent(read: Callable[..., Any], *arguments: Any) -> Any:
         """The result, or None: what is wrong has been said."""
         try:
@@ -177,7 +176,6 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
                           progress=lambda stage, done, what: None, before=long, shared=shared)
     if config.flat:
         return None
-    from spectrabox.session.stages.reconstruct_stage import require_invertible
     return require_invertible(config, finished.records, device)
 
 
@@ -198,9 +196,6 @@ def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
     ------
     InputError, CheckError
     """
-    from spectrabox.capture.chart.detection import find_chart
-    from spectrabox.capture.chart.patches import require_unclipped, sample_patches
-
     layout = session_chart(config)
     detection = find_chart(chart, signals, chart_corners(config, view), layout)
     require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0],

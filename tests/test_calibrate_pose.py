@@ -43,7 +43,7 @@ def test_the_pose_comes_back_from_exact_points():
 def test_the_focal_length_comes_back_with_the_pose():
     pose, lens = pose_and_focal_length(*box_view(lens=PLAIN), 640, 480)
     assert lens.matrix[0, 0] == pytest.approx(700, rel=1e-6)  # Gauss-Newton's own stop
-    np.testing.assert_allclose(camera_position(pose)[0], true_place()[0], atol=1e-6)
+    np.testing.assert_allclose(camera_position(pose).position, true_place()[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("free_focal", [False, True])
@@ -53,9 +53,11 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
         places, points = box_view(rng, lens=PLAIN)
         if free_focal:
             pose, lens = pose_and_focal_length(places, points, 640, 480)
-            poses.append((*camera_position(pose), lens.matrix[0, 0], lens.standard_error[0]))
+            focal = lens.matrix[0, 0], lens.standard_error[0]
         else:
-            poses.append((*camera_position(pose_from_points(places, points, PLAIN)), 700.0, 1.0))
+            pose = pose_from_points(places, points, PLAIN)
+            focal = 700.0, 1.0
+        poses.append((*vars(camera_position(pose)).values(), *focal))
     position, error, direction, angle, focal, focal_error = (np.array(column)
                                                              for column in zip(*poses, strict=True))
     # 100 draws of three numbers know a standard deviation to 4 to 7 %: 4 sigma.
@@ -70,10 +72,11 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
 
 def test_an_uncertain_lens_widens_the_pose():
     places, points = box_view(np.random.default_rng(1))
-    known = camera_position(pose_from_points(places, points, TRUE))[1]
+    known = camera_position(pose_from_points(places, points, TRUE)).position_standard_error
     unsure = Lens(**{**vars(TRUE), "standard_error": np.array([20.0, 20, 5, 5])})
     # 20 of 700 pixels of focal length are 3 % of the distance of 0.9.
-    assert known.max() < 0.01 < camera_position(pose_from_points(places, points, unsure))[1].max()
+    wider = camera_position(pose_from_points(places, points, unsure)).position_standard_error
+    assert known.max() < 0.01 < wider.max()
 
 
 def test_points_that_do_not_tell_are_refused():

@@ -69,10 +69,9 @@ def test_the_stated_errors_are_the_scatter_of_repetitions(tmp_path):
     places, squares, scales = [], [], []
     for _ in range(100):
         estimate = model_in_scene(images, marks(rng=rng, noise_px=0.4), CORNERS)
-        at, error, _, _ = camera_position(pose_in_scene(images["box.jpg"], estimate))
-        truth = np.array(PLACES["box.jpg"][0])
-        places.append(at - truth)
-        squares.append(((at - truth) / error) ** 2)
+        camera = camera_position(pose_in_scene(images["box.jpg"], estimate))
+        places.append(camera.position - np.array(PLACES["box.jpg"][0]))
+        squares.append((places[-1] / camera.position_standard_error) ** 2)
         scales.append((estimate.scale - 1 / SCALE) / estimate.scale_error)
     # the mean of 100 squares of standard normals scatters by sqrt(2 / 100) = 0.14, a little more
     # since the noise is estimated with 35 degrees of freedom: 3.2 of that are allowed

@@ -70,11 +70,12 @@ def test_a_light_three_centimetres_off_is_found_within_its_standard_error(tmp_pa
     light = refine_light_position(box(tmp_path, change), PAINTS, response(),
                                   photo(box(tmp_path, change), TRUE_OFFSET_CM),
                                   settings=PositionSettings(spp=32))
-    assert light.outcome is Outcome.CONVERGED and light.misfit < min(light.before / 3, 1.5)
+    assert light.outcome is Outcome.CONVERGED and light.chi_square < min(
+        light.chi_square_before / 3, 1.5)
     # Three normal numbers: all within 3.5 standard errors at a significance of 1.4e-3.
     assert np.all(np.abs(light.offset - TRUE_OFFSET_CM) < 3.5 * light.standard_error)
     assert np.all(light.standard_error < 0.5)  # the errors say something: a sixth of the way
-    assert abs(light.scale.value - TRUE_SCALE) < 3.5 * light.scale.standard_error
+    assert abs(light.light_scale - TRUE_SCALE) < 3.5 * light.light_scale_standard_error
     # Gauss and Newton: with right slopes one step leaves the bend of the squared distance alone.
     left = np.linalg.norm(light.offsets[1] - light.offset) / np.linalg.norm(light.offset)
     assert left < 0.3, left
@@ -208,5 +209,5 @@ def test_the_beam_of_a_lamp_is_part_of_what_its_place_explains(tmp_path):
     light = refine_light_position(scene, PAINTS, response(),
                                   photo_of(TRUE_SCALE * image, TRUE_SCALE**2 * noise),
                                   settings=PositionSettings(spp=64))
-    assert light.misfit < 1.5
+    assert light.chi_square < 1.5
     assert np.all(np.abs(light.offset - TRUE_OFFSET_CM) < 3.5 * light.standard_error)

@@ -43,20 +43,22 @@ class Pose(Record):
     rms_px: float
 
 
-def camera_position(pose: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Position (3,) in the scene and viewing direction (3,), with their standard errors.
+@dataclass(frozen=True, eq=False)
+class CameraPosition(Record):
+    """Where the camera is in the scene, in its unit, and where it looks."""
+
+    position: Annotated[np.ndarray, "3"]
+    position_standard_error: Annotated[np.ndarray, "3"]
+    direction: Annotated[np.ndarray, "3"]
+    direction_standard_error_deg: float
+
+
+def camera_position(pose: Pose) -> CameraPosition:
+    """Position and viewing direction, with their standard errors.
 
     Parameters
     ----------
     pose : Pose
-
-    Returns
-    -------
-    position, standard_error : (3,) arrays
-        The scene's unit.
-    direction : (3,) array
-    error_deg : float
-        Of the direction.
     """
     def seen(step: np.ndarray) -> np.ndarray:
         rotation = _turn(step[:3]) @ pose.world_to_camera[:3, :3]
@@ -69,7 +71,7 @@ def camera_position(pose: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray, flo
     covariance = jacobian @ pose.covariance @ jacobian.T
     middle = seen(np.zeros(6))
     angle = float(np.degrees(np.sqrt(np.trace(covariance[3:, 3:]))))
-    return middle[:3], np.sqrt(np.diag(covariance)[:3]), middle[3:], angle
+    return CameraPosition(middle[:3], np.sqrt(np.diag(covariance)[:3]), middle[3:], angle)
 
 
 def pinhole(lens: Lens) -> np.ndarray:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +19,21 @@ from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries
 DRIFT_SIGMA = 3.0           # a drift counts where it exceeds its own error by this
 DRIFT_RELATIVE = 0.005      # and is larger than this over the series
 LOW_SIGNAL = 0.02           # of the standard's largest value: below, a ratio is mostly noise
+
+
+@dataclass(frozen=True)
+class SeriesSummary:
+    """A series of readings of one thing, over all wavelengths; None of what a few readings do not
+    tell.
+    """
+
+    name: str
+    readings: int
+    quantity: str
+    relative_spread: float | None       # standard deviation of the readings over their mean
+    relative_drift: float | None        # from the first to the last
+    relative_drift_error: float | None
+    flags: tuple[str, ...]
 
 
 def series_of(readings: Sequence[SpectralReading], name: str,
@@ -87,14 +103,21 @@ def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
     return Spectrum(series.grid, series.mean, series.quantity, source, error)
 
 
-def relative_spread(series: ReadingSeries) -> float | None:
-    """Standard deviation of the readings over their mean, both summed over wavelengths; None for a
-    single reading.
+def series_summary(series: ReadingSeries, name: str) -> SeriesSummary:
+    """A series in a few numbers.
+
+    Parameters
+    ----------
+    series : ReadingSeries
+    name : str
+        Of what was measured.
     """
-    if series.readings < 2:
-        return None
-    weights = series.grid.weights_nm
-    return float((series.spread @ weights) / (series.mean @ weights))
+    weights, several = series.grid.weights_nm, series.readings > 1
+    return SeriesSummary(
+        name, series.readings, series.quantity.name.lower(),
+        float((series.spread @ weights) / (series.mean @ weights)) if several else None,
+        series.relative_drift if several else None,
+        series.relative_drift_error if series.readings > 2 else None, series.flags)
 
 
 def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float,

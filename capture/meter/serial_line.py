@@ -324,15 +324,25 @@ def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = N
     return SerialLine(opened, port, settings, log, pace or Pace(), held)
 
 
-def list_ports() -> list[dict[str, str | None]]:
+@dataclass(frozen=True)
+class SerialPort:
+    """A port of this computer, with what USB says of it."""
+
+    port: str
+    description: str | None
+    manufacturer: str | None
+    usb: str | None             # vendor and product, in hexadecimal
+    serial_number: str | None
+
+
+def list_ports() -> list[SerialPort]:
     """The ports of this computer with what USB says of them; opens none, so that no instrument
     notices.
     """
     from serial.tools import list_ports as ports
-    return [{"port": port.device, "description": port.description,
-             "manufacturer": port.manufacturer,
-             "usb": f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None else None,
-             "serial_number": port.serial_number} for port in sorted(ports.comports())]
+    return [SerialPort(port.device, port.description, port.manufacturer,
+                       f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None else None,
+                       port.serial_number) for port in sorted(ports.comports())]
 
 
 def shown(data: bytes) -> str:
@@ -367,7 +377,7 @@ def _port_error(port: str, error: Exception) -> PortError:
     if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
         return PortError(f"{port} is in use by another program; close that program, then try again")
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or "FileNotFound" in str(error):
-        present = ", ".join(str(entry["port"]) for entry in list_ports()) or "none"
+        present = ", ".join(each.port for each in list_ports()) or "none"
         return PortError(f"there is no port {port}; ports of this computer: {present}. Plug the "
                          "instrument in, switch it on and see 'spectrabox meter list'")
     return PortError(f"{port} cannot be opened ({error}); see 'spectrabox meter list' for the "

@@ -65,22 +65,22 @@ class BoxCamera:
     @property
     def at_mm(self) -> tuple[float, ...]:
         """Position (3,) of the lens."""
-        return tuple(camera_position(self.pose)[0].tolist())
+        return tuple(camera_position(self.pose).position.tolist())
 
     @property
     def standard_error_mm(self) -> tuple[float, ...]:
         """Standard error (3,) of the position."""
-        return tuple(camera_position(self.pose)[1].tolist())
+        return tuple(camera_position(self.pose).position_standard_error.tolist())
 
     @property
     def direction(self) -> tuple[float, ...]:
         """Unit vector (3,) along which the camera looks."""
-        return tuple(camera_position(self.pose)[2].tolist())
+        return tuple(camera_position(self.pose).direction.tolist())
 
     @property
     def direction_error_deg(self) -> float:
         """Standard error of the direction."""
-        return camera_position(self.pose)[3]
+        return camera_position(self.pose).direction_standard_error_deg
 
 
 def measured_camera(camera: CameraTable, lens: Lens | None, size: tuple[int, int]) -> BoxCamera:

@@ -18,7 +18,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.interreflection import signal
-from spectrabox.radiometry.records import LightScale, LinearImage, Outcome, Progress
+from spectrabox.radiometry.records import LinearImage, Outcome, Progress
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene.edit_scene import light_number, with_light_moved
@@ -69,9 +69,10 @@ class LightPosition(Record):
     offset: Annotated[np.ndarray, "3"]
     standard_error: Annotated[np.ndarray, "3"]
     covariance: Annotated[np.ndarray, "3 3"]
-    scale: LightScale  # factor from rendering to photo with the light there
-    before: float  # chi-square per degree of freedom with the light as given
-    misfit: float  # the same with the light moved; above 1 it widens the errors
+    light_scale: float  # factor from rendering to photo with the light there
+    light_scale_standard_error: float
+    chi_square_before: float  # per degree of freedom, with the light as given
+    chi_square: float  # the same with the light moved; above 1 it widens the errors
     offsets: Annotated[np.ndarray, "I 3"]
     outcome: Outcome
 
@@ -166,11 +167,10 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
             outcome = Outcome.CONVERGED
             break
     value = float(np.exp(fit.log_scale))
-    scale = LightScale(value, value * fit.log_scale_error, None,
-                       "surfaces of known reflectance, the light's position estimated with it")
     return LightPosition(scene_file.light_ids[scene.number], offset,
-                         np.sqrt(np.diag(fit.covariance)), fit.covariance, scale, before,
-                         fit.misfit, np.array(offsets), outcome)
+                         np.sqrt(np.diag(fit.covariance)), fit.covariance, value,
+                         value * fit.log_scale_error, before, fit.misfit, np.array(offsets),
+                         outcome)
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,22 @@
 """The cameras of a session's photos of a measured box, and the box's scene as XML."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from spectrabox.calibrate.geometry.colmap_model import read_colmap
+from spectrabox.calibrate.geometry.lens import Lens
+from spectrabox.calibrate.geometry.lens_files import read_lens
+from spectrabox.capture.photo.linear import photo_size
+from spectrabox.measure.scene.box_camera import (
+    BoxCamera,
+    camera_from_corners,
+    camera_from_model,
+    measured_camera,
+    require_in_front,
+    visible_corners,
+)
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.reconstruct.scene.box_scene import box_xml
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, ViewInputs
-
-if TYPE_CHECKING:
-    from spectrabox.calibrate.geometry.lens import Lens
-    from spectrabox.measure.scene.box_camera import BoxCamera
 
 COLMAP = f"{FILE_NAME}: scene.box.colmap"
 SHOWN = 12              # names of pictures in an error
@@ -54,13 +60,6 @@ def box_camera(config: SessionConfig, view: ViewInputs | None = None) -> BoxCame
     CheckError
         As ``box_text``; or if the COLMAP model and the marked corners do not fit.
     """
-    # OpenCV and SciPy are not needed where nobody asks for a camera
-    from spectrabox.calibrate.geometry.lens_files import read_lens
-    from spectrabox.measure.scene.box_camera import (
-        camera_from_corners,
-        measured_camera,
-        require_in_front,
-    )
     view = view or config.all_views[0]
     box, table, size = _box(config), _camera_table(config, view), size_of_photo(config, view)
     if table.image is not None:
@@ -101,7 +100,6 @@ def corners_in_photo(config: SessionConfig,
     InputError, CheckError
         As ``box_camera``.
     """
-    from spectrabox.measure.scene.box_camera import visible_corners
     view = view or config.all_views[0]
     return visible_corners(box_camera(config, view),
                            _box(config).turned(view.turn_deg).corner_positions())
@@ -121,7 +119,6 @@ def lens_of_view(config: SessionConfig, view: ViewInputs) -> Lens | None:
         If its file or the COLMAP model cannot be read, or does not fit.
     """
     if config.camera.lens is not None:
-        from spectrabox.calibrate.geometry.lens_files import read_lens
         return read_lens(config.path(config.camera.lens))
     if config.box is None or view.scene is not None:
         return None
@@ -136,8 +133,6 @@ def size_of_photo(config: SessionConfig, view: ViewInputs | None = None) -> tupl
 
     A view without a camera of its own is as large as the first photo, whose camera it shares.
     """
-    # a scene in a file needs none of its readers
-    from spectrabox.capture.photo.linear import photo_size
     own = view is not None and view.camera is not None
     taken = view if own and view is not None else config.all_views[0]
     return photo_size(config.path(taken.photo_files[0]))
@@ -145,8 +140,6 @@ def size_of_photo(config: SessionConfig, view: ViewInputs | None = None) -> tupl
 
 def _model_camera(config: SessionConfig, image: str, size: tuple[int, int]) -> BoxCamera:
     """The camera of one picture of the session's COLMAP model."""
-    from spectrabox.calibrate.geometry.colmap_model import read_colmap
-    from spectrabox.measure.scene.box_camera import camera_from_model
     table = _box(config).colmap
     assert table is not None
     images = read_colmap(config.path(table.folder))

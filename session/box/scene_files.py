@@ -5,6 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.calibrate.geometry.projection import points_overlay
+from spectrabox.capture.develop.developed import open_any
+from spectrabox.capture.photo.image_files import write_png
+from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.scene.box_scene import box_edges, chart_xml
@@ -52,7 +56,6 @@ def write_overlays(config: SessionConfig) -> list[Path]:
     list of Path
         One for each of ``box_views``.
     """
-    from spectrabox.capture.photo.image_files import write_png
     paths = []
     for view in box_views(config):
         paths.append(_named_after(config, OVERLAY_NAME, view))
@@ -65,9 +68,6 @@ def overlay(config: SessionConfig, view: ViewInputs) -> np.ndarray:
 
     Edges are drawn straight, through ends that the lens bends.
     """
-    from spectrabox.calibrate.geometry.projection import points_overlay
-    from spectrabox.capture.develop.developed import open_any
-    from spectrabox.capture.photo.preview import signal_rgb8
     assert config.box is not None
     seen = corners_in_photo(config, view)
     # a turned view without its own camera has no marks: its camera is the first photo's

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,11 +19,12 @@ from spectrabox.session.command_line import (
     require_new,
 )
 from spectrabox.session.commands.lamp import beam, light
+from spectrabox.session.json_values import to_json
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.calibrate.geometry.lens import Lens, Pose
+    from spectrabox.calibrate.geometry.lens import CameraPosition, Lens
     from spectrabox.radiometry.records import LinearImage
 
 Photo = Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
@@ -67,7 +68,7 @@ def board(request: BoardRequest) -> Answer:
     picture = board_picture(read_board(request.board_file), request.square_px)
     with writable(request.out.parent):
         write_png(request.out, picture[..., None].repeat(3, axis=2))
-    return Answer({"out": str(request.out), "size": list(picture.shape[::-1])},
+    return Answer({"out": request.out, "size": picture.shape[::-1]},
                   f"wrote {request.out}: print it without scaling, glue it flat, then measure "
                   f"squares and markers and write their widths into {request.board_file.name}")
 
@@ -121,7 +122,7 @@ def lens(request: LensRequest) -> Answer:
                          f"are needed; {skipped[0]}")
     estimate, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
     write_lens(request.out, estimate)
-    facts = {**lens_facts(estimate), "out": str(request.out), "skipped": skipped,
+    facts = {**lens_facts(estimate), "out": request.out, "skipped": skipped,
              "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
                        for name, view, rms in zip(names, views, by_view, strict=True)]}
     return Answer(facts, "\n".join([
@@ -154,6 +155,8 @@ def pose(request: PoseRequest) -> Answer:
     """Place the camera in the scene, from a ChArUco board or known points such as a box's
     corners.
     """
+    import numpy as np
+
     from spectrabox.calibrate.geometry.lens import camera_position, mitsuba_sensor
     from spectrabox.calibrate.geometry.lens_files import lens_facts, read_lens
     from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
@@ -174,21 +177,24 @@ def pose(request: PoseRequest) -> Answer:
         _require_size(image, used)
         camera_pose = pose_from_points(positions, points, used, names)
     camera = mitsuba_sensor(used, camera_pose)
-    at, error, _, angle = camera_position(camera_pose)
+    position = camera_position(camera_pose)
     refinement = Refinement(
         what="camera", name="of the photo", how=f"found from {len(names)} points of "
         f"{request.photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known to "
-        f"{angle:.2f} degrees", place=rounded(at), standard_error=rounded(error))
+        f"{position.direction_standard_error_deg:.2f} degrees", place=rounded(position.position),
+        standard_error=rounded(position.position_standard_error))
     write_text_whole(request.out, scene_with_camera(
         request.scene, camera, (width, height), request.out.parent, refinement))
     if request.overlay is not None:
         _overlay(request.overlay, image, points, points - camera_pose.residuals_px)
     flat = request.points_file is not None and spread(positions)[2] < FLAT
-    facts = {"out": str(request.out), **_pose_facts(camera_pose, names),
-             "camera": {**camera, "to_world": camera["to_world"].tolist()},
-             "lens": lens_facts(used), "in_one_plane": bool(flat)}
-    return Answer(facts, "\n".join(_pose_lines(camera_pose, used, names, request.lens_file,
-                                               request.out, bool(flat))))
+    misses = dict(zip(names, np.linalg.norm(camera_pose.residuals_px, axis=1).tolist(),
+                      strict=True))
+    facts = {"out": request.out, **to_json(position), "rms_px": camera_pose.rms_px,
+             "residuals_px": misses, "camera": camera, "lens": lens_facts(used),
+             "in_one_plane": bool(flat)}
+    return Answer(facts, "\n".join(_pose_lines(position, misses, camera_pose.rms_px, used,
+                                               request, bool(flat))))
 
 
 @command
@@ -208,10 +214,8 @@ def box(request: SessionOptions) -> Answer:
                for view in box_views(config)}
     with outputs_writer(config.folder):
         written = [*write_scene_files(config), *write_overlays(config)]
-    facts: dict[str, Any] = {"files": [str(path) for path in written],
-                             **camera_facts(cameras[FIRST_PHOTO]),
-                             "views": {name: camera_facts(camera)
-                                       for name, camera in cameras.items()}}
+    by_view = {name: camera_facts(camera) for name, camera in cameras.items()}
+    facts = {"files": written, **by_view[FIRST_PHOTO], "views": by_view}
     return Answer(facts, "\n".join([
       *(line for name, camera in cameras.items()
         for line in camera_text(name if len(cameras) > 1 else "", camera)),
@@ -244,7 +248,7 @@ def undistort(request: UndistortRequest) -> Answer:
     with writable(request.out.parent):
         write_linear_exr(request.out, straight)
     lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
-    return Answer({"out": str(request.out),
+    return Answer({"out": request.out,
                    "size": [straight.signal.shape[1], straight.signal.shape[0]],
                    "outside_fraction": max(lost, 0.0)},
                   f"wrote {request.out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} "
@@ -308,18 +312,6 @@ def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray
         write_png(path, points_overlay(signal_rgb8(image.signal), given, seen, image.sensor_step))
 
 
-def _pose_facts(pose: Pose, names: tuple[str, ...]) -> dict[str, Any]:
-    import numpy as np
-
-    from spectrabox.calibrate.geometry.lens import camera_position
-    position, error, direction, angle = camera_position(pose)
-    misses = np.linalg.norm(pose.residuals_px, axis=1)
-    return {"position": position.tolist(), "position_standard_error": error.tolist(),
-            "direction": direction.tolist(), "direction_standard_error_deg": angle,
-            "rms_px": pose.rms_px,
-            "residuals_px": {name: float(miss) for name, miss in zip(names, misses, strict=True)}}
-
-
 def _lens_lines(lens: Lens) -> list[str]:
     values = lens.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
     lines = [f"{lens.source}, rms {lens.rms_px:.2f} pixels"]
@@ -332,17 +324,16 @@ def _lens_lines(lens: Lens) -> list[str]:
     return lines
 
 
-def _pose_lines(pose: Pose, lens: Lens, names: tuple[str, ...], lens_file: Path | None, out: Path,
-                flat: bool) -> list[str]:
-    facts = _pose_facts(pose, names)
-    worst = max(facts["residuals_px"], key=facts["residuals_px"].get)
+def _pose_lines(camera: CameraPosition, misses: dict[str, float], rms_px: float, lens: Lens,
+                request: PoseRequest, flat: bool) -> list[str]:
+    worst = max(misses, key=lambda name: misses[name])
     position = ", ".join(f"{value:.4g} ({error:.2g})" for value, error in
-                      zip(facts["position"], facts["position_standard_error"], strict=True))
+                         zip(camera.position, camera.position_standard_error, strict=True))
     lines = [f"camera at {position} in the scene's unit (standard errors in brackets), its "
-             f"direction known to {facts['direction_standard_error_deg']:.2f} degrees",
-             f"{len(names)} points, rms {pose.rms_px:.2f} pixels, largest "
-             f"{facts['residuals_px'][worst]:.2f} at {worst}"]
-    if lens_file is None:
+             f"direction known to {camera.direction_standard_error_deg:.2f} degrees",
+             f"{len(misses)} points, rms {rms_px:.2f} pixels, largest "
+             f"{misses[worst]:.2f} at {worst}"]
+    if request.lens_file is None:
         lines.append(f"focal length {lens.matrix[0, 0]:.1f} pixels (standard error "
                      f"{lens.standard_error[0]:.1f}); principal point in the middle and no "
                      "distortion are assumed: a lens file is better")
@@ -352,4 +343,4 @@ def _pose_lines(pose: Pose, lens: Lens, names: tuple[str, ...], lens_file: Path 
     if flat:
         lines.append("all points lie in one plane: had left and right been exchanged, nothing "
                      "would show it; look at the position")
-    return [*lines, f"wrote {out}"]
+    return [*lines, f"wrote {request.out}"]

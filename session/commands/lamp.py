@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -111,24 +111,16 @@ def light(request: LightRequest) -> Answer:
     refinement = Refinement(
         what="light", name=estimate.light,
         how="moved to explain the shading of surfaces of known reflectance in "
-        f"{request.photo.name}; chi-square {estimate.misfit:.2f} per degree of freedom, "
-        f"{estimate.before:.2f} before",
+        f"{request.photo.name}; chi-square {estimate.chi_square:.2f} per degree of freedom, "
+        f"{estimate.chi_square_before:.2f} before",
         moved=rounded(estimate.offset), standard_error=rounded(estimate.standard_error))
     write_text_whole(request.out, scene_with_light_moved(
         request.scene, number, estimate.offset, request.out.parent, refinement))
-    return Answer(_light_facts(estimate, request.out),
+    facts = to_json(estimate)
+    facts["steps"] = len(facts.pop("offsets")) - 1
+    return Answer({**facts, "out": request.out},
                   _light_text(estimate, request.out, is_of_box(request.scene)),
                   ConvergenceError.exit_code if estimate.outcome is Outcome.STEP_LIMIT else 0)
-
-
-def _light_facts(estimate: LightPosition, out: Path) -> dict[str, Any]:
-    return {"light": estimate.light, "offset": estimate.offset.tolist(),
-            "standard_error": estimate.standard_error.tolist(),
-            "covariance": estimate.covariance.tolist(), "light_scale": estimate.scale.value,
-            "light_scale_standard_error": estimate.scale.standard_error,
-            "chi_square_before": estimate.before,
-            "chi_square": estimate.misfit, "steps": len(estimate.offsets) - 1,
-            "outcome": estimate.outcome.value, "out": str(out)}
 
 
 def _light_text(estimate: LightPosition, out: Path, of_box: bool) -> str:
@@ -136,9 +128,9 @@ def _light_text(estimate: LightPosition, out: Path, of_box: bool) -> str:
                       zip("xyz", estimate.offset, estimate.standard_error, strict=True))
     lines = [f"light {estimate.light!r} moved by {moved} in the scene's unit (standard errors in "
              "brackets)",
-             f"chi-square per degree of freedom {estimate.misfit:.2f}, {estimate.before:.2f} with "
-             "the light as given"]
-    if estimate.misfit >= MAX_CHI_SQUARE:
+             f"chi-square per degree of freedom {estimate.chi_square:.2f}, "
+             f"{estimate.chi_square_before:.2f} with the light as given"]
+    if estimate.chi_square >= MAX_CHI_SQUARE:
         lines.append("something besides the light's position is wrong too (a lamp with a beam, a "
                      "photo that is not linear, geometry): do not rely on this position")
     if of_box:

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
@@ -25,6 +25,7 @@ from spectrabox.session.command_line import (
 
 if TYPE_CHECKING:
     from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
+    from spectrabox.capture.meter.measurement_series import SeriesSummary
     from spectrabox.capture.meter.meter_calibration import Maker, MeterCalibration
     from spectrabox.capture.meter.serial_line import Log, Pace
     from spectrabox.radiometry.records import Spectrum
@@ -58,9 +59,8 @@ def list_of_ports(request: CommonOptions) -> Answer:
     """The ports of this computer. None is opened, so that no instrument notices."""
     from spectrabox.capture.meter.serial_line import list_ports
     ports = list_ports()
-    lines = [f"{entry['port']:<16} {entry['usb'] or '':<10} {entry['manufacturer'] or ''} "
-             f"{entry['description'] or ''}"
-             for entry in ports]
+    lines = [f"{each.port:<16} {each.usb or '':<10} {each.manufacturer or ''} "
+             f"{each.description or ''}" for each in ports]
     return Answer({"ports": ports},
                   "\n".join(lines) or "no serial ports: plug the instrument in and switch it on")
 
@@ -144,13 +144,13 @@ def measure(request: MeasureRequest) -> Answer:
                             request.wait and request.role == "chart")
     written, spectrum = _write_result(spectra, request.role, names, request.white_reflectance,
                                       calibrations)
-    facts = _series_facts(spectra, names, calibrations)
+    series = _series(spectra, names, calibrations)
     if request.png is not None and spectrum is not None:
         from spectrabox.capture.meter.measurement_plot import png_plot
         png_plot(spectrum, request.png)
-    return Answer({"taken": len(readings), "file": str(written), "series": facts,
-                   "png": None if request.png is None else str(request.png)},
-                  _measured_text(written, facts, spectrum if request.plot else None))
+    return Answer({"taken": len(readings), "file": written, "series": series,
+                   "png": request.png},
+                  _measured_text(written, series, spectrum if request.plot else None))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -406,26 +406,21 @@ def _write_result(spectra: Path, role: str, names: list[str], white_reflectance:
     return path, results[0]
 
 
-def _series_facts(spectra: Path, names: list[str],
-                  calibrations: Sequence[MeterCalibration]) -> list[dict[str, Any]]:
+def _series(spectra: Path, names: list[str],
+            calibrations: Sequence[MeterCalibration]) -> list[SeriesSummary]:
     from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
-    from spectrabox.capture.meter.measurement_series import relative_spread, series_of
-    series = [series_of(stored_readings(readings_folder(spectra, name)), name, calibrations)
-              for name in names]
-    return [{"name": name, "readings": each.readings, "quantity": each.quantity.name.lower(),
-             "relative_spread": relative_spread(each),
-             "relative_drift": each.relative_drift if each.readings > 1 else None,
-             "relative_drift_error": each.relative_drift_error if each.readings > 2 else None,
-             "flags": list(each.flags)} for name, each in zip(names, series, strict=True)]
+    from spectrabox.capture.meter.measurement_series import series_of, series_summary
+    return [series_summary(series_of(stored_readings(readings_folder(spectra, name)), name,
+                                     calibrations), name) for name in names]
 
 
-def _measured_text(written: Path, facts: list[dict[str, Any]], spectrum: Spectrum | None) -> str:
+def _measured_text(written: Path, series: list[SeriesSummary], spectrum: Spectrum | None) -> str:
     lines = []
-    for fact in facts:
-        spread = "" if fact["relative_spread"] is None else \
-            f", spread {fact['relative_spread']:.2%}, drift {fact['relative_drift']:+.2%}"
-        lines.append(f"{fact['name']}: {fact['readings']} readings of {fact['quantity']}{spread}")
-        lines += [f"- {flag}" for flag in fact["flags"]]
+    for each in series:
+        spread = "" if each.relative_spread is None else \
+            f", spread {each.relative_spread:.2%}, drift {each.relative_drift:+.2%}"
+        lines.append(f"{each.name}: {each.readings} readings of {each.quantity}{spread}")
+        lines += [f"- {flag}" for flag in each.flags]
     if spectrum is not None:
         from spectrabox.capture.meter.measurement_plot import text_plot
         lines.append(text_plot(spectrum))

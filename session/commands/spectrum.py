@@ -17,6 +17,7 @@ from spectrabox.session.command_line import (
     check_ending,
     command,
 )
+from spectrabox.session.json_values import to_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,9 +56,11 @@ def show(request: ShowRequest) -> Answer:
     """What a file holds: format, range, quantity, unit, and what to beware of."""
     from spectrabox.radiometry.spectra.spectrum_files import read_table
     tables = [read_table(path) for path in request.files]
-    facts = [_facts(table, request.column) for table in tables]
-    text = "\n\n".join(_text(table, fact, request.column, request.plot) for table,
-                       fact in zip(tables, facts, strict=True))
+    shown = [_shown(table, request.column) for table in tables]
+    text = "\n\n".join(_text(table, each, request.column, request.plot)
+                       for table, (each, _) in zip(tables, shown, strict=True))
+    facts = [to_json(each) | ({} if main is None else {"values": main.values, "column": main.name})
+             for each, main in shown]
     return Answer(facts[0] if len(facts) == 1 else {"files": facts}, text)
 
 
@@ -86,33 +89,62 @@ def convert(request: ConvertRequest) -> Answer:
     written = []
     for path in request.files:
         target = request.out / f"{path.stem}{suffix}" if len(request.files) > 1 else request.out
-        written.append({"file": str(target), "notes": _convert(path, target, request)})
+        written.append(WrittenFile(target, _convert(path, target, request)))
     return Answer({"written": written}, "\n".join(
-             f"wrote {entry['file']}" + "".join(f"\n- {note}" for note in entry["notes"])
-             for entry in written))
+             f"wrote {each.file}" + "".join(f"\n- {note}" for note in each.notes)
+             for each in written))
 
 
-def _facts(table: SpectralTable, column: str | None) -> dict[str, Any]:
+@dataclass(frozen=True)
+class WrittenFile:
+    """What ``spectrum convert`` answers of a file."""
+
+    file: Path
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class ShownColumn:
+    """A column of a file, as far as it states what it is; None where a value is no number."""
+
+    name: str
+    values: list[float | None]
+    quantity: str | None
+    unit: str | None
+
+
+@dataclass(frozen=True)
+class ShownTable:
+    """What ``spectrum show`` answers of a file."""
+
+    file: str
+    format: str | None
+    wavelengths_nm: np.ndarray
+    quantity: str | None            # of the column that is meant where none is named
+    unit: str | None
+    source: str
+    notes: tuple[str, ...]
+    facts: dict[str, str]           # whatever else the file states
+    spectra: tuple[ShownColumn, ...]
+
+
+def _shown(table: SpectralTable, column: str | None) -> tuple[ShownTable, ShownColumn | None]:
+    """A file, and the one of its columns that is named or meant, if there is one."""
     from spectrabox.radiometry.records import Quantity
     indices = _indices(table, column)
+    columns = {index: ShownColumn(table.names[index], _plain(table.values[index]),
+                                  table.fact("quantity", index), table.fact("unit", index))
+               for index in indices}
     main = indices[0] if len(indices) == 1 or table.main is None else table.names.index(table.main)
     units = {member.name.lower(): member.value for member in Quantity}
     stated = table.fact("quantity", main)
-    facts: dict[str, Any] = {
-        "file": table.file, "format": table.facts.get("format"),
-        "wavelengths_nm": table.nm.tolist(),
-        "quantity": stated, "unit": table.fact("unit", main)
-        or (units.get(stated) if stated else None),
-        "source": table.facts.get("source", table.file), "notes": list(table.notes),
-        "facts": {key: value for key, value in table.facts.items()
-                  if key not in ("quantity", "unit", "source", "format")}}
-    if len(indices) == 1 or table.main is not None:
-        facts.update(values=_plain(table.values[main]), column=table.names[main])
-    facts["spectra"] = [{"name": table.names[index], "values": _plain(table.values[index]),
-                         "quantity": table.fact("quantity", index),
-                         "unit": table.fact("unit", index)}
-                        for index in indices]
-    return facts
+    shown = ShownTable(
+        table.file, table.facts.get("format"), table.nm, stated,
+        table.fact("unit", main) or (units.get(stated) if stated else None),
+        table.facts.get("source", table.file), table.notes,
+        {key: value for key, value in table.facts.items()
+         if key not in ("quantity", "unit", "source", "format")}, tuple(columns.values()))
+    return shown, columns[main] if len(indices) == 1 or table.main is not None else None
 
 
 def _plain(values: np.ndarray) -> list[float | None]:
@@ -131,24 +163,24 @@ def _name_or_number(column: str) -> str | int:
     return int(column) if is_whole_number(column) else column
 
 
-def _text(table: SpectralTable, facts: dict[str, Any], column: str | None, plot: bool) -> str:
-    quantity = f"{facts['quantity'] or 'quantity not stated'}, {facts['unit'] or 'unit not stated'}"
-    lines = [f"{table.file}: {facts['format']}, {table.nm[0]:g}-{table.nm[-1]:g} nm, "
+def _text(table: SpectralTable, shown: ShownTable, column: str | None, plot: bool) -> str:
+    quantity = f"{shown.quantity or 'quantity not stated'}, {shown.unit or 'unit not stated'}"
+    lines = [f"{table.file}: {shown.format}, {table.nm[0]:g}-{table.nm[-1]:g} nm, "
              f"{table.nm.size} wavelengths, {len(table.names)} "
              f"{'column' if len(table.names) == 1 else 'columns'}",
-             f"source: {facts['source']}", f"quantity: {quantity}"]
-    for entry in facts["spectra"][:MAX_LISTED]:
-        numbers = [value for value in entry["values"] if value is not None]
+             f"source: {shown.source}", f"quantity: {quantity}"]
+    for each in shown.spectra[:MAX_LISTED]:
+        numbers = [value for value in each.values if value is not None]
         span = f"{min(numbers):.4g} to {max(numbers):.4g}" if numbers else "no numbers"
-        stated = entry["quantity"] or "quantity not stated"
-        lines.append(f"  {entry['name'] or '(no name)':<28} {span:<24} {stated}")
-    if len(facts["spectra"]) > MAX_LISTED:
-        lines.append(f"  and {len(facts['spectra']) - MAX_LISTED} more")
+        stated = each.quantity or "quantity not stated"
+        lines.append(f"  {each.name or '(no name)':<28} {span:<24} {stated}")
+    if len(shown.spectra) > MAX_LISTED:
+        lines.append(f"  and {len(shown.spectra) - MAX_LISTED} more")
     lines += [f"- {note}" for note in table.notes]
     if plot:
         from spectrabox.capture.meter.measurement_plot import text_plot
         from spectrabox.radiometry.records import Quantity
-        stated = (facts["quantity"] or "relative").upper()
+        stated = (shown.quantity or "relative").upper()
         role = Quantity[stated] if stated in Quantity.__members__ else Quantity.RELATIVE
         lines.append(text_plot(_one(table, column, role)))
     return "\n".join(lines)

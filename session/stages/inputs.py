@@ -5,6 +5,9 @@ import dataclasses
 
 import numpy as np
 
+from spectrabox.capture.develop.bands import stack_bands, strongest_channel
+from spectrabox.capture.develop.developed import develop_photos, open_any
+from spectrabox.capture.photo.image_files import stated_bands
 from spectrabox.radiometry.chart import excluded_patches as patches_by_number
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
@@ -172,8 +175,6 @@ def require_curves_of_bands(config: SessionConfig) -> None:
         If columns named X, Y, Z are to be the curves of channels R, G, B, say, or stand in another
         order.
     """
-    from spectrabox.capture.photo.image_files import stated_bands
-
     source = config.sensitivity.source
     if config.sensitivity.from_chart or source.file is None:
         return
@@ -236,10 +237,6 @@ def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tupl
     image : LinearImage
     notes : tuple of str
     """
-    # the readers of photos take longer to import than all other inputs to read
-    from spectrabox.capture.develop.bands import stack_bands
-    from spectrabox.capture.develop.developed import develop_photos
-
     darks, flats = [config.path(name) for name in config.photos.dark_files], config.photos.flats
     images, notes = [], []
     for band, files in photo.items():
@@ -263,9 +260,6 @@ def _channels(config: SessionConfig) -> list[int]:
     """Channel of each band, the same in all photos: a scene of other colours may tip the balance
     between two.
     """
-    from spectrabox.capture.develop.bands import strongest_channel
-    from spectrabox.capture.develop.developed import open_any
-
     charts = [view.chart for view in config.views_with_chart]
     first = charts[0] if charts else config.all_views[0].photo
     return [strongest_channel(open_any(config.path(files[0]), config.photos.not_linear))

@@ -1,6 +1,7 @@
 """The stage that draws: every spectrum behind each surface's signal, of any kind of session."""
 from __future__ import annotations
 
+from spectrabox.measure.scene.draws import draw_through_transport
 from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.records import SpectrumSamples
 from spectrabox.session.stages.records import SampleRecords
@@ -18,8 +19,6 @@ def draw_surfaces(task: StageTask) -> SampleRecords:
     families = {name: surface.families for name, surface in config.surfaces.items()}
     jointly: dict[str, SpectrumSamples] = {}
     if chosen.through == "transport":
-        # with scipy.linalg, a quarter of a second to import
-        from spectrabox.measure.scene.draws import draw_through_transport
         task.progress(0.0, "all materials at once")
         jointly = draw_through_transport(
             records.calibrations(config)[0], records.reconstruct.joint, chosen.draws,

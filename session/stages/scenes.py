@@ -11,11 +11,9 @@ from spectrabox.reconstruct.scene.scene_file import (
     read_scene,
     scene_of_text,
 )
-from spectrabox.session.box.box_camera import box_text
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, ViewInputs
 
 BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
-
 
 
 def read_session_scene(config: SessionConfig, view: ViewInputs | None = None) -> SceneFile:
@@ -36,6 +34,8 @@ def read_session_scene(config: SessionConfig, view: ViewInputs | None = None) ->
                          "a session with [scene]")
     view = view or config.all_views[0]
     if view.scene is None:
+        # OpenCV and SciPy's optimizers, which a scene in a file needs not
+        from spectrabox.session.box.box_camera import box_text
         return scene_of_text(box_text(config, view), config.folder / BOX_SCENE_NAME,
                              _allowed_folder(config))
     return read_scene(config.path(view.scene), _allowed_folder(config))
