@@ -18,9 +18,16 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
+from spectrabox.calibrate.light_error import LightDeparture, light_departures, light_terms
 from spectrabox.calibrate.photo_checks import light_power, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.curve_posterior import draw_curves
+from spectrabox.calibrate.prior.curve_posterior import (
+    camera_alone,
+    curve_moments,
+    curve_variance,
+    draw_curves,
+    relit,
+)
 from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE
 from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
@@ -122,6 +129,7 @@ class ChartCalibration(Record):
     excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded
     cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
+    departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
 
     @property
     def prior_influence(self) -> PriorInfluence | None:
@@ -208,7 +216,29 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                               tuple(checks), doubts, fitted.light)
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
-                            first.samples.saturated, fitted.cleaned or fitted.without)
+                            first.samples.saturated, fitted.cleaned or fitted.without,
+                            fitted.departures)
+
+
+def camera_curves(calibration: ChartCalibration) -> SensitivityFit:
+    """The camera's curves by themselves, for use under any light.
+
+    Those of a calibration belong to its stated light: together they give the chart's signals. Where
+    the fit infers that another light shone the camera's own curves are others.
+
+    Parameters
+    ----------
+    calibration : ChartCalibration
+    """
+    fit, joint = calibration.calibration.sensitivity, calibration.prior_fit
+    if joint is None or not joint.posterior.lights:
+        return fit
+    bands = len(fit.curves)
+    alone = camera_alone(joint.posterior, bands)
+    moments = curve_moments(alone, bands)
+    return replace(fit, curves=moments.coefficients @ alone.basis.T,
+                   coefficients=moments.coefficients, covariance=moments.covariance,
+                   standard_error=np.sqrt(curve_variance(alone.basis, moments.covariance, bands)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +251,7 @@ class CurveBand(Record):
 
 
 def curve_band(calibration: ChartCalibration, seed: int = 0) -> CurveBand | None:
-    """The pointwise 90 % band of a calibration's curves; None for measured curves.
+    """The pointwise 90 % band of the camera's curves; None for measured curves.
 
     Quantiles of 1000 draws with the method ``prior``, else from the standard error.
 
@@ -233,7 +263,8 @@ def curve_band(calibration: ChartCalibration, seed: int = 0) -> CurveBand | None
     """
     fit = calibration.calibration.sensitivity
     if calibration.prior_fit is not None:
-        draws = draw_curves(calibration.prior_fit.posterior, len(fit.curves), DRAWS, seed)
+        draws = draw_curves(camera_alone(calibration.prior_fit.posterior, len(fit.curves)),
+                            len(fit.curves), DRAWS, seed)
         lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
         return CurveBand(lower, upper, draws)
     if fit.standard_error is None:
@@ -274,6 +305,7 @@ class _Fitted(NamedTuple):
     light: LightPosterior | None = None
     doubts: tuple[CalibrationDoubt, ...] = ()
     cleaned: PatchesWithout | None = None       # by fits without patches that others contradict
+    departures: tuple[LightDeparture, ...] = ()
 
 
 def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) -> None:
@@ -319,7 +351,9 @@ def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> ChartEquations:
     return chart_equations(photo.samples, photo.reflectances, _power_of(photo.light, grid)[1],
                            photo.irradiance_or_pi, grid, rows=photo.chart.rows,
                            positions=None if photo.irradiance is not None
-                           else photo.chart.centres_uv)
+                           else photo.chart.centres_uv,
+                           light_terms=light_terms(photo.light, grid)
+                           if isinstance(photo.light, Spectrum) else None)
 
 
 def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
@@ -330,10 +364,14 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     cameras = default_prior(used, grid) if prior is None else prior
     light: LightPosterior | None = None
     doubts: tuple[CalibrationDoubt, ...] = ()
+    departures: tuple[LightDeparture, ...] = ()
     if isinstance(first.light, Spectrum):
         fit = _one_camera(used, grid, cameras, excluded)
+        departures = light_departures(fit.posterior, [_power_of(photo.light, grid)[0]
+                                                      for photo in photos], grid)
         doubts, notes = light_doubts([_power_of(photo.light, grid)[0].source for photo in photos],
                                      used, cameras, grid)
+        notes += tuple(departure.words for departure in departures)
         if unlike_cameras(fit):
             doubts = (CalibrationDoubt.UNLIKE_CAMERAS, *doubts)
     elif cameras.source == SMOOTH_SOURCE:
@@ -350,7 +388,7 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
             refuse_disagreement("no camera under any lamp explains the chart photo", used[0].signal,
                                 fit.held_out[0], fit.chi_square, None)
     for number in range(len(used)):
-        drift = colour_drift(fit.posterior, used, number)
+        drift = colour_drift(fit.posterior, relit(fit.posterior, used), number)
         if drift is not None and drift.two_lights:
             doubts = (*dict.fromkeys((*doubts, CalibrationDoubt.TWO_LIGHTS)),)
             notes = (*notes, f"{f'photo {number + 1}: ' * (len(used) > 1)}the colour of the light "
@@ -365,7 +403,7 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                            held_out_residuals=1 - held_out / first.samples.mean),
                    replace(fit.photos[0].light_scale, residuals=residuals), predicted, without,
                    (*fit_notes(fit, grid), *notes), fit, light, doubts,
-                   _without_suspects(photos, grid, cameras, without))
+                   _without_suspects(photos, grid, cameras, without), departures)
 
 
 def _any_light(light: Spectrum | UnknownLight, cameras: CameraPrior, grid: WavelengthGrid,

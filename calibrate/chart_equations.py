@@ -72,12 +72,14 @@ class ChartEquations(Record):
     relative_exposure_sd: float | None = None       # of the log, to the first photo; None: unknown
     rows: int | None = None                         # of the chart; None: patches are no whole grid
     glare_sd: float = GLARE_SD                      # beforehand, of the brightest patch of the band
+    # log of the true light over ``power``: sum of independent unit normals times these; None: exact
+    light_terms: Annotated[np.ndarray, "P J"] | None = None
 
 
 def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
                     irradiance: np.ndarray, grid: WavelengthGrid, *,
-                    positions: np.ndarray | None = None,
-                    rows: int | None = None) -> ChartEquations:
+                    positions: np.ndarray | None = None, rows: int | None = None,
+                    light_terms: np.ndarray | None = None) -> ChartEquations:
     """One photo in the form that every fit takes, with an unknown offset in each band.
 
     Parameters
@@ -94,10 +96,13 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
         Of the patches on the chart; None where the illumination of the patches is known.
     rows : int or None
         Of the chart, whose patches are listed row by row; None where some are left out.
+    light_terms : (P, J) array or None
+        How the light may differ from what is stated, see ``light_error``; None: it does not.
     """
     terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
     return ChartEquations(samples.mean, samples.covariance_of_mean, reflectances,
-                      light * grid.weights_nm, irradiance, terms, glare=True, rows=rows)
+                      light * grid.weights_nm, irradiance, terms, glare=True, rows=rows,
+                          light_terms=light_terms)
 
 
 def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:

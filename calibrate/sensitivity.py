@@ -23,10 +23,12 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior, shipped_prior
 from spectrabox.calibrate.prior.curve_posterior import (
     CurveMoments,
     PhotoState,
+    camera_alone,
     curve_moments,
     curve_variance,
     photo_states,
     prior_share,
+    relit,
 )
 from spectrabox.calibrate.prior.plain_priors import smooth_prior
 from spectrabox.calibrate.prior.prior_fit import (
@@ -152,8 +154,9 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: Wavel
         posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
         held_out, chi_square, without = held_out_signals(photos, prior, grid, posterior, excluded)
         moments = curve_moments(posterior, prior.bands)
-        states = photo_states(posterior, photos, moments)
-        shares = prior_share(posterior, prior, moments)
+        states = photo_states(posterior, relit(posterior, photos), moments)
+        alone = camera_alone(posterior, prior.bands)
+        shares = prior_share(alone, prior, curve_moments(alone, prior.bands))
     shares[:, np.all([unlit(photo.power / grid.weights_nm) for photo in photos], axis=0)] = 1.0
     fit = sensitivity_fit(photos[0], posterior, moments, states[0].predicted, held_out[0], grid,
                           f"joint estimate with a Gaussian mixture prior ({prior.source})")

@@ -18,6 +18,7 @@ from spectrabox.calibrate.chart_calibration import (
     ChartPhoto,
     CurveBand,
     calibrate_chart,
+    camera_curves,
     curve_band,
 )
 from spectrabox.capture.chart.chart_agreement import typical_signals
@@ -31,6 +32,7 @@ from spectrabox.radiometry.records import (
     HeldOutPatches,
     LinearImage,
     PatchSamples,
+    SensitivityFit,
     WavelengthGrid,
 )
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
@@ -89,9 +91,13 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, gr
 
 @dataclass(frozen=True)
 class CameraFit:
-    """A camera's curves with everything that led to them."""
+    """A camera's curves with everything that led to them.
+
+    ``chart`` holds those that belong to the stated light, ``sensitivity`` the camera's own.
+    """
 
     chart: ChartCalibration
+    sensitivity: SensitivityFit
     band: CurveBand | None          # None for measured curves
     held_out: HeldOutPatches        # of the first photo, each by a calibration without it
 
@@ -117,7 +123,7 @@ def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         As ``calibrate_chart``.
     """
     calibrated = calibrate_chart(photos, grid, options)
-    return CameraFit(calibrated, curve_band(calibrated, seed),
+    return CameraFit(calibrated, camera_curves(calibrated), curve_band(calibrated, seed),
                      held_out_patches(calibrated, photos[0].reflectances))
 
 

@@ -5,7 +5,7 @@ Curves, their covariance, their band, draws and the light scale.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated
 
@@ -66,6 +66,51 @@ class CurveMoments(Record):
     coefficients: Annotated[np.ndarray, "K N"]
     covariance: Annotated[np.ndarray, "D D"]
     peak: float
+
+
+def camera_alone(posterior: CurvePosterior, bands: int) -> CurvePosterior:
+    """The camera's own curves, without what the first photo's light departs by from its statement.
+
+    A fit hands on the curves that give a photo's signals together with the stated light. Nuisances
+    are left out.
+
+    Parameters
+    ----------
+    posterior : CurvePosterior
+    bands : int
+        K, of the camera.
+    """
+    if not posterior.lights:
+        return posterior
+    light, size = posterior.lights[0], bands * posterior.basis.shape[1]
+    means, covariances = [], []
+    for mean, covariance in zip(posterior.means, posterior.covariances, strict=True):
+        dimmer = np.tile(np.exp(-light.logarithm(mean)), bands)
+        own, change = mean[:size] * dimmer, np.zeros((size, mean.size))
+        change[:, :size] = np.diag(dimmer)
+        change[:, light.own] = -own[:, None] * np.tile(light.terms, (bands, 1))
+        means.append(own)
+        covariances.append(change @ covariance @ change.T)
+    return replace(posterior, means=np.array(means), covariances=np.array(covariances), lights=())
+
+
+def relit(posterior: CurvePosterior, photos: list[ChartEquations]) -> list[ChartEquations]:
+    """Photos under the lights that give their signals together with the curves of a posterior:
+    those of the first photo's light as it is stated.
+
+    Parameters
+    ----------
+    posterior : CurvePosterior
+    photos : list of ChartEquations
+        In the order in which the posterior was made.
+    """
+    if not posterior.lights:
+        return photos
+    mean = posterior.weights @ posterior.means
+    first = posterior.lights[0].logarithm(mean)
+    return [replace(photo, power=photo.power * (posterior.basis @ np.exp(light.logarithm(mean)
+                                                                         - first)))
+            for photo, light in zip(photos, posterior.lights, strict=True)]
 
 
 def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -74,6 +74,25 @@ class CurvePosterior(Record):
     best_gain_sd: float
     best_error: PatchError
     widening: float                                 # factor in the standard errors of the best
+    lights: tuple[LightDesign, ...] = ()            # of every photo; empty: as stated
+
+
+class LightDesign(NamedTuple):
+    """How a photo's light may depart from what is stated."""
+
+    terms: np.ndarray           # (N, J) of its logarithm by each departure, at the curves' nm
+    own: slice                  # of the departures in the state; one for photos under one light
+
+    def logarithm(self, state: np.ndarray) -> np.ndarray:
+        """Of the true light over the stated one (N,), by a state (Z,)."""
+        return np.asarray(self.terms @ state[self.own])
+
+
+class Design(NamedTuple):
+    """A photo's signals by the curves (I, N), see ``unlit_design``, and its light."""
+
+    matrix: np.ndarray
+    light: LightDesign
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +133,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
         If no component of the prior has a finite evidence.
     """
     basis = interpolation_matrix(prior.nm, grid.nm)
-    designs = [unlit_design(photo, basis) for photo in photos]
+    designs = _designs(photos, basis)
     errors = [PatchError(*pair) for pair in product(model_errors, COMMON_ERRORS)]
     noises = {error: noise_of_photos(photos, error) for error in errors}
     noise_of_errors = np.array(list(noises.values()))
@@ -135,7 +154,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
         candidates += [Candidate(log_share + float(log_density), family, gain_sd, error, start,
                                  covariance, jacobian, linear)
                        for error, log_density in zip(noises, evidence, strict=True)]
-    return _mixture(candidates, noises, basis, prior, _whole(designs, prior), photos)
+    return _mixture(candidates, noises, basis, prior, designs, photos)
 
 
 def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
@@ -158,7 +177,7 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
     excluded : ChartEquations or None
         Patches of the first photo that were in no fit; they come after its own.
     """
-    designs = [unlit_design(photo, posterior.basis) for photo in photos]
+    designs = _designs(photos, posterior.basis)
     family = posterior.best_family
     covariance, start = _joint_prior(prior, prior.covariances()[prior.level[family]], family,
                                      posterior.best_gain_sd, photos, designs)
@@ -177,13 +196,13 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
             row += prior.bands
         signals.append(without)
     widened = prior.widening[prior.level[family]] ** 2
-    whole, own = _whole(designs, prior), prior.means.shape[1] + 1 + nuisance_sd(photos[0]).size
+    own = prior.means.shape[1] + 1 + nuisance_sd(photos[0]).size
     projected = covariance @ jacobian.T
     gain, after = projected @ inverse, covariance - projected @ inverse @ projected.T
     patches = []
 
     def add(photo: ChartEquations, patch: int, state: np.ndarray, spread: np.ndarray) -> None:
-        mean, moved = _in_curves(prior, state, spread, whole, photos)
+        mean, moved = _in_curves(prior, state, spread, designs, photos)
         patches.append(patch_moments(photo, patch, mean[:own], widened * moved[:own, :own],
                                      prior.means.shape[1]))
 
@@ -217,7 +236,7 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     spread : (D, D) array
         Covariance of the family's curves beforehand.
     """
-    designs = [unlit_design(photo, interpolation_matrix(prior.nm, grid.nm)) for photo in photos]
+    designs = _designs(photos, interpolation_matrix(prior.nm, grid.nm))
     covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
     _, jacobian = _equations(photos, designs, start, prior)
     error = PatchError(relative_error)
@@ -225,14 +244,14 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
                           jacobian @ start)
     whole, size = _whole(designs, prior), prior.means.shape[1]
     state, covariance = _condition(candidate, noise_of_photos(photos, error))
-    _, posterior = _in_curves(prior, state, covariance, whole, photos)
+    _, posterior = _in_curves(prior, state, covariance, designs, photos)
     unit = prior.widening[prior.level[family]] * (whole @ prior.curves(prior.means[family]))
     return posterior[:size, :size] * unit**2
 
 
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
                  photos: list[ChartEquations],
-                 designs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+                 designs: list[Design]) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (Z, Z) and mean (Z,) of state and nuisances beforehand.
 
     The exposure starts where it fits best. ``spread`` (D, D) is the covariance of the family's
@@ -253,7 +272,7 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     brighter, seen = curves / slope, whole * slope
     covariance = covariance - np.outer(brighter, seen @ covariance)
     covariance = covariance - np.outer(covariance @ seen, brighter)
-    exposures = [np.log(photo.signal.sum() / (design @ bands.T).sum())
+    exposures = [np.log(photo.signal.sum() / (design.matrix @ bands.T).sum())
                  for photo, design in zip(photos, designs, strict=True)]
     sds = [np.r_[photo.relative_exposure_sd or EXPOSURE_SD, nuisance_sd(photo)] for photo in photos]
     sds[0][0] = EXPOSURE_SD
@@ -261,8 +280,9 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
                        for index, photo in enumerate(photos)])
     nuisances = [np.r_[exposures[0] if tied else exposure, np.zeros(sd.size - 1)]
                  for exposure, sd, tied in zip(exposures, sds, linked, strict=True)]
-    start = np.concatenate([mean, *nuisances])
-    total = np.diag(np.concatenate([np.zeros(mean.size), *(sd**2 for sd in sds)]))
+    lights = np.ones(max(light.own.stop for _, light in designs) - designs[0].light.own.start)
+    start = np.concatenate([mean, *nuisances, 0 * lights])
+    total = np.diag(np.concatenate([np.zeros(mean.size), *(sd**2 for sd in sds), lights]))
     total[:mean.size, :mean.size] = covariance
     indices = mean.size + nuisance_starts(photos)[:-1][linked]
     others = 1 - np.eye(len(indices)) * (indices == indices[0])
@@ -270,26 +290,28 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     return total, start
 
 
-def _equations(photos: list[ChartEquations], designs: list[np.ndarray], state: np.ndarray,
+def _equations(photos: list[ChartEquations], designs: list[Design], state: np.ndarray,
                prior: CameraPrior) -> tuple[np.ndarray, np.ndarray]:
     """Predicted signals of all photos (Y,) and their derivatives (Y, Z)."""
-    size = prior.bands * designs[0].shape[1]
-    curves = prior.curves(state[:size]).reshape(prior.bands, -1)
-    slope = prior.slope(state[:size])
+    size = prior.means.shape[1]
+    curves, slope = prior.curves(state[:size]), prior.slope(state[:size])
     signals, rows = [], []
     for photo, design, (start, stop) in zip(
             photos, designs, pairwise(size + nuisance_starts(photos)), strict=True):
-        signal, derivative = predicted_signal(photo, design, curves, state[start],
-                                              state[start + 1:stop])
+        brighter, by_light = _brighter(state, design.light, prior.bands)
+        signal, derivative = predicted_signal(
+            photo, design.matrix, (curves * brighter).reshape(prior.bands, -1), state[start],
+            state[start + 1:stop])
         row = np.zeros((signal.size, state.size))
-        row[:, :size] = derivative[:, :size] * slope
+        row[:, :size] = derivative[:, :size] * (slope * brighter)
         row[:, start:stop] = derivative[:, size:]
+        row[:, design.light.own] = (derivative[:, :size] * curves) @ by_light
         signals.append(signal)
         rows.append(row)
     return np.concatenate(signals), np.vstack(rows)
 
 
-def _linearise(photos: list[ChartEquations], designs: list[np.ndarray], start: np.ndarray,
+def _linearise(photos: list[ChartEquations], designs: list[Design], start: np.ndarray,
                covariance: np.ndarray, prior: CameraPrior,
                guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Derivatives J (Y, Z) at the best solution, the data (Y,) of the model y = J state, and that
@@ -350,35 +372,65 @@ def _condition(candidate: Candidate, noise: np.ndarray) -> tuple[np.ndarray, np.
     return candidate.start + shrink.T @ innovation, candidate.prior_covariance - shrink.T @ shrink
 
 
-def _whole(designs: list[np.ndarray], prior: CameraPrior) -> np.ndarray:
+def _designs(photos: list[ChartEquations], basis: np.ndarray) -> list[Design]:
+    """Every photo's design; the departures of the lights stand after all nuisances."""
+    nodes, stop = basis.argmax(axis=0), photos[0].signal.shape[1] * basis.shape[1]
+    stop += int(nuisance_starts(photos)[-1])
+    designs: list[Design] = []
+    for number, photo in enumerate(photos):
+        terms = (np.zeros((nodes.size, 0)) if photo.light_terms is None
+                 else photo.light_terms[nodes])
+        same = [design.light.own for design, other in zip(designs, photos[:number], strict=True)
+                if other.light_terms is not None and np.array_equal(other.power, photo.power)]
+        own = same[0] if same else slice(stop, stop + terms.shape[1])
+        stop = max(stop, own.stop)
+        designs.append(Design(unlit_design(photo, basis), LightDesign(terms, own)))
+    return designs
+
+
+def _brighter(state: np.ndarray, light: LightDesign, bands: int) -> tuple[np.ndarray, np.ndarray]:
+    """What a photo's light is of its stated spectrum, at every value of the curves (D,), and its
+    derivatives (D, J).
+    """
+    brighter = np.tile(np.exp(light.logarithm(state)), bands)
+    return brighter, brighter[:, None] * np.tile(light.terms, (bands, 1))
+
+
+def _whole(designs: list[Design], prior: CameraPrior) -> np.ndarray:
     """Row (D,) that sums the first chart's signals, 1 for the mean of the prior."""
-    row = np.tile(designs[0].sum(axis=0), prior.bands)
+    row = np.tile(designs[0].matrix.sum(axis=0), prior.bands)
     return row / (row @ (prior.weights @ prior.curves(prior.means)))
 
 
-def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray, whole: np.ndarray,
+def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
+               designs: list[Design],
                photos: list[ChartEquations]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of curves and nuisances from those of state and nuisances.
 
-    The curves are scaled to a whole signal of 1, from which exp() takes them, and the
-    exposures make up for it.
+    The curves are those that together with the stated light of the first photo give its signals.
+    They are scaled to a whole signal of 1, from which exp() takes them, and the exposures make up
+    for it.
     """
+    whole = _whole(designs, prior)
     size = whole.size
     exposures = size + nuisance_starts(photos)[:-1]
-    curves = prior.curves(mean[:size])
+    brighter, by_light = _brighter(mean, designs[0].light, prior.bands)
+    curves = prior.curves(mean[:size]) * brighter
     signal = whole @ curves
     change = np.eye(mean.size)
     change[:size, :size] -= np.outer(curves, whole) / signal
     change[:size] /= signal
     change[np.ix_(exposures, np.arange(size))] = whole / signal
-    change[:, :size] *= prior.slope(mean[:size])
+    change[:, designs[0].light.own] += (change[:, :size] * (curves / brighter)) @ by_light
+    change[:, :size] *= prior.slope(mean[:size]) * brighter
     moved = np.concatenate([curves / signal, mean[size:]])
     moved[exposures] += np.log(signal)
     return moved, change @ covariance @ change.T
 
 
 def _mixture(candidates: list[Candidate], noises: dict[PatchError, np.ndarray], basis: np.ndarray,
-             prior: CameraPrior, whole: np.ndarray, photos: list[ChartEquations]) -> CurvePosterior:
+             prior: CameraPrior, designs: list[Design],
+             photos: list[ChartEquations]) -> CurvePosterior:
     logs = np.array([candidate.log_weight for candidate in candidates])
     if not np.isfinite(logs.max()):
         raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
@@ -391,12 +443,14 @@ def _mixture(candidates: list[Candidate], noises: dict[PatchError, np.ndarray], 
                             minlength=len(prior.weights))
     error = mean_error(weights, [candidate.error for candidate in candidates])
     kept = np.flatnonzero(weights > NEGLIGIBLE)
-    solved = [_in_curves(prior, *_condition(candidates[i], noises[candidates[i].error]), whole,
-                         photos) for i in kept]
+    solved = [_in_curves(prior, *_condition(candidates[i], noises[candidates[i].error]),
+                         designs, photos) for i in kept]
     widening = prior.widening[prior.level[[candidates[i].family for i in kept]]]
     best = candidates[int(np.argmax(weights))]
     covariances = np.array([covariance for _, covariance in solved]) * widening[:, None, None] ** 2
     return CurvePosterior(basis, weights[kept] / weights[kept].sum(),
                           np.array([mean for mean, _ in solved]), covariances, by_family, error,
                           log_evidence, best.family, best.gain_sd, best.error,
-                          float(prior.widening[prior.level[best.family]]))
+                          float(prior.widening[prior.level[best.family]]),
+                          tuple(light for _, light in designs)
+                          if any(light.terms.size for _, light in designs) else ())

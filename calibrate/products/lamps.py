@@ -16,6 +16,7 @@ are left out.
 """
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -41,6 +42,7 @@ HALOGEN = ("A", "SA", "Incandescent", "Neodimium Incandescent", "60 A/W (Soft Wh
 LED_WORDS = ("LED", "PHOS", "Luxeon")
 DARK_SHARE = 0.05           # of the largest value
 MIN_BRIGHT = 0.45           # of the wavelengths above it, to take colours by
+BY_FORMULA = " by formula"  # ends the names of lamps that are not published
 SEED = 20                   # of the formulas' parameters
 DAYLIGHTS, HOT_BODIES, SKIES, FILAMENTS, TINTED = 30, 10, 60, 20, 20
 PHOSPHORS, HYBRIDS, NARROW, BLENDS = 120, 40, 60, 80
@@ -58,12 +60,14 @@ class Lamps(Record):
     names: tuple[str, ...]
 
 
-def lamps_like(light: UnknownLight) -> Lamps:
+def lamps_like(light: UnknownLight, mired_sd: float = CCT_MIRED_SD) -> Lamps:
     """Lamps that a light may be, given its kind and colour temperature where they are known.
 
     Parameters
     ----------
     light : UnknownLight
+    mired_sd : float
+        By which the temperature may be off, in mired.
     """
     lamps = all_lamps()
     weights = np.array(lamps.weights)
@@ -71,10 +75,23 @@ def lamps_like(light: UnknownLight) -> Lamps:
         weights[lamps.kind != LIGHT_KINDS.index(light.kind)] = 0
     if light.cct is not None:
         away = np.abs(1e6 / colour_temperatures(lamps.spectra) - 1e6 / light.cct)
-        weights = weights * np.exp(-0.5 * ((away - away.min()) / CCT_MIRED_SD) ** 2)
+        weights = weights * np.exp(-0.5 * ((away - away.min()) / mired_sd) ** 2)
     kept = np.flatnonzero(weights > 1e-3 * weights.max())
     return Lamps(lamps.spectra[kept], lamps.kind[kept], weights[kept] / weights[kept].sum(),
                  tuple(lamps.names[index] for index in kept))
+
+
+def nominal_kind(source: str) -> str | None:
+    """Kind of lamp that a CIE daylight or CIE A stands for; None of any other light.
+
+    Parameters
+    ----------
+    source : str
+        Of the spectrum: "CIE D65" names a published one.
+    """
+    if re.fullmatch(r"CIE I?D\d\d", source):
+        return "daylight"
+    return "halogen" if source == "CIE A" else None
 
 
 def all_lamps() -> Lamps:
@@ -100,7 +117,7 @@ def all_lamps() -> Lamps:
         ours = [(name, spectrum) for other, name, spectrum in published if other == kind]
         rows = [spectrum for _, spectrum in ours] + list(computed[kind])
         spectra += rows
-        names += [name for name, _ in ours] + [f"{kind} by formula"] * len(computed[kind])
+        names += [name for name, _ in ours] + [kind + BY_FORMULA] * len(computed[kind])
         kinds += [LIGHT_KINDS.index(kind)] * len(rows)
         weights += [probability * PUBLISHED_SHARE / len(ours)] * len(ours)
         weights += [probability * (1 - PUBLISHED_SHARE) / len(computed[kind])] * len(computed[kind])

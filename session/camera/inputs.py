@@ -22,9 +22,9 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
-    Calibration,
     PatchSamples,
     Quantity,
+    SensitivityFit,
     Spectrum,
     UnknownLight,
     WavelengthGrid,
@@ -72,12 +72,12 @@ def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
         else read_measured_curves(request.curves, len(names), grid)
     prior = None if request.prior_file is None else load_camera_prior(request.prior_file)
     result = fit_camera(charts, grid, CalibrationOptions(request.method, prior, curves=curves))
-    calibration = result.chart.calibration
     light = ", ".join(light_words(chart.light) for chart in charts)
     facts = {**facts_of(result, charts[0].chart), "bands": list(names), "light": light}
     facts["checks"] += notes
-    columns, source = _columns(calibration, names, light)
-    nm, fit = calibration.sensitivity.grid.nm, calibration.sensitivity
+    fit = result.sensitivity
+    nm = fit.grid.nm
+    columns, source = _columns(fit, names, light)
     lines = [f"bands {', '.join(names)}: {fit.method}",
              *(f"- {check}" for check in facts["checks"]), fit.outcome.value]
     if request.out is not None:
@@ -235,7 +235,7 @@ def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
     ``chart``.
     """
     result, band = camera.chart, camera.band
-    fit, joint = result.calibration.sensitivity, result.prior_fit
+    fit, joint = camera.sensitivity, result.prior_fit
     facts: dict[str, Any] = {
         "wavelengths_nm": fit.grid.nm.tolist(), "sensitivities": fit.curves.tolist(),
         "lower": None if band is None else band.lower.tolist(),
@@ -252,6 +252,10 @@ def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
     facts["checks"].append(left_out_sentence(camera.held_out))
     facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
     known = result.calibration.light_posterior
+    facts["stated_lights"] = [
+        {"light": departure.source, "expected": departure.expected, "departs": departure.size,
+         "standard_error": departure.size_error, "spectrum": departure.spectrum.tolist()}
+        for departure in result.departures]
     facts["light_posterior"] = None if known is None else posterior_facts(known)
     if joint is not None:
         facts |= {"model_error": joint.model_error, "chi_square": joint.chi_square,
@@ -262,10 +266,9 @@ def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
     return facts
 
 
-def _columns(calibration: Calibration, names: tuple[str, ...],
+def _columns(fit: SensitivityFit, names: tuple[str, ...],
              light: str) -> tuple[dict[str, Any], str]:
     """Curves and standard errors by column, and where they are from."""
-    fit = calibration.sensitivity
     columns: dict[str, Any] = dict(zip(names, fit.curves, strict=True))
     if fit.standard_error is not None:
         columns |= {f"standard_error {name}": values

@@ -74,12 +74,12 @@ class CameraEstimate:
     @property
     def nm(self) -> np.ndarray:
         """Wavelengths (P,) in nm."""
-        return self.calibration.sensitivity.grid.nm
+        return self.fit.sensitivity.grid.nm
 
     @property
     def curves(self) -> np.ndarray:
         """Sensitivities (K, P); the highest peak is 1."""
-        return self.calibration.sensitivity.curves
+        return self.fit.sensitivity.curves
 
     def band(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper sensitivities (K, P) of the 90 % band.
@@ -125,7 +125,7 @@ class CameraEstimate:
         matplotlib Axes
         """
         axes = axes_for(axes, (5.6, 3.4))
-        plot_sensitivities(axes, self.nm, self.curves, self.calibration.sensitivity.standard_error,
+        plot_sensitivities(axes, self.nm, self.curves, self.fit.sensitivity.standard_error,
                            self.bands)
         axes.legend(frameon=False, fontsize="small")
         return axes
@@ -148,7 +148,7 @@ class CameraEstimate:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        fit = self.calibration.sensitivity
+        fit = self.fit.sensitivity
         columns = dict(zip(self.bands, fit.curves, strict=True))
         if fit.standard_error is not None:
             columns |= {f"standard_error {name}": values
@@ -160,7 +160,7 @@ class CameraEstimate:
         return target
 
     def __repr__(self) -> str:
-        return (f"<CameraEstimate {', '.join(self.bands)}: {self.calibration.sensitivity.method}, "
+        return (f"<CameraEstimate {', '.join(self.bands)}: {self.fit.sensitivity.method}, "
                 f"chart patches left out within CIEDE2000 {self.chart_delta_e:.1f}>")
 
     def _repr_html_(self) -> str:

@@ -105,8 +105,7 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
     if isinstance(camera, tuple):
         nm, curves = (np.asarray(part, dtype=float) for part in camera)
         return on_grid(nm, np.atleast_2d(curves), grid, "camera")
-    calibration = camera if isinstance(camera, Calibration) else camera.calibration
-    fit = calibration.sensitivity
+    fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
 
 
