@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import (
     GLARE_SD,
@@ -29,8 +30,11 @@ from spectrabox.calibrate.prior.curve_posterior import (
     relit,
 )
 from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE
+from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.products.lamps import lamps_like
-from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
+from spectrabox.calibrate.products.product_fit import SEED, ProductFit, fit_products
+from spectrabox.calibrate.products.product_posterior import evidence_of_products
+from spectrabox.calibrate.products.product_prior import product_prior
 from spectrabox.calibrate.sensitivity import (
     CHART_ERROR,
     PriorFit,
@@ -38,6 +42,7 @@ from spectrabox.calibrate.sensitivity import (
     fit_sensitivities,
     fit_with_prior,
     relative_prediction_covariance,
+    require_fit_for,
 )
 from spectrabox.calibrate.spline_fit import SPLINE_BANDS, SPLINE_COEFFICIENTS
 from spectrabox.calibrate.trust import (
@@ -218,6 +223,34 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
                             first.samples.saturated, fitted.cleaned or fitted.without,
                             fitted.departures)
+
+
+def log_evidence(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+                 prior: CameraPrior | None = None) -> float:
+    """How well the joint estimate explains photos, in nats up to a constant of their signals.
+
+    Parameters
+    ----------
+    photos : sequence of ChartPhoto
+        By one camera.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    prior : CameraPrior or None
+        None takes the default.
+
+    Raises
+    ------
+    CalibrationError, InputError
+        As ``fit_with_prior``.
+    """
+    used, _ = _used_and_excluded(photos, grid)
+    cameras = default_prior(used, grid) if prior is None else prior
+    require_fit_for(used, cameras)
+    light = photos[0].light
+    with threadpool_limits(1, "blas"):      # see fit_with_prior
+        if isinstance(light, UnknownLight) and cameras.source != SMOOTH_SOURCE:
+            return evidence_of_products(used, product_prior(cameras, lamps_like(light), SEED))
+        return posterior_of_curves(used, cameras, grid).log_evidence
 
 
 def camera_curves(calibration: ChartCalibration) -> SensitivityFit:

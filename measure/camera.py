@@ -6,8 +6,8 @@ take. Files are read and written by the callers.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from spectrabox.calibrate.chart_calibration import (
     calibrate_chart,
     camera_curves,
     curve_band,
+    log_evidence,
 )
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.capture.chart.chart_agreement import typical_signals
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
@@ -38,6 +40,9 @@ from spectrabox.radiometry.records import (
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 
 FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never seen by the fit
+# nats, for another generation of a chart than the usual: charts that are of neither, and photos of
+# one chart, scatter by 4 to 6 (docs/results/calibration.md)
+DECISIVE = 7.0
 MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
 
 
@@ -90,6 +95,28 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, gr
 
 
 @dataclass(frozen=True)
+class ChartGeneration:
+    """Which of the generations a chart is of, by the evidence of its photos."""
+
+    reference: str                      # that the fit takes
+    log_evidence: dict[str, float]      # of each, in nats over the first
+
+    @property
+    def words(self) -> str:
+        """One sentence for an operator."""
+        first, *_ = self.log_evidence
+        other = max((name for name in self.log_evidence if name != self.reference),
+                    key=lambda name: self.log_evidence[name])
+        gain = self.log_evidence[self.reference] - self.log_evidence[other]
+        if gain > DECISIVE:
+            return (f"chart reference {self.reference}: explains the chart better than {other}, by "
+                    f"{gain:.0f} nats")
+        return (f"chart reference {first}: the photo does not tell it from {other} "
+                f"({abs(gain):.0f} nats {'for' if gain > 0 else 'against'} it); measure your chart "
+                "and give its file as reference")
+
+
+@dataclass(frozen=True)
 class CameraFit:
     """A camera's curves with everything that led to them.
 
@@ -100,10 +127,12 @@ class CameraFit:
     sensitivity: SensitivityFit
     band: CurveBand | None          # None for measured curves
     held_out: HeldOutPatches        # of the first photo, each by a calibration without it
+    generation: ChartGeneration | None = None   # of the chart; None where it was stated
 
 
 def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
-               options: CalibrationOptions | None = None, seed: int = 0) -> CameraFit:
+               options: CalibrationOptions | None = None, seed: int = 0,
+               generations: Mapping[str, np.ndarray] | None = None) -> CameraFit:
     """Sensitivities of a camera from chart photos and the spectra of their lights.
 
     Parameters
@@ -116,15 +145,39 @@ def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         None takes the defaults.
     seed : int
         Of the draws of the curves.
+    generations : mapping of (I, P) arrays or None
+        Reflectances that the chart of all photos may have, by name, the usual ones first: those
+        that explain the photos best are taken, with the method ``prior``. None: those of the
+        photos.
 
     Raises
     ------
     InputError, CheckError, CalibrationError
         As ``calibrate_chart``.
     """
+    chosen = CalibrationOptions() if options is None else options
+    generation = None
+    if generations and chosen.method == "prior" and chosen.curves is None:
+        generation = _generation(photos, grid, chosen.prior, generations)
+        photos = _with_reflectances(photos, generations[generation.reference])
     calibrated = calibrate_chart(photos, grid, options)
     return CameraFit(calibrated, camera_curves(calibrated), curve_band(calibrated, seed),
-                     held_out_patches(calibrated, photos[0].reflectances))
+                     held_out_patches(calibrated, photos[0].reflectances), generation)
+
+
+def _generation(photos: Sequence[ChartPhoto], grid: WavelengthGrid, prior: CameraPrior | None,
+                generations: Mapping[str, np.ndarray]) -> ChartGeneration:
+    """The usual one, unless the photos are decisively for another."""
+    evidence = {name: log_evidence(_with_reflectances(photos, reflectances), grid, prior)
+                for name, reflectances in generations.items()}
+    first, *_ = evidence
+    best = max(evidence, key=lambda name: evidence[name])
+    return ChartGeneration(best if evidence[best] - evidence[first] > DECISIVE else first,
+                           {name: value - evidence[first] for name, value in evidence.items()})
+
+
+def _with_reflectances(photos: Sequence[ChartPhoto], reflectances: np.ndarray) -> list[ChartPhoto]:
+    return [replace(photo, reflectances=reflectances) for photo in photos]
 
 
 @dataclass(frozen=True)

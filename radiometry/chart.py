@@ -12,6 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry.charts.generations import later_generation
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.published_tables import CHARTS, published_curves
 from spectrabox.radiometry.records import WavelengthGrid
@@ -27,6 +28,9 @@ PATCH_NAMES = (
 
 # Chart names of colour-science that cover 400-700 nm, by what an operator may write.
 REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
+
+# The Classic as it is made since, of which its maker publishes colours alone: see ``generations``.
+AFTER_2014 = "ColorChecker after November 2014"
 
 # Peak and standard deviation (nm) of the bands of an ordinary colour camera, to know a chart when
 # one is seen.
@@ -57,6 +61,7 @@ class Chart(Record):
     # Names that other software gives the patches, each tuple in the order of ``names``.
     other_names: tuple[tuple[str, ...], ...] = ()
     references: tuple[str, ...] = ()                # published reflectances, the usual one first
+    generations: tuple[str, ...] = ()               # those of them that one chart may be of
     colours: str | None = None                      # published colours that tell the patches' order
     reference_file: Path | None = None              # measured, of a layout that an operator wrote
     detectable: bool = False                        # OpenCV finds it in a photo
@@ -136,14 +141,16 @@ CLASSIC = dataclasses.replace(
     card=np.array([29.0, 20.3]), fiducial_names=("dark skin", "bluish green", "black", "white"),
     other_names=(tuple(f"{row}{column}" for row in "ABCD" for column in range(1, 7)),
                  tuple(f"{column}{row}" for row in range(1, 5) for column in "ABCDEF")),
-    references=REFERENCES, detectable=True, black_frame=True)
+    references=(*REFERENCES, AFTER_2014), generations=(REFERENCES[0], AFTER_2014), detectable=True,
+    black_frame=True)
 
 
 def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLASSIC) -> np.ndarray:
     """Reflectances (I, P) of a named published chart, first patch first.
 
     ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped
-    by colour-science.
+    by colour-science. ``ColorChecker after November 2014`` is that average, changed smoothly as the
+    maker's colours have changed.
 
     Parameters
     ----------
@@ -165,6 +172,8 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
     if reference not in chart.references:
         raise InputError(f"chart reference {reference!r} is not known; known are "
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")
+    if reference == AFTER_2014:
+        return later_generation(chart_reflectances(REFERENCES[0], grid, chart), grid)
     nm, patches = published_curves(CHARTS, reference)
     return on_grid(nm, patches, grid, reference)
 

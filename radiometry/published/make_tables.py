@@ -15,7 +15,9 @@ from spectrabox.radiometry.published.published_tables import (
 )
 
 ALIASES = ("babel_average", "cc_ohta")  # second names of charts
-COLOURED = ("ColorCheckerSG - After November 2014",)    # charts of which no spectra are published
+# charts of which colours alone are published, and one whose colours others are compared with
+COLOURED = ("ColorCheckerSG - After November 2014", "ColorChecker24 - Before November 2014",
+            "ColorChecker24 - After November 2014")
 
 
 def tables_of_colour_science() -> dict[str, np.ndarray]:

@@ -15,7 +15,7 @@ from spectrabox.calibrate.chart_calibration import (
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.measure.camera import CameraFit, fit_camera, measure_chart
-from spectrabox.radiometry.chart import CLASSIC, Chart, excluded_patches
+from spectrabox.radiometry.chart import CLASSIC, Chart, chart_reflectances, excluded_patches
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
@@ -71,7 +71,11 @@ def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
     curves = None if request.curves is None \
         else read_measured_curves(request.curves, len(names), grid)
     prior = None if request.prior_file is None else load_camera_prior(request.prior_file)
-    result = fit_camera(charts, grid, CalibrationOptions(request.method, prior, curves=curves))
+    layout = charts[0].chart
+    generations = None if request.reference else {
+        name: chart_reflectances(name, grid, layout) for name in layout.generations}
+    result = fit_camera(charts, grid, CalibrationOptions(request.method, prior, curves=curves),
+                        generations=generations)
     light = ", ".join(light_words(chart.light) for chart in charts)
     facts = {**facts_of(result, charts[0].chart), "bands": list(names), "light": light}
     facts["checks"] += notes
@@ -252,6 +256,11 @@ def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
     facts["checks"].append(left_out_sentence(camera.held_out))
     facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
     known = result.calibration.light_posterior
+    if camera.generation is not None:
+        facts["checks"].append(camera.generation.words)
+    facts["chart_generation"] = None if camera.generation is None else {
+        "reference": camera.generation.reference,
+        "log_evidence": camera.generation.log_evidence}
     facts["stated_lights"] = [
         {"light": departure.source, "expected": departure.expected, "departs": departure.size,
          "standard_error": departure.size_error, "spectrum": departure.spectrum.tolist()}

@@ -17,7 +17,7 @@ from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.camera import CameraFit, measure_chart
 from spectrabox.measure.camera import fit_camera as fit_curves
 from spectrabox.measure.plots import plot_sensitivities
-from spectrabox.radiometry.chart import Chart, excluded_patches
+from spectrabox.radiometry.chart import Chart, chart_reflectances, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
@@ -100,7 +100,8 @@ class CameraEstimate:
     @property
     def checks(self) -> tuple[str, ...]:
         """What was checked, in sentences: light, chart, colour matrix."""
-        return self.calibration.checks
+        generation = self.fit.generation
+        return self.calibration.checks + (() if generation is None else (generation.words,))
 
     @property
     def chart_check(self) -> ChartCheck:
@@ -245,7 +246,9 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
         first = first or photo.image
     bands = default_band_names(shown[0].samples.mean.shape[1])
     learnt = None if prior is None else load_camera_prior(Path(prior))
-    fit = fit_curves(shown, FINE_GRID, CalibrationOptions(method, learnt), seed)
+    generations = None if reference is not None else {
+        name: chart_reflectances(name, FINE_GRID, chart) for name in chart.generations}
+    fit = fit_curves(shown, FINE_GRID, CalibrationOptions(method, learnt), seed, generations)
     calibration = fit.chart.calibration
     if calibration.light_scale is not None and irradiance is not None:
         widened = with_common_error(calibration.light_scale, LAMP_AT_CHART, position_error)
