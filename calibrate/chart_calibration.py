@@ -58,6 +58,7 @@ from spectrabox.radiometry.records import (
     Calibration,
     CalibrationDoubt,
     ChartWhite,
+    Filter,
     LightPosterior,
     LightScale,
     Outcome,
@@ -71,6 +72,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 MIN_BANDS = 3
 LEVEL = 0.9                 # of the band of curves
@@ -95,6 +97,7 @@ class ChartPhoto(Record):
     irradiance: Annotated[np.ndarray, "I"] | None = None
     excluded: Annotated[np.ndarray, "I"] | None = None      # bool: patches that no fit may use
     chart: Chart = CLASSIC
+    filter: Filter | None = None        # before the lens or the lamp; never of the first photo
 
     @property
     def used(self) -> np.ndarray:
@@ -274,6 +277,31 @@ def camera_curves(calibration: ChartCalibration) -> SensitivityFit:
                    standard_error=np.sqrt(curve_variance(alone.basis, moments.covariance, bands)))
 
 
+def through_filter(calibration: Calibration, fit: PriorFit, number: int,
+                   grid: WavelengthGrid) -> Calibration:
+    """The calibration of one photo of a fit: that of its light through the photo's filter.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of the light that the photo was taken under, without a filter.
+    fit : PriorFit
+    number : int
+        Of the photo in the fit.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    fitted, light = fit.photos[number].filter, calibration.light
+    if fitted is None:
+        return calibration
+    passed = fitted.filter.transmittance / fitted.filter.transmittance.max()
+    error = light.standard_error
+    return replace(calibration, filter=fitted, light=Spectrum(
+        grid, spectrum_on_grid(light, grid) * passed, light.quantity,
+        f"{light.source} through {fitted.filter.name}",
+        None if error is None else np.interp(grid.nm, light.grid.nm, error) * passed))
+
+
 @dataclass(frozen=True, eq=False)
 class CurveBand(Record):
     """Band of curves of largest value 1; draws are None for methods without a posterior."""
@@ -344,6 +372,9 @@ class _Fitted(NamedTuple):
 def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) -> None:
     """Refuse photos that the method cannot take."""
     first, bands = photos[0], photos[0].samples.mean.shape[1]
+    if first.filter is not None:
+        raise InputError("the first photo under a light must be without a filter; photos through "
+                         "filters come after it")
     if bands < MIN_BANDS:
         raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
                          "are needed: stack photos that were taken through different filters into "
@@ -386,7 +417,7 @@ def _as_equations(photo: ChartPhoto, grid: WavelengthGrid) -> ChartEquations:
                            positions=None if photo.irradiance is not None
                            else photo.chart.centres_uv,
                            light_terms=light_terms(photo.light, grid)
-                           if isinstance(photo.light, Spectrum) else None)
+                           if isinstance(photo.light, Spectrum) else None, filter=photo.filter)
 
 
 def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
@@ -402,8 +433,10 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         fit = _one_camera(used, grid, cameras, excluded)
         departures = light_departures(fit.posterior, [_power_of(photo.light, grid)[0]
                                                       for photo in photos], grid)
-        doubts, notes = light_doubts([_power_of(photo.light, grid)[0].source for photo in photos],
-                                     used, cameras, grid)
+        bare = [number for number, photo in enumerate(photos) if photo.filter is None]
+        doubts, notes = light_doubts([_power_of(photos[number].light, grid)[0].source
+                                      for number in bare], [used[number] for number in bare],
+                                     cameras, grid)
         notes += tuple(departure.words for departure in departures)
         if unlike_cameras(fit):
             doubts = (CalibrationDoubt.UNLIKE_CAMERAS, *doubts)

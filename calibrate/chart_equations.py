@@ -1,31 +1,37 @@
 """One chart photo as equations: the signal of each patch, and its derivatives by what is unknown.
 
     signal(i, k) = exp(exposure + field(i)) irradiance(i) / pi
-                   x integral reflectance(i) light sensitivity(k) + glare(k)
+                   x integral reflectance(i) light filter sensitivity(k) + glare(k)
 
 ``field`` is a quadratic polynomial of the patch's position on the chart, ``glare`` an offset of
 each band (stray light, black level). Where the geometry is known the irradiance is given (Eq. 17)
-and the field may be switched off.
+and the field may be switched off. A photo through a filter has further unknowns: errors of the
+logarithm of its transmittance. Its level cannot be told from the exposure.
 """
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.records import PatchSamples, WavelengthGrid
+from spectrabox.radiometry.records import Filter, PatchSamples, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 FIELD_SD = 0.15              # of each quadratic term of the log irradiance; a term spans the chart
 GLARE_SD = 0.01              # of the brightest patch of the band
 HAZE_SD = 0.1                # the same under haze or light on the lens
 DARK_SHARE = 0.03            # of the brightest patch: below it an error is no longer relative
+DARK_BAND = 0.003            # of the brightest band: the same of bands that a filter leaves dark
 # relative errors that the bands of a patch may have in common: light that is no smooth field, and
 # patches that are lighter than their reference
 COMMON_ERRORS = (0.0, 0.004, 0.01, 0.025)
+# of the errors of a patch against the model, what a photo through a filter repeats of one without:
+# chart and light are the same, the wavelengths are not. Products then err as they state.
+REPEATED = 0.5
 
 
 class PatchError(NamedTuple):
@@ -65,7 +71,8 @@ class ChartEquations(Record):
     signal: Annotated[np.ndarray, "I K"]
     covariance: Annotated[np.ndarray, "I K K"]      # of the mean signal, from the pixels
     reflectances: Annotated[np.ndarray, "I P"]
-    power: Annotated[np.ndarray, "P"]               # light x integration weight, working grid
+    # light x transmittance of the filter x integration weight, working grid
+    power: Annotated[np.ndarray, "P"]
     irradiance: Annotated[np.ndarray, "I"]
     field_terms: Annotated[np.ndarray, "I E"]       # at each patch; E = 0: no field
     glare: bool
@@ -74,12 +81,29 @@ class ChartEquations(Record):
     glare_sd: float = GLARE_SD                      # beforehand, of the brightest patch of the band
     # log of the true light over ``power``: sum of independent unit normals times these; None: exact
     light_terms: Annotated[np.ndarray, "P J"] | None = None
+    filter: Filter | None = None                    # before lens or lamp
+    # of each patch on the chart, the same in photos whose patches err alike; None: in no other
+    number: Annotated[np.ndarray, "I"] | None = None
+
+    @property
+    def light_power(self) -> np.ndarray:
+        """Light x integration weight (P,), before the filter."""
+        return self.power if self.filter is None else self.power / self.filter.transmittance
+
+    def modes(self, basis: np.ndarray) -> np.ndarray:
+        """Errors (N, E) of the logarithm of the filter's transmittance at the nodes of a basis
+        (P, N); E = 0 without one.
+        """
+        if self.filter is None:
+            return np.zeros((basis.shape[1], 0))
+        return np.asarray((basis / basis.sum(axis=0)).T @ self.filter.modes)
 
 
 def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
                     irradiance: np.ndarray, grid: WavelengthGrid, *,
                     positions: np.ndarray | None = None, rows: int | None = None,
-                    light_terms: np.ndarray | None = None) -> ChartEquations:
+                    light_terms: np.ndarray | None = None,
+                    filter: Filter | None = None) -> ChartEquations:
     """One photo in the form that every fit takes, with an unknown offset in each band.
 
     Parameters
@@ -98,11 +122,15 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
         Of the chart, whose patches are listed row by row; None where some are left out.
     light_terms : (P, J) array or None
         How the light may differ from what is stated, see ``light_error``; None: it does not.
+    filter : Filter or None
+        That the photo was taken through.
     """
     terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
+    passed = light if filter is None else light * filter.transmittance
     return ChartEquations(samples.mean, samples.covariance_of_mean, reflectances,
-                      light * grid.weights_nm, irradiance, terms, glare=True, rows=rows,
-                          light_terms=light_terms)
+                          passed * grid.weights_nm, irradiance, terms, glare=True, rows=rows,
+                          light_terms=light_terms, filter=filter,
+                          number=np.arange(len(samples.mean)))
 
 
 def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
@@ -116,7 +144,8 @@ def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
     """
     return replace(photo, signal=photo.signal[chosen], covariance=photo.covariance[chosen],
                    reflectances=photo.reflectances[chosen], irradiance=photo.irradiance[chosen],
-                   field_terms=photo.field_terms[chosen], rows=None)
+                   field_terms=photo.field_terms[chosen], rows=None,
+                   number=None if photo.number is None else photo.number[chosen])
 
 
 def field_terms(positions: np.ndarray, patches: np.ndarray | None = None) -> np.ndarray:
@@ -155,20 +184,23 @@ def unlit_design(photo: ChartEquations, basis: np.ndarray) -> np.ndarray:
 
 
 def nuisance_sd(photo: ChartEquations) -> np.ndarray:
-    """Prior standard deviations of the field terms and the glare of each band, in this order.
+    """Prior standard deviations of the field terms, the glare of each band and the errors of the
+    filter, in this order.
 
     Parameters
     ----------
     photo : ChartEquations
     """
     glare = photo.glare_sd * photo.signal.max(axis=0) if photo.glare else np.zeros(0)
-    return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare])
+    errors = 0 if photo.filter is None else photo.filter.modes.shape[1]
+    return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare, np.ones(errors)])
 
 
 def nuisance_starts(photos: Sequence[ChartEquations]) -> np.ndarray:
     """Index of each photo's log exposure among the nuisances of all photos, then their number.
 
-    The nuisances stand photo by photo: log exposure, field terms, glare of each band.
+    The nuisances stand photo by photo: log exposure, field terms, glare of each band, errors of
+    the filter.
 
     Parameters
     ----------
@@ -182,7 +214,8 @@ def nuisance_starts(photos: Sequence[ChartEquations]) -> np.ndarray:
 
 
 def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np.ndarray,
-                     exposure: float, nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                     exposure: float, nuisance: np.ndarray,
+                     modes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signal (I K,) patch after patch, and its derivatives (I K, K N + 1 + nuisances).
 
     Parameters
@@ -194,20 +227,27 @@ def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np
         Of the curves.
     exposure : float
         Logarithm.
-    nuisance : (E + K,) or (E,) array
-        Coefficients of the field terms, then the glare of each band where the photo allows it.
+    nuisance : array
+        Coefficients of the field terms, then the glare of each band where the photo allows it,
+        then those of the filter's errors.
+    modes : (N, F) array
+        From ``ChartEquations.modes``.
     """
     patches, bands = photo.signal.shape
     terms = photo.field_terms.shape[1]
+    of_filter = nuisance.size - modes.shape[1]
+    design = design * np.exp(modes @ nuisance[of_filter:])
     exposed = np.exp(exposure + photo.field_terms @ nuisance[:terms])
     bare = exposed[:, None] * (design @ coefficients.T)
-    glare = nuisance[terms:] if photo.glare else np.zeros(bands)
+    glare = nuisance[terms:of_filter] if photo.glare else np.zeros(bands)
     by_curve = np.einsum("in,kl->ikln", exposed[:, None] * design,
                          np.eye(bands)).reshape(patches * bands, -1)
     by_exposure = bare.reshape(-1, 1)
     by_field = (bare[:, :, None] * photo.field_terms[:, None, :]).reshape(patches * bands, terms)
-    by_glare = np.tile(np.eye(bands), (patches, 1))[:, :nuisance.size - terms]
-    return (bare + glare).ravel(), np.hstack([by_curve, by_exposure, by_field, by_glare])
+    by_glare = np.tile(np.eye(bands), (patches, 1))[:, :of_filter - terms]
+    by_filter = np.einsum("in,kn,nf->ikf", exposed[:, None] * design, coefficients, modes,
+                          optimize=True).reshape(patches * bands, -1)
+    return (bare + glare).ravel(), np.hstack([by_curve, by_exposure, by_field, by_glare, by_filter])
 
 
 def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
@@ -221,7 +261,7 @@ def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
     error : PatchError
         Of every patch; of 3 % of the brightest patch where one is darker.
     """
-    level = np.maximum(photo.signal, DARK_SHARE * photo.signal.max(axis=0))
+    level = _relative_to(photo)
     return photo.covariance + error.among_bands(photo.signal.shape[1]) * (
         level[:, :, None] * level[:, None, :])
 
@@ -229,9 +269,58 @@ def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
 def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.ndarray:
     """Covariance (Y, Y) of all signals of photos, patch after patch, see ``noise_covariance``.
 
+    A photo through a filter repeats ``REPEATED`` of the model's errors of the same patches.
+
     Parameters
     ----------
     photos : sequence of ChartEquations
     error : PatchError
     """
-    return block_diagonal(*(patch for photo in photos for patch in noise_covariance(photo, error)))
+    covariance = block_diagonal(*(patch for photo in photos
+                                  for patch in noise_covariance(photo, error)))
+    starts = np.cumsum([0, *(photo.signal.size for photo in photos)])
+    for (first, photo), (second, other) in combinations(enumerate(photos), 2):
+        if photo.filter is other.filter or photo.number is None or other.number is None:
+            continue
+        bands = photo.signal.shape[1]
+        relative = REPEATED * error.among_bands(bands)
+        levels = _relative_to(photo), _relative_to(other)
+        for mine, theirs in np.argwhere(photo.number[:, None] == other.number):
+            rows = starts[first] + mine * bands + np.arange(bands)
+            columns = starts[second] + theirs * bands + np.arange(bands)
+            block = relative * np.outer(levels[0][mine], levels[1][theirs])
+            covariance[np.ix_(rows, columns)] = block
+            covariance[np.ix_(columns, rows)] = block.T
+    return covariance
+
+
+def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:
+    """Rows of the signals (Y,) that show one patch of the first photo: in that photo, and in those
+    through filters, whose errors are its own.
+
+    Parameters
+    ----------
+    photos : sequence of ChartEquations
+    patch : int
+        Index in the first photo.
+    """
+    first, start, rows = photos[0], 0, []
+    for number, photo in enumerate(photos):
+        bands = photo.signal.shape[1]
+        if number == 0:
+            mine = np.array([patch])
+        elif photo.filter is first.filter or photo.number is None or first.number is None:
+            mine = np.zeros(0, int)
+        else:
+            mine = np.flatnonzero(photo.number == first.number[patch])
+        rows += [start + index * bands + band for index in mine for band in range(bands)]
+        start += photo.signal.size
+    return np.array(rows)
+
+
+def _relative_to(photo: ChartEquations) -> np.ndarray:
+    """Signal (I, K) that the errors of patches are relative to."""
+    dark = DARK_SHARE * photo.signal.max(axis=0)
+    if photo.filter is not None:        # which may leave a band with little but stray light
+        dark = np.maximum(dark, DARK_BAND * photo.signal.max())
+    return np.maximum(photo.signal, dark)

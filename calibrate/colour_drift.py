@@ -77,7 +77,7 @@ def colour_drift(posterior: CurvePosterior, photos: Sequence[ChartEquations],
     start, stop = size + nuisance_starts(photos)[number:number + 2]
     signal, derivatives = predicted_signal(
         photo, unlit_design(photo, posterior.basis), np.maximum(mean[:size], 0).reshape(bands, -1),
-        mean[start], mean[start + 1:stop])
+        mean[start], mean[start + 1:stop], photo.modes(posterior.basis))
     states = np.r_[:size, start:stop]
     fitted = derivatives @ covariance[np.ix_(states, states)] @ derivatives.T \
         / posterior.widening**2
@@ -85,7 +85,8 @@ def colour_drift(posterior: CurvePosterior, photos: Sequence[ChartEquations],
     noise = noise_of_photos([photo], posterior.best_error)
     weights = np.linalg.inv(noise)
 
-    glare = mean[start + 1 + photo.field_terms.shape[1]:stop] if photo.glare else np.zeros(bands)
+    at = start + 1 + photo.field_terms.shape[1]
+    glare = mean[at:at + bands] if photo.glare else np.zeros(bands)
     contrasts = np.linalg.svd(np.eye(bands) - 1 / bands)[0][:, :bands - 1]
     along = photo.field_terms[:, :2]        # x and y, of zero mean and unit spread
     drifts = np.einsum("ik,ia,kc->ikac", signal.reshape(patches, bands) - glare, along,

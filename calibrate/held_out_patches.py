@@ -96,7 +96,7 @@ class PatchesWithout(Record):
         return np.asarray(predicted + self.noise)
 
 
-def weights_without(inverse: np.ndarray, weighted: np.ndarray, rows: slice) -> np.ndarray:
+def weights_without(inverse: np.ndarray, weighted: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """The weights (..., Y) W r of innovations r when some rows are left out, which weigh nothing.
 
     Parameters
@@ -105,15 +105,15 @@ def weights_without(inverse: np.ndarray, weighted: np.ndarray, rows: slice) -> n
         Of the innovations' covariance.
     weighted : (..., Y) array
         W r of all rows.
-    rows : slice
+    rows : int array
         Of the patch.
     """
-    return np.asarray(weighted - np.linalg.solve(inverse[rows, rows], weighted[..., rows].T).T
-                      @ inverse[rows])
+    return np.asarray(weighted - np.linalg.solve(inverse[np.ix_(rows, rows)],
+                                                 weighted[..., rows].T).T @ inverse[rows])
 
 
 def covariance_without(covariance: np.ndarray, gain: np.ndarray, inverse: np.ndarray,
-                       rows: slice) -> np.ndarray:
+                       rows: np.ndarray) -> np.ndarray:
     """Posterior covariance (Z, Z) when some rows are left out.
 
     Parameters
@@ -124,7 +124,7 @@ def covariance_without(covariance: np.ndarray, gain: np.ndarray, inverse: np.nda
     inverse, rows
         As in ``weights_without``.
     """
-    return np.asarray(covariance + gain[:, rows] @ np.linalg.solve(inverse[rows, rows],
+    return np.asarray(covariance + gain[:, rows] @ np.linalg.solve(inverse[np.ix_(rows, rows)],
                                                                    gain[:, rows].T))
 
 

@@ -19,12 +19,14 @@ WORST_MODEL_ERROR = 0.05     # relative: no camera explains patches that disagre
 WORST_CHI_SQUARE = 3.0
 
 
-def require_usable(signal: np.ndarray) -> None:
+def require_usable(signal: np.ndarray, filtered: bool = False) -> None:
     """Refuse signals of patches to which no sensitivities can be fitted.
 
     Parameters
     ----------
     signal : (I, K) array
+    filtered : bool
+        Whether a filter leaves bands dark or alike, as it may.
 
     Raises
     ------
@@ -35,6 +37,8 @@ def require_usable(signal: np.ndarray) -> None:
     if len(signal) < MIN_PATCHES:
         raise CalibrationError(f"{len(signal)} patches are too few to find sensitivities; "
                                f"{MIN_PATCHES} are needed")
+    if filtered:
+        return
     bad = np.flatnonzero(~(np.isfinite(signal).all(axis=1) & (signal > 0).all(axis=1)))
     if bad.size:
         raise CalibrationError(f"patch {bad[0] + 1} has no positive signal in every band; check "

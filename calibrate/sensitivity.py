@@ -116,7 +116,7 @@ def require_fit_for(photos: list[ChartEquations], prior: CameraPrior) -> None:
         If the prior's cameras have another number of bands than the photos.
     """
     for photo in photos:
-        require_usable(photo.signal)
+        require_usable(photo.signal, filtered=photo.filter is not None)
         if photo.signal.shape[1] != prior.bands:
             raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
                              f"{photo.signal.shape[1]}; give a prior made from such cameras, or "

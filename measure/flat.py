@@ -6,19 +6,24 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.measure.surface_signals import with_errors
 from spectrabox.measure.white import FlatErrors, FlatPhoto, PhotoWhite
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     DRIFT_OF_COLOUR,
+    FILTER,
     GLARE,
+    LIGHT_FIELD,
     LIGHT_SPECTRUM,
     PHOTO_NOISE,
+    SAMPLE_PLANE,
     SENSITIVITIES,
     SURFACE_REFLECTION,
     SURFACE_REFLECTIONS,
     added_covariance,
     drift_covariance,
+    filter_covariance,
     glare_signal,
     light_covariance,
     proportional_covariance,
@@ -34,12 +39,17 @@ EXPECTED = 0.01         # of white: error of the signals whose spectra the error
 # of white, beyond which a veil is haze; and how far it then differs over a photo: on a real one by
 # 0.3 of itself over a chart
 USUAL_VEIL, UNEVEN_VEIL = 0.03, 0.3
+# of an error: what photos under one lamp that stayed in its position repeat, whatever the filter.
+# Each photo tells its own field of light, but by the same patches and the same lamp.
+SHARED_UNDER_ONE_LAMP = {SAMPLE_PLANE: 1.0, SURFACE_REFLECTION: 1.0, LIGHT_FIELD: 0.8}
 
 
 def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],
                  families: Mapping[str, Sequence[str]], known: Mapping[str, np.ndarray],
                  bands: Sequence[str], errors: FlatErrors) -> SurfaceSignals:
     """Signals of all regions in the bands of all photos; photos of one response are averaged.
+
+    Photos under one lamp, through filters, err alike by what the lamp and the sample's plane do.
 
     Parameters
     ----------
@@ -66,6 +76,7 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     signal = np.full((len(names), len(labels)), np.nan)
     causes: dict[str, np.ndarray] = {}
     for index, name in enumerate(names):
+        lamps = np.full(len(labels), "", dtype=object)
         for block, number in enumerate(distinct):
             shown = [(photo, white) for photo, white, other
                      in zip(photos, whites, of_photo, strict=True)
@@ -78,6 +89,10 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
             for cause, covariance in errors_of_region(name, shown, errors).items():
                 whole = causes.setdefault(cause, np.zeros((len(names), *(2 * [len(labels)]))))
                 whole[index, own, own] = covariance
+            lamps[own] = photos[number].lamp or f"of {number}"
+        for cause, covariance in causes.items():
+            covariance[index] += _common_to_photos(cause, covariance[index], signal[index], lamps,
+                                                   errors.disagreement)
     response = np.vstack([responses[number] for number in distinct])
     spectra = np.array([known[name] if name in known
                         else _expected_spectrum(families[name], response, signal[index])
@@ -88,6 +103,8 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     calibrations = [photo.calibration for photo in photos]
     causes[SENSITIVITIES] = sensitivity_covariance(calibrations, filled)
     causes[LIGHT_SPECTRUM] = light_covariance(calibrations, filled)
+    if any(calibration.filter is not None for calibration in calibrations):
+        causes[FILTER] = filter_covariance(calibrations, filled)
     return with_errors(signals, causes)
 
 
@@ -125,6 +142,19 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
     zero = np.zeros_like(noise)
     return {PHOTO_NOISE: noise, **{
         cause: np.mean([part.get(cause, zero) for part in parts], axis=0) for cause in causes}}
+
+
+def _common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lamps: np.ndarray,
+                      disagreement: PatchError) -> np.ndarray:
+    """What one cause adds to a surface's covariance (J, J) between photos under one lamp, given
+    the covariance within each photo and the lamp of each band (J,).
+    """
+    one_lamp = (lamps[:, None] == lamps) & (lamps != "") & (covariance == 0)
+    if cause == DISAGREEMENT:
+        common = disagreement.common * signal
+    else:
+        common = np.sqrt(SHARED_UNDER_ONE_LAMP.get(cause, 0.0) * np.diag(covariance))
+    return np.asarray(np.where(one_lamp, np.outer(common, common), 0.0))
 
 
 def _expected_spectrum(families: Sequence[str], response: np.ndarray,

@@ -62,6 +62,7 @@ class FlatPhoto:
     white: ChartWhite               # in the chart photo
     calibration: Calibration        # of the camera under this light
     drift: LightDrift | None = None     # of the light from the chart photo to this one
+    lamp: str | None = None         # the same for photos under one lamp that stayed; None: its own
 
     @property
     def response(self) -> np.ndarray:

@@ -15,17 +15,18 @@ whole curve changes no signal. Flat samples, scenes, pixels and rehearsals read 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from spectrabox.radiometry.covariance import block_diagonal
+from spectrabox.radiometry.covariance import block_diagonal, error_patterns
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
     Calibration,
     CommonError,
+    FittedFilter,
     LightDrift,
     LightScale,
     SurfaceSignals,
@@ -52,6 +53,7 @@ STRAY_LIGHT = "stray light"
 SAMPLE_PLANE = "plane of the samples"
 SURFACE_REFLECTION = "surface reflection"
 DISAGREEMENT = "photo and model disagree"
+FILTER = "filter"
 
 
 class Cause(NamedTuple):
@@ -69,6 +71,7 @@ CAUSES = {
     SENSITIVITIES: Cause("response", bands=True, surfaces=True, photos=True),
     LIGHT: Cause("proportional", bands=True, surfaces=True, photos=False),
     LIGHT_SPECTRUM: Cause("response", bands=True, surfaces=True, photos=False),
+    FILTER: Cause("response", bands=True, surfaces=True, photos=False),
     WHITE: Cause("proportional", bands=True, surfaces=True, photos=False),
     LIGHT_FIELD: Cause("proportional", bands=True, surfaces=False, photos=False),
     LIGHT_SCALE: Cause("proportional", bands=True, surfaces=True, photos=False),
@@ -261,7 +264,9 @@ def curve_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErro
 
     With a covariance of the curves they are its principal directions, the same in photos under
     every light. Without one, every band errs by the stated share of the brightest band,
-    independently in each photo: an error of a curve's tail admits light from there.
+    independently in each photo: an error of a curve's tail admits light from there. Of a photo
+    through a filter they are those of curves and filter that come with the same directions: both
+    were fitted to the same charts. What the filter errs by besides is ``filter_errors``.
 
     Parameters
     ----------
@@ -280,7 +285,53 @@ def curve_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErro
     independent = (directions[:, chosen] * np.sqrt(variances[chosen])).reshape(
         bands, fit.basis.shape[1], -1)
     changes = (weight[:, None] * fit.basis / white) @ independent
+    if calibration.filter is not None:
+        changes = changes + _by_filter(calibration, grid) @ _filter_with(
+            calibration.filter, variances[chosen], directions[:, chosen])
     return ResponseErrors(changes, changes.sum(axis=1), np.zeros((bands, bands)))
+
+
+def filter_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErrors:
+    """Errors of the filter's transmittance that are independent of the curves' errors, FILTER;
+    none of a photo without one.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    grid : WavelengthGrid
+        Of the curves.
+    """
+    fit, bands = calibration.sensitivity, len(calibration.sensitivity.curves)
+    if calibration.filter is None:
+        changes = np.zeros((bands, grid.nm.size, 0))
+    else:
+        covariance = calibration.filter.covariance
+        if fit.covariance is not None:
+            variances, directions = np.linalg.eigh(fit.covariance)
+            chosen = variances > 0
+            shared = _filter_with(calibration.filter, variances[chosen], directions[:, chosen])
+            covariance = covariance - shared @ shared.T
+        changes = _by_filter(calibration, grid) @ error_patterns(covariance).T
+    return ResponseErrors(changes, changes.sum(axis=1), np.zeros((bands, bands)))
+
+
+def _by_filter(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
+    """Change (K, P, E) of the response by each mode of the filter, relative to white."""
+    assert calibration.filter is not None
+    response = calibration.sensitivity.curves * spectrum_on_grid(calibration.light, grid) \
+        * grid.weights_nm
+    response = response / white_signal(response)[:, None]
+    return np.asarray(response[:, :, None] * calibration.filter.filter.modes)
+
+
+def _filter_with(filter: FittedFilter, variances: np.ndarray,
+                 directions: np.ndarray) -> np.ndarray:
+    """Errors (E, C) of the filter that come with one standard deviation of the curves along each
+    of their principal directions.
+    """
+    certain = variances > DARK * variances.max()
+    return np.asarray(filter.with_curves @ directions
+                      * np.where(certain, 1 / np.sqrt(np.where(certain, variances, 1)), 0))
 
 
 def light_errors(calibration: Calibration, grid: WavelengthGrid,
@@ -348,9 +399,28 @@ def light_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSigna
     calibrations, surfaces
         As of ``sensitivity_covariance``.
     """
+    return _independent_of_views(surfaces, lambda view, response: light_errors(
+        calibrations[view], surfaces.grid, response))
+
+
+def filter_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSignals) -> np.ndarray:
+    """Covariance (M, J, J) of the signals of M surfaces by the errors of each photo's filter.
+
+    Parameters
+    ----------
+    calibrations, surfaces
+        As of ``sensitivity_covariance``.
+    """
+    return _independent_of_views(surfaces, lambda view, _: filter_errors(
+        calibrations[view], surfaces.grid))
+
+
+def _independent_of_views(surfaces: SurfaceSignals,
+                          errors_of: Callable[[int, np.ndarray], ResponseErrors]) -> np.ndarray:
+    """Covariance (M, J, J) by errors that each view has of its own."""
     by_view = []
     for view in np.unique(surfaces.view_of_band):
         mine = surfaces.view_of_band == view
-        errors = light_errors(calibrations[view], surfaces.grid, surfaces.response[mine])
-        by_view.append(errors.covariance(surfaces.signal[:, mine], surfaces.spectra))
+        by_view.append(errors_of(int(view), surfaces.response[mine]).covariance(
+            surfaces.signal[:, mine], surfaces.spectra))
     return np.array([block_diagonal(*blocks) for blocks in zip(*by_view, strict=True)])

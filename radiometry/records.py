@@ -94,6 +94,26 @@ class Spectrum(Record):
 
 
 @dataclass(frozen=True, eq=False)
+class Filter(Record):
+    """A filter before lens or lamp: its transmittance is that of ``transmittance`` times
+    exp(modes @ e), with e standard normal.
+    """
+
+    name: str
+    transmittance: Annotated[np.ndarray, "P"]       # at 400, 401 ... 700 nm; its level is free
+    modes: Annotated[np.ndarray, "P E"]             # errors of its logarithm
+
+
+@dataclass(frozen=True, eq=False)
+class FittedFilter(Record):
+    """A filter as chart photos with and without it know it, together with the camera's curves."""
+
+    filter: Filter                                  # transmittance: the estimate
+    covariance: Annotated[np.ndarray, "E E"]        # of the modes' coefficients
+    with_curves: Annotated[np.ndarray, "E D"]       # their covariance with the curves' coefficients
+
+
+@dataclass(frozen=True, eq=False)
 class UnknownLight(Record):
     """A light whose spectrum nobody stated; what is known of it narrows the lamps it may be."""
 
@@ -358,6 +378,8 @@ class Calibration(Record):
     # Where the light is unknown ``sensitivity`` holds the products of sensitivity and light,
     # ``light`` is 1 at every wavelength, and this says what is known of the light by itself.
     light_posterior: LightPosterior | None = None
+    # Of a photo through a filter: ``light`` is then the light that the filter lets pass.
+    filter: FittedFilter | None = None
 
 
 # ---- reconstruct ---------------------------------------------------------------------------------

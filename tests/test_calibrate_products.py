@@ -15,6 +15,7 @@ from spectrabox.calibrate.chart_equations import (
     PatchError,
     chart_equations,
     noise_of_photos,
+    rows_of_patch,
     some_patches,
 )
 from spectrabox.calibrate.prior.prior_fit import GAINS
@@ -42,6 +43,7 @@ from spectrabox.calibrate.products.product_prior import paired, product_prior
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
+from spectrabox.radiometry.spectra.filters import stated_filter
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 
@@ -68,24 +70,29 @@ def small_prior(seed=3, count=24):
     return paired(NODES, curves, np.arange(count) % 12, lamps)
 
 
-def shot(curves, lamp, seed, noise=0.01):
+def shot(curves, lamp, seed, noise=0.01, through=None):
     """A chart photo of a camera (3, 61) under a lamp (301,), with noise, fall-off and glare."""
     rng = np.random.default_rng(seed)
-    signal = signals(on_grid(curves), lamp, SURFACES)
+    signal = signals(on_grid(curves), lamp * (1 if through is None else through.transmittance),
+                     SURFACES)
     signal = signal / signal.max() * (1 + noise * rng.standard_normal(signal.shape))
     signal = signal * (1 + 0.1 * CLASSIC.centres_uv[:, :1]) + 0.003
     samples = PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), 0 * signal, 0 * signal)
     return chart_equations(samples, SURFACES, np.ones(GRID.nm.size), np.full(24, np.pi), GRID,
-                           positions=CLASSIC.centres_uv)
+                           positions=CLASSIC.centres_uv, filter=through)
 
 
-@pytest.fixture(scope="module")
-def fitted():
-    photo = shot(cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3], 1)
-    return photo, posterior_of_products([photo], small_prior())
+@pytest.fixture(scope="module", params=["one photo", "and one through a filter"])
+def fitted(request):
+    camera, lamp = cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3]
+    photos = [shot(camera, lamp, 1)]
+    if request.param != "one photo":
+        photos.append(shot(camera, lamp, 2, through=stated_filter(
+            "orange", 0.02 + 0.9 / (1 + np.exp((560 - GRID.nm) / 12)))))
+    return photos, posterior_of_products(photos, small_prior())
 
 
-def dense(photo, fitted, hypothesis, rows):
+def dense(photos, fitted, hypothesis, rows):
     """Posterior of every component by textbook conditioning on some rows, and its log evidence."""
     prior, chart = fitted.prior, fitted.chart
     entries, bands = prior.components.shape[1], prior.bands
@@ -94,7 +101,7 @@ def dense(photo, fitted, hypothesis, rows):
     index = np.arange(entries, len(before))
     before[index, index] = np.r_[chart.nuisance_variance, np.full(bands, hypothesis.gain_sd**2)]
     design = np.hstack([chart.by_component, chart.by_nuisance, chart.by_gain])[rows]
-    total = design @ before @ design.T + noise_of_photos([photo], hypothesis.error)[
+    total = design @ before @ design.T + noise_of_photos(photos, hypothesis.error)[
         np.ix_(rows, rows)]
     gain = np.linalg.solve(total, design @ before).T
     means, logs = [], []
@@ -113,14 +120,11 @@ def dense(photo, fitted, hypothesis, rows):
 
 @pytest.mark.parametrize("patch", [None, 0, 17])
 def test_the_posterior_is_that_of_conditioning_on_the_same_signals(fitted, patch):
-    photo, posterior = fitted
+    photos, posterior = fitted
     hypothesis = max(posterior.hypotheses, key=lambda one: one.share)
-    rows = np.arange(72)
-    left = None
-    if patch is not None:
-        left, rows = slice(3 * patch, 3 * patch + 3), np.delete(rows, range(3 * patch,
-                                                                            3 * patch + 3))
-    mean, covariance, _ = dense(photo, posterior, hypothesis, rows)
+    left = None if patch is None else rows_of_patch(photos, patch)
+    rows = np.delete(np.arange(72 * len(photos)), [] if left is None else left)
+    mean, covariance, _ = dense(photos, posterior, hypothesis, rows)
     ours, spread = hypothesis_moments(posterior, hypothesis, left)
     # Two orders of elimination of systems of condition 1e6: eps x 1e6 of the largest entry, and
     # components below 1e-4 of the best are left out.
@@ -135,10 +139,10 @@ def before(posterior):
 
 @pytest.mark.parametrize("patch", [0, 17])
 def test_hypotheses_are_as_probable_without_a_patch_as_the_others_make_them(fitted, patch):
-    photo, posterior = fitted
-    own = slice(3 * patch, 3 * patch + 3)
-    rows = np.delete(np.arange(72), range(own.start, own.stop))
-    logs = before(posterior) + [np.logaddexp.reduce(dense(photo, posterior, h, rows)[2])
+    photos, posterior = fitted
+    own = rows_of_patch(photos, patch)
+    rows = np.delete(np.arange(72 * len(photos)), own)
+    logs = before(posterior) + [np.logaddexp.reduce(dense(photos, posterior, h, rows)[2])
                                 for h in posterior.hypotheses]
     # determinants of 69 x 69 matrices agree to round-off
     np.testing.assert_allclose(shares_without(posterior.hypotheses, own),
@@ -201,9 +205,10 @@ def test_bands_of_drawn_photos_hold_as_much_as_stated():
 
 
 def test_products_do_not_hang_on_the_unit_of_the_signals(fitted):
-    photo, posterior = fitted
+    photos, posterior = fitted
     other = posterior_of_products([replace(photo, signal=16383 * photo.signal,
-                                           covariance=16383**2 * photo.covariance)], small_prior())
+                                           covariance=16383**2 * photo.covariance)
+                                   for photo in photos], small_prior())
     entries = posterior.prior.components.shape[1]
     (ours, spread), (theirs, other_spread) = (each.moments() for each in (posterior, other))
     # round-off of systems of condition 1e6
@@ -282,8 +287,8 @@ def test_components_that_no_photo_allows_stay_so_without_a_patch():
     assert hypothesis.log_weights.min() < -745     # below it exp() tells nothing from 0
     for patch in range(24):
         rows = np.delete(np.arange(72), range(3 * patch, 3 * patch + 3))
-        logs = np.array(dense(photo, posterior, hypothesis, rows)[2])
-        without = weights_of_components(hypothesis, slice(3 * patch, 3 * patch + 3))
+        logs = np.array(dense([photo], posterior, hypothesis, rows)[2])
+        without = weights_of_components(hypothesis, rows_of_patch([photo], patch))
         # Round-off of chi-squares of thousands, of systems of condition 1e6.
         np.testing.assert_allclose(without, np.exp(logs - np.logaddexp.reduce(logs)), atol=1e-4)
 

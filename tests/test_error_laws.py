@@ -42,6 +42,7 @@ from spectrabox.radiometry.records import (
     Quantity,
     SurfaceAgreement,
 )
+from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 from spectrabox.reconstruct.agreement import model_covariance, scene_errors, surface_covariance
 from spectrabox.reconstruct.misfit import SHAPE_ERROR, surface_tests
@@ -301,17 +302,21 @@ def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, claimed):
     assert ("glare or a wrong black level of 5%" in notes) == claimed
 
 
-@pytest.mark.parametrize("with_glare", [True, False])
-def test_derivatives_of_a_chart_photo_are_those_of_differences(with_glare):
+@pytest.mark.parametrize("with_glare, through", [(True, None), (False, None),
+                                                 (True, unknown_filter())])
+def test_derivatives_of_a_chart_photo_are_those_of_differences(with_glare, through):
     light, rng = daylight(), np.random.default_rng(30)
     chart = photo(np.full((24, 3), 0.3), light, reflectances(), 0.01,
                   field_terms(rng.uniform(size=(24, 2))), with_glare)
+    chart = dataclasses.replace(chart, filter=through)
     basis = basis_matrix(GRID.nm, 6)
-    design, count = unlit_design(chart, basis), 8 if with_glare else 5
+    modes = chart.modes(basis)
+    design, count = unlit_design(chart, basis), (8 if with_glare else 5) + modes.shape[1]
     at = np.r_[rng.uniform(0.5, 1, 18), 0.2, 0.1 * rng.standard_normal(count)]
 
     def signal(state):
-        return predicted_signal(chart, design, state[:18].reshape(3, 6), state[18], state[19:])
+        return predicted_signal(chart, design, state[:18].reshape(3, 6), state[18], state[19:],
+                                modes)
     estimate, step = signal(at)[1], 1e-6
     # central differences: the third derivative times the step squared, and eps over the step
     for index, unit in enumerate(np.eye(at.size)):

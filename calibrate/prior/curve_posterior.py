@@ -21,7 +21,12 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration, ChartWhite, LightScale
+from spectrabox.radiometry.records import (
+    Calibration,
+    ChartWhite,
+    FittedFilter,
+    LightScale,
+)
 from spectrabox.radiometry.shaped import Record
 
 ROUND_OFF = 1e-9             # of the largest value
@@ -46,6 +51,7 @@ class PhotoState(Record):
     glare_error: Annotated[np.ndarray, "K"]
     predicted: Annotated[np.ndarray, "I K"]
     white: ChartWhite
+    filter: FittedFilter | None = None              # that the photo was taken through
 
     @property
     def light_scale(self) -> LightScale:
@@ -254,22 +260,26 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         Of the posterior.
     """
     coefficients = moments.coefficients * moments.peak
+    scaling = _scaling(moments.coefficients, posterior.basis) / moments.peak
     bands, size = len(coefficients), coefficients.size
     mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
     states = []
     for photo, (index, stop) in zip(photos, pairwise(size + nuisance_starts(photos)), strict=True):
-        nuisance, terms = mean[index + 1:stop], photo.field_terms.shape[1]
+        modes = photo.modes(posterior.basis)
+        of_filter = slice(stop - modes.shape[1], stop)
+        terms, own = photo.field_terms.shape[1], mean[index + 1:of_filter.start]
         predicted, _ = predicted_signal(photo, unlit_design(photo, posterior.basis), coefficients,
-                                        mean[index], nuisance)
-        glare = nuisance[terms:] if photo.glare else np.zeros(bands)
-        glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:stop]) if photo.glare
-                       else np.zeros(bands))
-        # white in each band, and its derivative by curves and log exposure
-        power = photo.power @ posterior.basis
+                                        mean[index], mean[index + 1:stop], modes)
+        glare = own[terms:] if photo.glare else np.zeros(bands)
+        glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:of_filter.start])
+                       if photo.glare else np.zeros(bands))
+        # white in each band, and its derivative by curves, log exposure and the filter
+        power = photo.power @ posterior.basis * np.exp(modes @ mean[of_filter])
         white = coefficients @ power
         of_white = np.zeros((bands, len(covariance)))
         of_white[:, :size] = np.kron(np.eye(bands), power)
         of_white[:, index] = white
+        of_white[:, of_filter] = (coefficients * power) @ modes
         # Errors of the bands are independent, each from its own patches' noise: that of the mean
         # over bands would promise twice too much of each. A dark band's says little: by signal.
         variance = np.einsum("kz,zy,ky->k", of_white, covariance, of_white)
@@ -277,13 +287,18 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         # the log of white, then field and glare
         jacobian = np.zeros((2 * bands + terms, len(covariance)))
         jacobian[:bands] = of_white / white[:, None]
-        jacobian[bands:bands + nuisance.size, index + 1:stop] = np.eye(nuisance.size)
+        jacobian[bands:bands + own.size, index + 1:of_filter.start] = np.eye(own.size)
         scale = float(np.exp(mean[index]) * moments.peak)
         states.append(PhotoState(
-            scale, float(scale * relative), np.exp(photo.field_terms @ nuisance[:terms]), glare,
+            scale, float(scale * relative), np.exp(photo.field_terms @ own[:terms]), glare,
             glare_error, predicted.reshape(-1, bands),
-            ChartWhite(np.exp(mean[index]) * white, nuisance[:terms], glare,
-                       jacobian @ covariance @ jacobian.T)))
+            ChartWhite(np.exp(mean[index]) * white, own[:terms], glare,
+                       jacobian @ covariance @ jacobian.T),
+            None if photo.filter is None else FittedFilter(
+                replace(photo.filter, transmittance=photo.filter.transmittance * np.exp(
+                    photo.filter.modes @ mean[of_filter])),
+                covariance[of_filter, of_filter],
+                covariance[of_filter, :size] @ scaling.T)))
     return states
 
 

@@ -24,6 +24,7 @@ from spectrabox.calibrate.chart_equations import (
     nuisance_sd,
     nuisance_starts,
     predicted_signal,
+    rows_of_patch,
     unlit_design,
 )
 from spectrabox.calibrate.held_out_patches import (
@@ -36,7 +37,7 @@ from spectrabox.calibrate.held_out_patches import (
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
@@ -190,9 +191,10 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
     for photo in photos:
         without = np.empty(photo.signal.shape)
         for patch in range(len(photo.signal)):
-            block = slice(row, row + prior.bands)
-            without[patch] = (photo.signal[patch]
-                              - np.linalg.solve(inverse[block, block], weighted[block]))
+            block = (rows_of_patch(photos, patch) if photo is photos[0]
+                     else np.arange(row, row + prior.bands))
+            off = np.linalg.solve(inverse[np.ix_(block, block)], weighted[block])
+            without[patch] = photo.signal[patch] - off[:prior.bands]
             row += prior.bands
         signals.append(without)
     widened = prior.widening[prior.level[family]] ** 2
@@ -207,7 +209,7 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
                                      prior.means.shape[1]))
 
     for patch in range(len(photos[0].signal)):
-        rows = slice(patch * prior.bands, (patch + 1) * prior.bands)
+        rows = rows_of_patch(photos, patch)
         add(photos[0], patch, start + projected @ weights_without(inverse, weighted, rows),
             covariance_without(after, gain, inverse, rows))
     for patch in range(0 if excluded is None else len(excluded.signal)):
@@ -301,7 +303,7 @@ def _equations(photos: list[ChartEquations], designs: list[Design], state: np.nd
         brighter, by_light = _brighter(state, design.light, prior.bands)
         signal, derivative = predicted_signal(
             photo, design.matrix, (curves * brighter).reshape(prior.bands, -1), state[start],
-            state[start + 1:stop])
+            state[start + 1:stop], photo.modes(interpolation_matrix(prior.nm, FINE_GRID.nm)))
         row = np.zeros((signal.size, state.size))
         row[:, :size] = derivative[:, :size] * (slope * brighter)
         row[:, start:stop] = derivative[:, size:]
@@ -381,7 +383,8 @@ def _designs(photos: list[ChartEquations], basis: np.ndarray) -> list[Design]:
         terms = (np.zeros((nodes.size, 0)) if photo.light_terms is None
                  else photo.light_terms[nodes])
         same = [design.light.own for design, other in zip(designs, photos[:number], strict=True)
-                if other.light_terms is not None and np.array_equal(other.power, photo.power)]
+                if other.light_terms is not None and np.allclose(
+                    other.light_power, photo.light_power, rtol=1e-9, atol=0)]
         own = same[0] if same else slice(stop, stop + terms.shape[1])
         stop = max(stop, own.stop)
         designs.append(Design(unlit_design(photo, basis), LightDesign(terms, own)))

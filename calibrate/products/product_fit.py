@@ -11,7 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.calibrate.chart_equations import ChartEquations, mean_error, nuisance_sd
+from spectrabox.calibrate.chart_equations import (
+    ChartEquations,
+    mean_error,
+    nuisance_sd,
+    rows_of_patch,
+)
 from spectrabox.calibrate.held_out_patches import PatchesWithout, gathered, patch_moments
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import (
@@ -57,7 +62,8 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
     Parameters
     ----------
     photos : list of ChartEquations
-        Of one camera; their ``power`` is the integration weights: a light of 1.
+        Of one camera; their ``power`` is the integration weights, times the transmittance of the
+        filter of a photo that has one: a light of 1. The first has none.
     cameras : CameraPrior
     lamps : Lamps
         That the light may be.
@@ -80,7 +86,7 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
         prior = product_prior(cameras, lamps, SEED)
         posterior = posterior_of_products(photos, prior)
         curves = _as_curves(posterior, photos, grid)
-        without = _without_each(posterior, photos[0], grid, excluded)
+        without = _without_each(posterior, photos, grid, excluded)
         moments = curve_moments(curves, prior.bands)
         states = photo_states(curves, photos, moments)
         share = _prior_share(posterior, curves, moments.covariance, grid)
@@ -148,20 +154,21 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
     return state, symmetric(WIDENING**2 * change @ covariance @ change.T)
 
 
-def _without_each(posterior: ProductPosterior, photo: ChartEquations, grid: WavelengthGrid,
+def _without_each(posterior: ProductPosterior, photos: list[ChartEquations], grid: WavelengthGrid,
                   excluded: ChartEquations | None) -> PatchesWithout:
     """Every patch of the first photo by the hypotheses that are likely, then the excluded."""
     prior, basis = posterior.prior, interpolation_matrix(posterior.prior.nm, grid.nm)
     mass, bands = grid.weights_nm @ basis, posterior.prior.bands
     size = bands * prior.nm.size
     likely = sorted(posterior.hypotheses, key=lambda h: -h.share)[:MAX_HYPOTHESES]
-    own = size + 1 + nuisance_sd(photo).size
+    own = size + 1 + nuisance_sd(photos[0]).size
     patches = []
+    photo = photos[0]
     ours = [(photo, patch) for patch in range(len(photo.signal))]
     others = ([] if excluded is None
               else [(excluded, patch) for patch in range(len(excluded.signal))])
     for source, patch in ours + others:
-        rows = slice(patch * bands, (patch + 1) * bands) if source is photo else None
+        rows = rows_of_patch(photos, patch) if source is photo else None
         shares = (np.array([h.share for h in likely]) if rows is None
                   else shares_without(likely, rows))
         moments = [hypothesis_moments(posterior, h, rows, MAX_COMPONENTS) for h in likely]

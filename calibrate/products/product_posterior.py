@@ -4,11 +4,12 @@ With the products x_c of a component, photo by photo
 
     signal(i, k) = exp(level(k) + exposure + field(i)) sum_n reflectance(i, n) x_c(k, n) + glare(k)
 
-is linear in the products, and nearly so in the rest, of which the photo itself says enough to
-linearise it once for all components. All have one covariance about them, h^2 C, so that one gain
-moves all (an ensemble Kalman filter's update), and what a component could not explain is its
-evidence. How wide the kernels are, how far white balances depart, and how large the disagreement of
-patches and model is, are unknown too: a few values each, weighed by the same evidence.
+(through a filter, reflectance x transmittance in place of reflectance) is linear in the products,
+and nearly so in the rest, of which the photo itself says enough to linearise it once for all
+components. All have one covariance about them, h^2 C, so that one gain moves all (an ensemble
+Kalman filter's update), and what a component could not explain is its evidence. How wide the
+kernels are, how far white balances depart, and how large the disagreement of patches and model is,
+are unknown too: a few values each, weighed by the same evidence.
 """
 from __future__ import annotations
 
@@ -18,6 +19,7 @@ from itertools import pairwise, product
 from typing import Annotated, Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from spectrabox.calibrate.chart_equations import (
     COMMON_ERRORS,
@@ -49,7 +51,7 @@ class LinearChart(Record):
     measured: Annotated[np.ndarray, "Y"]            # less what the linearisation point explains
     by_component: Annotated[np.ndarray, "Y X"]
     by_nuisance: Annotated[np.ndarray, "Y U"]
-    nuisance_variance: Annotated[np.ndarray, "U"]   # exposure, field, glare, photo by photo
+    nuisance_variance: Annotated[np.ndarray, "U"]   # exposure, field, glare, filter of each photo
     nuisance_mean: Annotated[np.ndarray, "U"]
     by_gain: Annotated[np.ndarray, "Y K"]           # of log gains beyond the components'
 
@@ -101,7 +103,7 @@ def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> 
     Parameters
     ----------
     photos : list of ChartEquations
-        Of one camera under one light, their ``power`` being the integration weights.
+        Of one camera under one light, see ``fit_products`` on their ``power``.
     prior : ProductPrior
     """
     return _solved(prior, _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, GAINS,
@@ -114,7 +116,7 @@ def evidence_of_products(photos: list[ChartEquations], prior: ProductPrior) -> f
     Parameters
     ----------
     photos : list of ChartEquations
-        Of one camera under one light, their ``power`` being the integration weights.
+        Of one camera under one light, see ``fit_products`` on their ``power``.
     prior : ProductPrior
     """
     return _shares(_weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, GAINS, ERRORS,
@@ -162,7 +164,9 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
     level = component[prior.balance] + gains
     measured, by_component, by_nuisance, by_gain, variances = [], [], [], [], []
     for photo, (at, stop) in zip(photos, pairwise(nuisance_starts(photos)), strict=True):
-        design = node_reflectances(photo, prior.nm)
+        modes = photo.modes(interpolation_matrix(prior.nm, FINE_GRID.nm))
+        of_filter = nuisance[stop - modes.shape[1]:stop]
+        design = node_reflectances(photo, prior.nm) * np.exp(modes @ of_filter)
         patches, terms = photo.signal.shape[0], photo.field_terms.shape[1]
         exposure, field = nuisance[at], nuisance[at + 1:at + 1 + terms]
         irradiance = np.exp(exposure + photo.field_terms @ field) * photo.irradiance / np.pi
@@ -176,9 +180,12 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
         nuisances[:, :, at] = signal
         nuisances[:, :, at + 1:at + 1 + terms] = signal[:, :, None] * photo.field_terms[:, None]
         if photo.glare:
-            nuisances[:, :, at + 1 + terms:stop] = np.eye(bands)
+            nuisances[:, :, at + 1 + terms:at + 1 + terms + bands] = np.eye(bands)
+        by_filter = np.einsum("ik,in,kn,nf->ikf", scale, design, product_now, modes, optimize=True)
+        nuisances[:, :, stop - modes.shape[1]:stop] = by_filter
         of_gain = signal[:, :, None] * np.eye(bands)
-        offset = signal * (level + exposure + (photo.field_terms @ field)[:, None])
+        offset = (signal * (level + exposure + (photo.field_terms @ field)[:, None])
+                  + by_filter @ of_filter)
         measured.append((photo.signal + offset).ravel())
         by_component.append(rows.reshape(patches * bands, -1))
         by_nuisance.append(nuisances.reshape(patches * bands, -1))
@@ -189,7 +196,7 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
 
 
 def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
-    """Reflectances (I, N) as seen by the mass at each node.
+    """Reflectances (I, N), times the filter's transmittance, as seen by the mass at each node.
 
     Parameters
     ----------
@@ -199,7 +206,7 @@ def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
         Nodes of the products.
     """
     basis = interpolation_matrix(nm, FINE_GRID.nm)
-    return np.asarray(photo.reflectances @ (basis * FINE_GRID.weights_nm[:, None])
+    return np.asarray(photo.reflectances @ (basis * photo.power[:, None])
                       / (FINE_GRID.weights_nm @ basis))
 
 
@@ -209,7 +216,7 @@ class _Weighed:
 
     chart: LinearChart
     innovation: np.ndarray      # (C, Y)
-    level: np.ndarray           # (Y,) error of a signal where patches are off by 1
+    own: np.ndarray             # (Y, Y) of the signals where patches are off by 1 in each band
     # width, spread of gains, error; log weights (C,), squares (C,), covariance (Y, Y) without error
     tried: list[tuple[float, float, PatchError, np.ndarray, np.ndarray, np.ndarray]]
 
@@ -225,24 +232,27 @@ def _weighed(photos: list[ChartEquations], prior: ProductPrior, chart: LinearCha
     spread = chart.by_component @ prior.covariance @ chart.by_component.T
     known = (chart.by_nuisance * chart.nuisance_variance) @ chart.by_nuisance.T
     of_gains = chart.by_gain @ chart.by_gain.T
-    level = np.sqrt(np.diag(noise_of_photos(photos, PatchError(1.0))
-                            - noise_of_photos(photos, PatchError(0.0))))
+    own = noise_of_photos(photos, PatchError(1.0)) - noise_of_photos(photos, PatchError(0.0))
+    root = np.linalg.cholesky(own)
+    volume = np.log(np.diag(root)).sum()
     pixels = [noise_of_photos(photos, PatchError(0.0, common)) for common in in_common]
-    log_prior, scaled = np.log(prior.weights), innovation / level
+    log_prior = np.log(prior.weights)
+    scaled = solve_triangular(root, innovation.T, lower=True).T
     tried = []
     for (width, width_share), (gain, gain_share), (common, noise) in product(
             widths, gains, zip(in_common, pixels, strict=True)):
-        # Q = M + error^2 L^2 for every error at once, by the eigenvectors of L^-1 M L^-1
+        # Q = M + error^2 L L^T for every error at once, by the eigenvectors of L^-1 M L^-T
         rest = width * spread + known + gain**2 * of_gains + noise
-        values, vectors = np.linalg.eigh(rest / np.outer(level, level))
+        values, vectors = np.linalg.eigh(solve_triangular(
+            root, solve_triangular(root, rest, lower=True).T, lower=True))
         rotated = (scaled @ vectors) ** 2
         for error in errors:
             variances = np.maximum(values, 0) + error**2
             square = rotated @ (1 / variances)
             logs = (log_prior - 0.5 * square - 0.5 * np.log(variances).sum()
-                    - np.log(level).sum() + np.log(width_share * gain_share))
+                    - volume + np.log(width_share * gain_share))
             tried.append((width, gain, PatchError(error, common), logs, square, rest))
-    return _Weighed(chart, innovation, level, tried)
+    return _Weighed(chart, innovation, own, tried)
 
 
 def _shares(tried: Sequence[tuple[Any, ...]]) -> tuple[np.ndarray, float]:
@@ -261,7 +271,7 @@ def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
         if share < NEGLIGIBLE:
             continue
         log_weights = logs - np.logaddexp.reduce(logs)
-        inverse = np.linalg.inv(rest + np.diag((error.own * weighed.level) ** 2))
+        inverse = np.linalg.inv(rest + error.own**2 * weighed.own)
         projected = np.vstack([width * prior.covariance @ chart.by_component.T,
                                chart.nuisance_variance[:, None] * chart.by_nuisance.T,
                                gain**2 * chart.by_gain.T])
@@ -276,7 +286,7 @@ def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
 
 
 def hypothesis_moments(posterior: ProductPosterior, hypothesis: Hypothesis,
-                       rows: slice | None = None,
+                       rows: np.ndarray | None = None,
                        most: int = MAX_COMPONENTS) -> tuple[np.ndarray, np.ndarray]:
     """Mean (Z,) and covariance (Z, Z) under one hypothesis, without some rows where they are named.
 
@@ -284,7 +294,7 @@ def hypothesis_moments(posterior: ProductPosterior, hypothesis: Hypothesis,
     ----------
     posterior : ProductPosterior
     hypothesis : Hypothesis
-    rows : slice or None
+    rows : int array or None
         Of the signals that are left out.
     most : int
         Components that carry the moments.
@@ -303,7 +313,7 @@ def hypothesis_moments(posterior: ProductPosterior, hypothesis: Hypothesis,
 
 
 def states_of_components(posterior: ProductPosterior, hypothesis: Hypothesis, chosen: np.ndarray,
-                         rows: slice | None = None) -> np.ndarray:
+                         rows: np.ndarray | None = None) -> np.ndarray:
     """Posterior means (n, Z) of some components under one hypothesis.
 
     Parameters
@@ -311,7 +321,7 @@ def states_of_components(posterior: ProductPosterior, hypothesis: Hypothesis, ch
     posterior : ProductPosterior
     hypothesis : Hypothesis
     chosen : (n,) int array
-    rows : slice or None
+    rows : int array or None
         Of the signals that are left out.
     """
     seen = (hypothesis.seen[chosen] if rows is None else
@@ -323,13 +333,13 @@ def states_of_components(posterior: ProductPosterior, hypothesis: Hypothesis, ch
     return np.asarray(states)
 
 
-def weights_of_components(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
+def weights_of_components(hypothesis: Hypothesis, rows: np.ndarray) -> np.ndarray:
     """Weights (C,) of the components when some rows are left out.
 
     Parameters
     ----------
     hypothesis : Hypothesis
-    rows : slice
+    rows : int array
         Of the signals that are left out.
     """
     logs = hypothesis.log_weights + 0.5 * _surprise(hypothesis, rows)
@@ -337,26 +347,26 @@ def weights_of_components(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
     return np.asarray(weights / weights.sum())
 
 
-def shares_without(hypotheses: Sequence[Hypothesis], rows: slice) -> np.ndarray:
+def shares_without(hypotheses: Sequence[Hypothesis], rows: np.ndarray) -> np.ndarray:
     """Probabilities of hypotheses when some rows are left out, summing to 1.
 
     Parameters
     ----------
     hypotheses : sequence of Hypothesis
-    rows : slice
+    rows : int array
     """
     logs = []
     for hypothesis in hypotheses:
         # the density of the rows given all others is N(error; 0, block^-1), for every component
         logs_without = hypothesis.log_weights + 0.5 * _surprise(hypothesis, rows)
-        size = np.linalg.slogdet(hypothesis.inverse[rows, rows])[1]
+        size = np.linalg.slogdet(hypothesis.inverse[np.ix_(rows, rows)])[1]
         logs.append(np.log(hypothesis.share) + np.logaddexp.reduce(logs_without) - 0.5 * size)
     shares = np.exp(np.array(logs) - np.max(logs))
     return np.asarray(shares / shares.sum())
 
 
-def _surprise(hypothesis: Hypothesis, rows: slice) -> np.ndarray:
+def _surprise(hypothesis: Hypothesis, rows: np.ndarray) -> np.ndarray:
     """Chi-square (C,) of some rows as each component and the other rows predict them."""
     weighted = hypothesis.seen[:, rows]
-    solved = weighted @ np.linalg.inv(hypothesis.inverse[rows, rows])
+    solved = weighted @ np.linalg.inv(hypothesis.inverse[np.ix_(rows, rows)])
     return np.asarray(np.einsum("cy,cy->c", weighted, solved))

@@ -8,6 +8,7 @@ gaps between patches are as wide as on the card.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -131,6 +132,36 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
     if reading is not None:
         raise CheckError(_other_order(image, chart, reading))
     raise ChartNotFoundError(_not_found(image, best, chart, by_hand=corners_px is not None))
+
+
+def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDetection,
+                     chart: Chart = CLASSIC) -> ChartDetection:
+    """The chart in a photo through a filter, from the same tripod as one without: in the same
+    position, which the bands that the filter leaves bright confirm; else searched for.
+
+    Parameters
+    ----------
+    image : LinearImage
+    reference : (I, K) array
+        Signals that an ordinary camera would read through the filter, in chart order.
+    before : ChartDetection
+        In the photo without the filter.
+    chart : Chart
+
+    Raises
+    ------
+    ChartNotFoundError, CheckError
+        If there is no chart.
+    """
+    brightest = np.percentile(image.signal, BRIGHT_PERCENTILE, axis=(0, 1))
+    bright = brightest >= DARK_BAND * brightest.max()
+    seen = replace(image, signal=image.signal[..., bright], variance=image.variance[..., bright])
+    agreement = chart_agreement(seen, before.corners_px, reference[:, bright], chart)
+    if agreement.residual <= ACCEPTED_RESIDUAL and np.array_equal(
+            agreement.order, np.arange(len(chart.names))):
+        return replace(before, confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
+                       how_found="in the position of the photo without the filter")
+    return find_chart(image, reference, None, chart)
 
 
 def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:

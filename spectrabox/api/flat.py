@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot
 from pathlib import Path
@@ -14,9 +14,11 @@ from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
+    FilterLike,
     KnownSpectrum,
     LightLike,
     as_chart,
+    as_filter,
     as_light,
     as_prior,
     as_reflectance,
@@ -30,9 +32,10 @@ from spectrabox.calibrate.chart_calibration import (
     ChartCalibration,
     ChartPhoto,
     calibrate_chart,
+    through_filter,
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-from spectrabox.capture.chart.detection import find_chart
+from spectrabox.capture.chart.detection import find_chart, find_chart_again
 from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.photo.binning import thumbnail
@@ -56,7 +59,10 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
+    Filter,
     LinearImage,
+    PatchSamples,
+    RegionSamples,
     Spectrum,
     SurfaceSignals,
     SurfaceSpectrum,
@@ -149,6 +155,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
          families: Mapping[str, str | Sequence[str]] | None = None,
          known: Mapping[str, KnownSpectrum] | None = None,
          surface: str | Mapping[str, str] | None = None,
+         filtered: Mapping[str | Path, FilterLike] | None = None,
          chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
          reference: str | None = None, corners: ArrayLike | None = None,
          camera_prior: str | Path | None = None, draws: int = 4000, level: float = 0.95,
@@ -173,6 +180,10 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         Reflectance of regions that are known, a white card say: a number, a file, or (nm, values).
     surface : str or mapping, optional
         How much the surfaces mirror: "matt", "satin" or "glossy"; of all regions, or by region.
+    filtered : mapping, optional
+        Further photos of the same view under the same light through a filter before the lens or
+        the lamp, each with the chart in it: from the photo to the filter's transmittance, a file,
+        (nm, values), or "unknown". Every photo adds three bands.
     chart_photo : path or Photo, optional
         The chart under the same light, by the same camera.
     layout, reference, corners
@@ -210,6 +221,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     >>> result = sb.flat("painting/photos/painting.dng", {"wall": (986, 462, 1073, 537)},
     ...                  families={"wall": "paint"})
     >>> result["wall"].plot()
+    >>> six = sb.flat("painting.dng", regions, filtered={"painting-orange.dng": "orange16.csv"})
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     with_chart = opened if chart_photo is None else (
@@ -224,13 +236,18 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         reflectances = reference_reflectances(reference, chart, FINE_GRID)
         detection, quality = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
         patches = quality.samples
-        samples = sample_regions(opened.image, {name: _outline(one)
-                                                for name, one in regions.items()})
+        outlines = {name: _outline(one) for name, one in regions.items()}
+        samples = sample_regions(opened.image, outlines)
+        others = [_filtered_photo(file, as_filter(through), chart, reflectances, stated, outlines,
+                                  opened, detection)
+                  for file, through in (filtered or {}).items()]
         step(0.2, "fitting sensitivities")
         options = CalibrationOptions(prior=None if camera_prior is None
                                      else load_camera_prior(Path(camera_prior)))
-        calibrated = calibrate_chart([ChartPhoto(patches, reflectances, stated, chart=chart)],
-                                     FINE_GRID, options)
+        calibrated = calibrate_chart(
+            [ChartPhoto(patches, reflectances, stated, chart=chart), *(
+                ChartPhoto(other.patches, reflectances, stated, chart=chart, filter=other.filter)
+                for other in others)], FINE_GRID, options)
         assert calibrated.prior_fit is not None
         calibration = calibrated.calibration if isinstance(stated, UnknownLight) else replace(
             calibrated.calibration, light=stated)
@@ -239,7 +256,13 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         shown = FlatPhoto("photo", samples, small,
                           thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
                           detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
-                          calibration)
+                          calibration, lamp="lamp")
+        through = [FlatPhoto(
+            other.name, other.regions, thumbnail(other.image, THUMBNAIL_PX),
+            thumbnail(other.image, CHART_THUMBNAIL_PX), True, other.detection.corners_px, chart,
+            calibrated.prior_fit.photos[number].white,
+            through_filter(calibration, calibrated.prior_fit, number, FINE_GRID), lamp="lamp")
+            for number, other in enumerate(others, start=1)]
         errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, surfaces=surfaces,
                             seed=seed)
         spectra_known = {name: as_reflectance(one, name) for name, one in (known or {}).items()}
@@ -247,7 +270,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         white = white_at_regions(shown, spectra_known, errors)
         assert white is not None
         named = {name: families_of((families or {}).get(name)) for name in regions}
-        signals = flat_signals([shown], [white], named, spectra_known,
+        whites = [white_at_regions(other, spectra_known, errors) for other in through]
+        signals = flat_signals([shown, *through], [white, *whites], named, spectra_known,
                                default_band_names(opened.bands), errors)
         spectra = sample_surfaces(signals, DrawOptions(draws=draws, level=level, seed=seed), named,
                                   lambda share, name: step(0.6 + 0.4 * share, name))
@@ -266,6 +290,36 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                         *(f"the chart should be shot again: {reason}"
                           for reason in quality.reasons),
                         *chart_level_notes(held_out, chart.names)))
+
+
+@dataclass(frozen=True)
+class _FilteredPhoto:
+    """A further photo through a filter, with its chart and its regions."""
+
+    name: str
+    image: LinearImage
+    filter: Filter
+    detection: ChartDetection
+    patches: PatchSamples
+    regions: RegionSamples
+
+
+def _filtered_photo(file: str | Path, through: Filter, chart: Chart, reflectances: np.ndarray,
+                    light: Spectrum | UnknownLight,
+                    outlines: Mapping[str, list[tuple[float, float]]], first: Photo,
+                    before: ChartDetection) -> _FilteredPhoto:
+    """A photo through a filter: its regions, and its chart, where the first photo shows it."""
+    photo = open_photo(file)
+    if np.array_equal(photo.signal, first.signal):
+        raise InputError(f"{file} is the photo without the filter; give the one that was taken "
+                         "through it")
+    power = spectrum_on_grid(light, FINE_GRID) if isinstance(light, Spectrum) else 1.0
+    reference = typical_camera_signals(reflectances, FINE_GRID, power * through.transmittance)
+    detection = find_chart_again(photo.image, reference, before, chart)
+    patches = judge_chart(photo.image, detection, reference, chart).samples
+    require_unclipped(patches, chart.names, photo.image.source, chart.neutrals)
+    return _FilteredPhoto(Path(file).stem, photo.image, through, detection, patches,
+                          sample_regions(photo.image, outlines))
 
 
 def _surfaces(surface: str | Mapping[str, str] | None,

@@ -14,8 +14,9 @@ from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
-from spectrabox.radiometry.records import Calibration, Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.records import Calibration, Filter, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.spectra.filters import filter_named, filter_of
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
@@ -34,6 +35,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 Curves = tuple[ArrayLike, ArrayLike]        # wavelengths (Q,) in nm, values
 LightLike = str | Path | Spectrum | UnknownLight | Curves
+FilterLike = str | Path | Filter | Curves
 KnownSpectrum = str | Path | float | Curves
 CameraLike = Union[str, Path, "CameraEstimate", Calibration, Curves]
 
@@ -69,6 +71,22 @@ def as_light(light: LightLike) -> Spectrum | UnknownLight:
         return stated_light(str(light), FINE_GRID)
     nm, values = (np.asarray(part, dtype=float) for part in light)
     return Spectrum(FINE_GRID, on_grid(nm, values, FINE_GRID, "light"), Quantity.RELATIVE, "given")
+
+
+def as_filter(through: FilterLike) -> Filter:
+    """A filter from a file of its transmittance, (nm, values), or a record; or "unknown".
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is no transmittance over 400-700 nm.
+    """
+    if isinstance(through, Filter):
+        return through
+    if isinstance(through, str | Path):
+        return filter_named(str(through))
+    nm, values = (np.asarray(part, dtype=float) for part in through)
+    return filter_of("given", nm, values)
 
 
 def as_spectrum(light: LightLike) -> Spectrum:
