@@ -5,8 +5,8 @@
 
 ``field`` is a quadratic polynomial of the patch's position on the chart, ``glare`` an offset of
 each band (stray light, black level). Where the geometry is known the irradiance is given (Eq. 17)
-and the field may be switched off. A photo through a filter has further unknowns: errors of the
-logarithm of its transmittance. Its level cannot be told from the exposure.
+and the field may be switched off. A photo through a filter has further unknowns: relative errors of
+its transmittance. Its level cannot be told from the exposure.
 """
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ class ChartEquations(Record):
         return self.power if self.filter is None else self.power / self.filter.transmittance
 
     def modes(self, basis: np.ndarray) -> np.ndarray:
-        """Errors (N, E) of the logarithm of the filter's transmittance at the nodes of a basis
-        (P, N); E = 0 without one.
+        """Relative errors (N, E) of the filter's transmittance at the nodes of a basis (P, N);
+        E = 0 without one.
         """
         if self.filter is None:
             return np.zeros((basis.shape[1], 0))
@@ -213,6 +213,27 @@ def nuisance_starts(photos: Sequence[ChartEquations]) -> np.ndarray:
     return np.cumsum([0, *(1 + nuisance_sd(photo).size for photo in photos)])
 
 
+def passed(error: np.ndarray) -> np.ndarray:
+    """Transmittance of a filter relative to the stated one, for a relative error of any size: never
+    negative, and no more than in proportion to an error that adds light.
+
+    Parameters
+    ----------
+    error : array
+    """
+    return np.where(error < 0, np.exp(np.minimum(error, 0)), 1 + error)
+
+
+def passed_slope(error: np.ndarray) -> np.ndarray:
+    """Derivative of ``passed``.
+
+    Parameters
+    ----------
+    error : array
+    """
+    return np.asarray(np.exp(np.minimum(error, 0)))
+
+
 def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np.ndarray,
                      exposure: float, nuisance: np.ndarray,
                      modes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -236,7 +257,9 @@ def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np
     patches, bands = photo.signal.shape
     terms = photo.field_terms.shape[1]
     of_filter = nuisance.size - modes.shape[1]
-    design = design * np.exp(modes @ nuisance[of_filter:])
+    error = modes @ nuisance[of_filter:]
+    change = design * passed_slope(error)
+    design = design * passed(error)
     exposed = np.exp(exposure + photo.field_terms @ nuisance[:terms])
     bare = exposed[:, None] * (design @ coefficients.T)
     glare = nuisance[terms:of_filter] if photo.glare else np.zeros(bands)
@@ -245,7 +268,7 @@ def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np
     by_exposure = bare.reshape(-1, 1)
     by_field = (bare[:, :, None] * photo.field_terms[:, None, :]).reshape(patches * bands, terms)
     by_glare = np.tile(np.eye(bands), (patches, 1))[:, :of_filter - terms]
-    by_filter = np.einsum("in,kn,nf->ikf", exposed[:, None] * design, coefficients, modes,
+    by_filter = np.einsum("in,kn,nf->ikf", exposed[:, None] * change, coefficients, modes,
                           optimize=True).reshape(patches * bands, -1)
     return (bare + glare).ravel(), np.hstack([by_curve, by_exposure, by_field, by_glare, by_filter])
 

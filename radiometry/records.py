@@ -96,12 +96,12 @@ class Spectrum(Record):
 @dataclass(frozen=True, eq=False)
 class Filter(Record):
     """A filter before lens or lamp: its transmittance is that of ``transmittance`` times
-    exp(modes @ e), with e standard normal.
+    ``calibrate.chart_equations.passed`` of modes @ e, with e standard normal.
     """
 
     name: str
     transmittance: Annotated[np.ndarray, "P"]       # at 400, 401 ... 700 nm; its level is free
-    modes: Annotated[np.ndarray, "P E"]             # errors of its logarithm
+    modes: Annotated[np.ndarray, "P E"]             # relative errors
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,7 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(monkeypatch):
             ("_with_lamp_error", lambda _, calibrations: calibrations),
             ("_uneven_notes", lambda *_: ()), ("excluded_patches", lambda _: soiled),
             ("read_chart_reference", lambda _: None),
-            ("ChartPhoto", lambda _, reference, light, irradiance, excluded, chart:
+            ("ChartPhoto", lambda _, reference, light, irradiance, excluded, *rest:
              SimpleNamespace(irradiance=irradiance, excluded=excluded, reflectances=None))):
         monkeypatch.setattr(calibrate_stage, name, replacement)
     chart = SimpleNamespace(samples=None, thumbnail=None)

@@ -15,6 +15,8 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
     nuisance_starts,
+    passed,
+    passed_slope,
     predicted_signal,
     unlit_design,
 )
@@ -24,6 +26,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     Calibration,
     ChartWhite,
+    Filter,
     FittedFilter,
     LightScale,
 )
@@ -274,12 +277,14 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:of_filter.start])
                        if photo.glare else np.zeros(bands))
         # white in each band, and its derivative by curves, log exposure and the filter
-        power = photo.power @ posterior.basis * np.exp(modes @ mean[of_filter])
+        power = photo.power @ posterior.basis
+        change = coefficients * power * passed_slope(modes @ mean[of_filter])
+        power = power * passed(modes @ mean[of_filter])
         white = coefficients @ power
         of_white = np.zeros((bands, len(covariance)))
         of_white[:, :size] = np.kron(np.eye(bands), power)
         of_white[:, index] = white
-        of_white[:, of_filter] = (coefficients * power) @ modes
+        of_white[:, of_filter] = change @ modes
         # Errors of the bands are independent, each from its own patches' noise: that of the mean
         # over bands would promise twice too much of each. A dark band's says little: by signal.
         variance = np.einsum("kz,zy,ky->k", of_white, covariance, of_white)
@@ -295,14 +300,19 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
             ChartWhite(np.exp(mean[index]) * white, own[:terms], glare,
                        jacobian @ covariance @ jacobian.T),
             None if photo.filter is None else FittedFilter(
-                replace(photo.filter, transmittance=photo.filter.transmittance * np.exp(
-                    photo.filter.modes @ mean[of_filter])),
-                covariance[of_filter, of_filter],
+                _with_errors(photo.filter, mean[of_filter]), covariance[of_filter, of_filter],
                 covariance[of_filter, :size] @ scaling.T)))
     return states
 
 
-def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def _with_errors(filter: Filter, errors: np.ndarray) -> Filter:
+    """The filter whose errors (E,) are known, and what further errors of the same kind do to it."""
+    error = filter.modes @ errors
+    return replace(filter, transmittance=filter.transmittance * passed(error),
+                   modes=filter.modes * (passed_slope(error) / passed(error))[:, None])
+
+
+def nonnegative(mean: np.ndarray, covariance: np.ndarray, count: int | None = None) -> np.ndarray:
     """The most likely vector (D,) of a Gaussian that has no negative entry.
 
     Entries are held at zero in turn, and what is correlated with them moves along.
@@ -311,12 +321,16 @@ def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     ----------
     mean : (D,) array
     covariance : (D, D) array
+    count : int or None
+        How many entries, the first ones, cannot be negative; None for all.
     """
-    tolerance = ROUND_OFF * np.abs(mean).max()
+    bounded = slice(count)
+    tolerance = ROUND_OFF * np.abs(mean[bounded]).max()
     held = np.zeros(mean.size, bool)
     moved = mean
-    for _ in range(mean.size):
+    for _ in range(mean[bounded].size):
         negative = moved < -tolerance
+        negative[moved[bounded].size:] = False
         if not negative.any():
             break
         held |= negative
@@ -324,7 +338,7 @@ def nonnegative(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         ridge = 1e-10 * np.trace(block) / len(block) * np.eye(len(block))
         moved = mean - covariance[:, held] @ np.linalg.solve(block + ridge, mean[held])
         moved[held] = 0.0
-    return np.clip(moved, 0, None)
+    return np.concatenate([np.clip(moved[bounded], 0, None), moved[moved[bounded].size:]])
 
 
 def _scaling(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from spectrabox.calibrate.prior.curve_posterior import (
     curve_moments,
     curve_variance,
     mixture_moments,
+    nonnegative,
     photo_states,
 )
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
@@ -137,8 +138,10 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
     """
     bands, nodes, entries = prior.bands, prior.nm.size, prior.components.shape[1]
     nuisances = mean.size - entries - bands
-    # no product is negative; what is cut off leaves every band's white signal as it was
-    product = np.maximum(mean[prior.products].reshape(bands, nodes), 0)
+    # no product is negative; what varies with those that are cut off moves along, so that the
+    # signals of all photos stay fitted
+    mean = nonnegative(mean, covariance, bands * nodes)
+    product = mean[prior.products].reshape(bands, nodes)
     product = product / product.sum(axis=1, keepdims=True)
     level = np.exp(mean[prior.balance] + mean[entries + nuisances:])
     curves = level[:, None] * product / mass

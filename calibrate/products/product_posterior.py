@@ -28,6 +28,8 @@ from spectrabox.calibrate.chart_equations import (
     noise_of_photos,
     nuisance_sd,
     nuisance_starts,
+    passed,
+    passed_slope,
 )
 from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
 from spectrabox.calibrate.prior.curve_posterior import mixture_moments
@@ -166,7 +168,8 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
     for photo, (at, stop) in zip(photos, pairwise(nuisance_starts(photos)), strict=True):
         modes = photo.modes(interpolation_matrix(prior.nm, FINE_GRID.nm))
         of_filter = nuisance[stop - modes.shape[1]:stop]
-        design = node_reflectances(photo, prior.nm) * np.exp(modes @ of_filter)
+        stated, error = node_reflectances(photo, prior.nm), modes @ of_filter
+        design = stated * passed(error)
         patches, terms = photo.signal.shape[0], photo.field_terms.shape[1]
         exposure, field = nuisance[at], nuisance[at + 1:at + 1 + terms]
         irradiance = np.exp(exposure + photo.field_terms @ field) * photo.irradiance / np.pi
@@ -181,7 +184,8 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
         nuisances[:, :, at + 1:at + 1 + terms] = signal[:, :, None] * photo.field_terms[:, None]
         if photo.glare:
             nuisances[:, :, at + 1 + terms:at + 1 + terms + bands] = np.eye(bands)
-        by_filter = np.einsum("ik,in,kn,nf->ikf", scale, design, product_now, modes, optimize=True)
+        by_filter = np.einsum("ik,in,kn,nf->ikf", scale, stated * passed_slope(error), product_now,
+                              modes, optimize=True)
         nuisances[:, :, stop - modes.shape[1]:stop] = by_filter
         of_gain = signal[:, :, None] * np.eye(bands)
         offset = (signal * (level + exposure + (photo.field_terms @ field)[:, None])

@@ -7,6 +7,7 @@ measured is smooth, and no more.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,14 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Filter
-from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
+from spectrabox.radiometry.spectra.spectrum_files import (
+    SpectralTable,
+    column_index,
+    on_grid,
+    read_table,
+)
 
-UNKNOWN_FILTER = "unknown"
 RELATIVE_ERROR, LENGTH_NM = 0.02, 60.0      # of a stated transmittance; and how smooth its error is
 SHIFT_NM = 0.5              # standard error of the wavelengths of a spectrometer
 STRAY = 0.002               # of the largest transmittance: standard error where nothing passes
@@ -48,7 +54,7 @@ def stated_filter(name: str, transmittance: np.ndarray,
     return Filter(name, passed, np.column_stack([shift, _smooth_modes(deviation, LENGTH_NM)]))
 
 
-def unknown_filter(name: str = UNKNOWN_FILTER) -> Filter:
+def unknown_filter(name: str = UNKNOWN) -> Filter:
     """A filter whose transmittance nobody measured: smooth, of any level.
 
     Parameters
@@ -59,7 +65,7 @@ def unknown_filter(name: str = UNKNOWN_FILTER) -> Filter:
                   _smooth_modes(np.full(FINE_GRID.nm.size, UNKNOWN_SD), UNKNOWN_LENGTH_NM))
 
 
-def read_filters(path: Path) -> dict[str, Filter]:
+def read_filters(path: Path, wavelength_column: int = 1) -> dict[str, Filter]:
     """Every filter of a file of spectra, by the name of its column; of its only one, of the file.
 
     Values beyond 1.5 are taken for per cent. A column ``standard_error`` states the error.
@@ -67,13 +73,43 @@ def read_filters(path: Path) -> dict[str, Filter]:
     Parameters
     ----------
     path : Path
+    wavelength_column : int
+        Number of the column of wavelengths, from 1.
 
     Raises
     ------
     InputError
         If the file cannot be read, does not cover 400-700 nm, or is no transmittance.
     """
-    table = read_table(path)
+    return _filters_of(read_table(path, wavelength_column), path)
+
+
+def read_filter(path: Path, column: str | int | None = None,
+                wavelength_column: int = 1) -> Filter:
+    """One filter of a file.
+
+    Parameters
+    ----------
+    path : Path
+    column : str or int, optional
+        Name or number (from 1) of its column; needed where the file holds several.
+    wavelength_column : int
+        Number of the column of wavelengths, from 1.
+
+    Raises
+    ------
+    InputError
+        As ``read_filters``, or if the file holds several and none is named.
+    """
+    table = read_table(path, wavelength_column)
+    chosen = column_index(table, column, wavelength_column)
+    kept = [chosen, *(index for index, name in enumerate(table.names) if name == "standard_error")]
+    own = replace(table, names=tuple(table.names[index] for index in kept),
+                  values=table.values[kept])
+    return next(iter(_filters_of(own, path).values()))
+
+
+def _filters_of(table: SpectralTable, path: Path) -> dict[str, Filter]:
     error = next((values for name, values in zip(table.names, table.values, strict=True)
                   if name == "standard_error"), None)
     curves = {name: values for name, values in zip(table.names, table.values, strict=True)
@@ -85,42 +121,6 @@ def read_filters(path: Path) -> dict[str, Filter]:
     return {name: filter_of(name, table.nm, values, error, path.name)
             for name, values in (curves if len(curves) > 1 else
                                  {path.stem: next(iter(curves.values()))}).items()}
-
-
-def read_filter(path: Path) -> Filter:
-    """The one filter of a file.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    InputError
-        As ``read_filters``, or if the file holds several.
-    """
-    filters = read_filters(path)
-    if len(filters) > 1:
-        raise InputError(f"{path.name} holds {len(filters)} filters ({', '.join(filters)}); give "
-                         "a file of the one that was used")
-    return next(iter(filters.values()))
-
-
-def filter_named(word: str, folder: Path = Path()) -> Filter:
-    """"unknown", or the filter of a file.
-
-    Parameters
-    ----------
-    word : str
-    folder : Path
-        That file names are relative to.
-
-    Raises
-    ------
-    InputError
-        As ``read_filter``.
-    """
-    return unknown_filter() if word == UNKNOWN_FILTER else read_filter(folder / word)
 
 
 def filters_at_hand(path: Path) -> Mapping[str, Filter]:

@@ -16,6 +16,7 @@ from spectrabox.calibrate.chart_calibration import (
     ChartPhoto,
     calibrate_chart,
     calibration_from_curves,
+    through_filter,
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
@@ -40,7 +41,9 @@ from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     excluded_patches,
     read_chart_reference,
+    read_filter,
     read_known_light,
+    read_light,
     read_light_of,
     read_sensitivities,
     require_curves_of_bands,
@@ -101,10 +104,8 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
             if view.chart:
                 scale = _own_scale(photos[view.name], camera, None if fit is None
                                    else fit.prior_fit, fitted.index(view.name) if several else 0)
-            light = read_light_of(config, view)
-            calibrations[view.name] = dataclasses.replace(
-                camera, light_scale=scale,
-                light=camera.light if isinstance(light, UnknownLight) else light)
+            calibrations[view.name] = _calibration_of(config, view, camera, fit, None if not (
+                view.chart and several) else fitted.index(view.name), scale)
     if irradiance is not None:
         calibrations = _with_lamp_error(config, calibrations)
     return CalibrationRecords(calibrations, whites, chart, other_charts, notes)
@@ -112,15 +113,15 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
 
 def _one_fit_each(config: SessionConfig) -> list[list[ViewInputs]]:
     """Views whose charts are one fit: all, or where a light is unknown those of flat samples under
-    each light, and each chart of a scene with the views that have none.
+    each lamp, with and without filters, and each chart of a scene with the views that have none.
     """
     views = list(config.all_views)
-    if all(view.spectrum_stated for view in views):
+    if all(view.light.stated if config.flat else view.spectrum_stated for view in views):
         return [views]
     if config.flat:
-        return [[other for other in views if other.same_light(view)]
-                for number, view in enumerate(views)
-                if not any(other.same_light(view) for other in views[:number])]
+        return [sorted((view for view in views if view.lamp == lamp),
+                       key=lambda view: view.filter is not None)
+                for lamp in dict.fromkeys(view.lamp for view in views)]
     first = [view for view in views if not view.name or not view.chart]
     return [first, *([view] for view in views[1:] if view.chart)]
 
@@ -143,8 +144,23 @@ def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOpt
 
 def _chart_photo(config: SessionConfig, view: ViewInputs, chart: MeasuredChart,
                  irradiance: np.ndarray | None) -> ChartPhoto:
-    return ChartPhoto(chart.samples, read_chart_reference(config), read_light_of(config, view),
-                      irradiance, excluded_patches(config), session_chart(config))
+    # of flat samples a filter is part of the fit, of a scene part of the light
+    through = read_filter(config, view.filter) if config.flat and view.filter else None
+    light = read_light(config, view.light) if config.flat else read_light_of(config, view)
+    return ChartPhoto(chart.samples, read_chart_reference(config), light, irradiance,
+                      excluded_patches(config), session_chart(config), through)
+
+
+def _calibration_of(config: SessionConfig, view: ViewInputs, camera: Calibration,
+                    fit: ChartCalibration | None, number: int | None,
+                    scale: LightScale | None) -> Calibration:
+    """The calibration of a further view, its chart being photo ``number`` of the fit."""
+    light = read_light(config, view.light) if config.flat else read_light_of(config, view)
+    own = dataclasses.replace(camera, light_scale=scale, light=camera.light if isinstance(
+        light, UnknownLight) else light)
+    if not config.flat or fit is None or fit.prior_fit is None or number is None:
+        return own
+    return through_filter(own, fit.prior_fit, number, FINE_GRID)
 
 
 def _chart_fit(config: SessionConfig, fit: ChartCalibration, photo: ChartPhoto,

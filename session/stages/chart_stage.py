@@ -1,7 +1,9 @@
 """The stage that decodes chart photos, to patch statistics."""
 from __future__ import annotations
 
-from spectrabox.capture.chart.detection import chart_overlay, find_chart
+import numpy as np
+
+from spectrabox.capture.chart.detection import chart_overlay, find_chart, find_chart_again
 from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.binning import thumbnail
@@ -10,11 +12,13 @@ from spectrabox.capture.photo.regions import region_signals
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.config.session_chart import session_chart
+from spectrabox.session.config.session_schema import FIRST_PHOTO, SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
     chart_corners,
     power_of,
     read_chart_reference,
-    read_light_of,
+    read_filter,
+    read_light,
 )
 from spectrabox.session.stages.records import ChartRecords, MeasuredChart
 from spectrabox.session.stages.stage_task import StageTask
@@ -43,8 +47,12 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         task.progress((index + 0.1) / len(config.views_with_chart), f"finding the chart in {name}")
         photo, own_notes = task.photos.developed(config, view.chart)
         expected = typical_camera_signals(read_chart_reference(config), FINE_GRID,
-                                          power_of(read_light_of(config, view)))
-        detection = find_chart(photo, expected, chart_corners(config, view), layout)
+                                          _power(config, view))
+        before = charts.get("" if view.lamp == FIRST_PHOTO else view.lamp)
+        if view.filter is not None and before is not None:
+            detection = find_chart_again(photo, expected, before.detection, layout)
+        else:
+            detection = find_chart(photo, expected, chart_corners(config, view), layout)
         write_png(task.folder / f"{view.label('overlay')}.png", chart_overlay(photo, detection))
         verdict = judge_chart(photo, detection, expected, layout,
                               light_explained=config.chart_pose_known)
@@ -56,3 +64,11 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         charts[view.name] = MeasuredChart(detection, verdict.samples,
                                           thumbnail(photo, THUMBNAIL_WIDTH), verdict.light)
     return ChartRecords(charts, references, notes)
+
+
+def _power(config: SessionConfig, view: ViewInputs) -> np.ndarray | None:
+    """Light (P,) that an ordinary camera would see the chart in, as far as it is known."""
+    power = power_of(read_light(config, view.light))
+    if view.filter is None:
+        return power
+    return (1.0 if power is None else power) * read_filter(config, view.filter).transmittance

@@ -13,12 +13,15 @@ from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
+    Filter,
     LinearImage,
     Quantity,
     Spectrum,
     UnknownLight,
     default_band_names,
 )
+from spectrabox.radiometry.spectra.filters import read_filter as read_filter_file
+from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
@@ -73,33 +76,25 @@ def read_light_of(config: SessionConfig, view: ViewInputs) -> Spectrum | Unknown
     light = read_light(config, view.light)
     if view.filter is None:
         return light
-    transmittance = read_filter(config, view.filter)
-    if transmittance is None or isinstance(light, UnknownLight):
+    if view.filter.file is None or isinstance(light, UnknownLight):
         return UnknownLight()
-    power = spectrum_on_grid(light, FINE_GRID) * transmittance
+    power = spectrum_on_grid(light, FINE_GRID) * read_filter(config, view.filter).transmittance
     return Spectrum(FINE_GRID, power, Quantity.RELATIVE, f"{light.source} through "
                     f"{view.filter.file}")
 
 
-def read_filter(config: SessionConfig, reference: FilterTable) -> np.ndarray | None:
-    """Transmittance (P,) of a filter on the working grid; None of one that nobody measured.
+def read_filter(config: SessionConfig, reference: FilterTable) -> Filter:
+    """A filter of the session, with its error.
 
     Raises
     ------
     InputError
-        If its file cannot be read, does not cover 400-700 nm, or it transmits less than nothing or
-        more than all.
+        If its file cannot be read, does not cover 400-700 nm, or is no transmittance.
     """
     if reference.file is None:
-        return None
-    values = spectrum_on_grid(read_spectrum(
-        config.path(reference.file), role=Quantity.RELATIVE, column=reference.column,
-        wavelength_column=reference.wavelength_column), FINE_GRID)
-    if values.min() < -0.01 or not 0 < values.max() <= 1.05:
-        raise InputError(f"{reference.file}: a filter's transmittance lies between 0 and 1; it "
-                         f"runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm"
-                         + (": divide percent by 100" if values.max() > 1.05 else ""))
-    return np.clip(values, 0.0, 1.0)
+        return unknown_filter()
+    return read_filter_file(config.path(reference.file), reference.column,
+                            reference.wavelength_column)
 
 
 def power_of(light: Spectrum | UnknownLight) -> np.ndarray | None:

@@ -78,7 +78,7 @@ def flat_photos(config: SessionConfig, records: SessionRecords) -> list[FlatPhot
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart_files == view.photo_files, chart.detection.corners_px, layout,
             records.calibrate.whites[with_chart.name], calibration,
-            None if view.name else records.drift(config)))
+            None if view.name else records.drift(config), view.lamp))
     return photos
 
 

@@ -16,7 +16,8 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
 from spectrabox.radiometry.records import Calibration, Filter, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
-from spectrabox.radiometry.spectra.filters import filter_named, filter_of
+from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
@@ -84,7 +85,7 @@ def as_filter(through: FilterLike) -> Filter:
     if isinstance(through, Filter):
         return through
     if isinstance(through, str | Path):
-        return filter_named(str(through))
+        return unknown_filter() if str(through) == UNKNOWN else read_filter(Path(through))
     nm, values = (np.asarray(part, dtype=float) for part in through)
     return filter_of("given", nm, values)
 
