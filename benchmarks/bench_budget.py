@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.fixtures.demos.demo_session import write_demo_session
 from spectrabox.measure.scene.photo_errors import with_photo_errors
 from spectrabox.measure.scene.rehearsal import Replays
 from spectrabox.measure.surface_signals import measurement, scene_signals

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import (
     chart_corners,
     lamplight,

@@ -38,8 +38,8 @@ from spectrabox.calibrate.geometry.board import read_board
 from spectrabox.calibrate.geometry.projection import board_picture
 from spectrabox.capture.photo.image_files import write_exr, write_png
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities
-from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
+from spectrabox.fixtures.demos.demo_session import write_demo_session
 from spectrabox.fixtures.mutations import NUMBERS, WORDS, mutated, rewritten
 from spectrabox.fixtures.paints import NM, chart_truth
 from spectrabox.session.cli import app

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from spectrabox.fixtures.demo_session import write_demo_session
-from spectrabox.fixtures.flat_demo import write_flat_demo
+from spectrabox.fixtures.demos.demo_session import write_demo_session
+from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.signals.signal_options import response_of_names

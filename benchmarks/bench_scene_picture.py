@@ -29,8 +29,8 @@ import numpy as np
 import OpenImageIO as oiio
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities
-from spectrabox.fixtures.painted_box import (
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
+from spectrabox.fixtures.demos.painted_box import (
     SHAPE_OF,
     Pattern,
     chequered,

@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.fixtures.demos.demo_session import write_demo_session
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages

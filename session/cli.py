@@ -12,13 +12,6 @@ from typer.main import get_command
 
 import spectrabox
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.session.command_line import (
-    NO_OUTPUT,
-    CommandGroup,
-    flushed_output,
-    last_resort,
-    open_streams,
-)
 from spectrabox.session.commands import (
     batch,
     camera,
@@ -31,7 +24,14 @@ from spectrabox.session.commands import (
     session,
     spectrum,
 )
-from spectrabox.session.interruption import stop_on_signals
+from spectrabox.session.terminal.command_line import (
+    NO_OUTPUT,
+    CommandGroup,
+    flushed_output,
+    last_resort,
+    open_streams,
+)
+from spectrabox.session.terminal.interruption import stop_on_signals
 
 # rich_markup_mode None: its panels cost --help twice the time.
 app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,

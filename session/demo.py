@@ -3,12 +3,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spectrabox.fixtures.demo_session import write_demo_session
-from spectrabox.fixtures.flat_demo import write_flat_demo
-from spectrabox.fixtures.painted_box import write_picture_demo
+from spectrabox.fixtures.demos.demo_session import write_demo_session
+from spectrabox.fixtures.demos.flat_demo import write_flat_demo
+from spectrabox.fixtures.demos.painted_box import write_picture_demo
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.config.template import write_schema
-from spectrabox.session.progress_display import progress_display
+from spectrabox.session.terminal.progress_display import progress_display
 
 
 def make_demo(folder: Path, seed: int) -> None:

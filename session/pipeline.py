@@ -12,7 +12,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 from spectrabox.session.keys import Key, stage_keys
-from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.stages.records import SessionRecords
@@ -30,6 +29,7 @@ from spectrabox.session.store.store import (
     stage_folder,
     why_stale,
 )
+from spectrabox.session.terminal.progress_display import StageProgress
 
 
 @dataclass(frozen=True)

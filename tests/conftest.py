@@ -68,7 +68,7 @@ def mitsuba():
 
 @pytest.fixture(scope="session")
 def _captured(tmp_path_factory):
-    from spectrabox.fixtures.demo_session import write_demo_session
+    from spectrabox.fixtures.demos.demo_session import write_demo_session
     folder = tmp_path_factory.mktemp("capture") / "box"
     write_demo_session(folder, 1, size=(208, 312), spp=4)
     text = (folder / "session.toml").read_text(encoding="utf-8")

@@ -4,7 +4,7 @@ from fractions import Fraction
 import numpy as np
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import (
     box,
     chart_corners,

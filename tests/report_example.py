@@ -27,7 +27,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     SurfaceAgreement,
 )
-from spectrabox.session.results import ChartResult, MaterialResult, SceneResults
+from spectrabox.session.outputs.results import ChartResult, MaterialResult, SceneResults
 
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12

@@ -10,7 +10,7 @@ import numpy as np
 from session_photos import rendered_box, shoot, write_table
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities, chart_light, vignetting
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities, chart_light, vignetting
 from spectrabox.fixtures.paints import NM, chart_truth, paint
 from spectrabox.radiometry.records import Quantity
 

@@ -12,7 +12,7 @@ from flat_example import PAINTS, SIZE, light_over, picture, rect_of
 from session_photos import shoot, write_table
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import chart_corners
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.records import Quantity

@@ -3,8 +3,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from spectrabox.fixtures.box_render import renderer
-from spectrabox.fixtures.demo_scenes import box_scene, regular_spectrum
+from spectrabox.fixtures.demos.box_render import renderer
+from spectrabox.fixtures.demos.demo_scenes import box_scene, regular_spectrum
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.spectra.spectrum_files import table_text

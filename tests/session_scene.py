@@ -13,13 +13,13 @@ from session_photos import rendered_box, shoot, write_table
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.geometry.lens_files import write_lens
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import (
+from spectrabox.fixtures.demos.demo_photos import (
     CARD_LIGHT,
     camera_sensitivities,
     chart_light,
     vignetting,
 )
-from spectrabox.fixtures.demo_scenes import box_scene, chart_scene_xml
+from spectrabox.fixtures.demos.demo_scenes import box_scene, chart_scene_xml
 from spectrabox.fixtures.paints import NM, chart_truth, paint
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.records import Quantity

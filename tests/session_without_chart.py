@@ -8,8 +8,8 @@ from session_photos import rendered_box, shoot, write_table
 
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities
-from spectrabox.fixtures.demo_scenes import box_scene, regular_spectrum
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
+from spectrabox.fixtures.demos.demo_scenes import box_scene, regular_spectrum
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.records import Quantity
 

@@ -10,7 +10,7 @@ API = "spectrabox/api"      # what the public names are: they call what commands
 MAY_IMPORT = {"radiometry": {"radiometry"}, **{stage: {"radiometry", stage} for stage in STAGES},
               "measure": {"radiometry", *STAGES, "measure"}, "session": {*PACKAGES},
               "spectrabox": {*PACKAGES}, "fixtures": {"fixtures", "radiometry"}}
-EXCEPTIONS = {("fixtures/box_render.py", "spectrabox.reconstruct.rendering.llvm"):
+EXCEPTIONS = {("fixtures/demos/box_render.py", "spectrabox.reconstruct.rendering.llvm"):
               "drjit aborts on a wrong LLVM, whoever imports it"}
 OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "rawpy": ("capture/photo/raw.py",),
@@ -26,9 +26,9 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"),
           "drjit": ("reconstruct/", "fixtures/"),
-          "typer": ("session/cli.py", "session/command_line.py", "session/commands/")}
-EXTRA_OWNERS = {("fixtures/demo_photos.py", "colour"), ("fixtures/paints.py", "colour"),
-                ("fixtures/lamp.py", "colour"), ("fixtures/demo_session.py", "colour"),
+          "typer": ("session/cli.py", "session/terminal/command_line.py", "session/commands/")}
+EXTRA_OWNERS = {("fixtures/demos/demo_photos.py", "colour"), ("fixtures/paints.py", "colour"),
+                ("fixtures/lamp.py", "colour"), ("fixtures/demos/demo_session.py", "colour"),
                 ("spectrabox/api/estimate.py", "colour")}   # handed out as colour-science's own
 
 
@@ -197,7 +197,7 @@ def test_mitsuba_and_colour_are_not_imported_with_a_module():
 
 
 def test_the_command_line_imports_nothing_heavy_before_a_command_runs():
-    files = [ROOT / "session" / "cli.py", ROOT / "session" / "command_line.py",
+    files = [ROOT / "session" / "cli.py", ROOT / "session" / "terminal" / "command_line.py",
              *(ROOT / "session" / "commands").glob("*.py")]
     top = {module.split(".")[0] for path in files for module in imports_of(path,
                                                                            top_level_only=True)}

@@ -29,8 +29,8 @@ from spectrabox.session.batch.processes import open_processes, shares_of_cores
 from spectrabox.session.batch.tasks import PeakMemory, Task
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.run_outputs import rewritten_outputs
 from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.shared_stages import share_stage
 from spectrabox.session.store.store import load_stage

@@ -6,7 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from spectrabox.fixtures.demo_scenes import box_scene, chart_scene_xml
+from spectrabox.fixtures.demos.demo_scenes import box_scene, chart_scene_xml
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.reconstruct.scene.box_scene import box_edges, box_xml, chart_xml
 from spectrabox.reconstruct.scene.box_tables import WALLS, BoxTable

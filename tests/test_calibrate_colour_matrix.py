@@ -5,7 +5,7 @@ import pytest
 from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_contradicts, matrix_deviation
 from spectrabox.capture.photo.linear import open_photo
-from spectrabox.fixtures.demo_photos import NM, camera_sensitivities
+from spectrabox.fixtures.demos.demo_photos import NM, camera_sensitivities
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances

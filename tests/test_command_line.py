@@ -12,11 +12,11 @@ import pytest
 import typer
 
 import spectrabox
-from spectrabox.fixtures.demo_session import PAINTS
+from spectrabox.fixtures.demos.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.paints import paint
 from spectrabox.radiometry.spectra.spectrum_files import read_table
-from spectrabox.session.command_line import SUBJECTS, reported_errors
+from spectrabox.session.terminal.command_line import SUBJECTS, reported_errors
 
 from tests.session_runs import call, edit
 

@@ -9,9 +9,9 @@ import rawpy
 from scipy.interpolate import BSpline
 
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.box_render import box_light
 from spectrabox.fixtures.chart_scene import homography
-from spectrabox.fixtures.demo_photos import (
+from spectrabox.fixtures.demos.box_render import box_light
+from spectrabox.fixtures.demos.demo_photos import (
     BLACK,
     FULL_WELL_ELECTRONS,
     GAIN,
@@ -22,8 +22,13 @@ from spectrabox.fixtures.demo_photos import (
     light_factor,
     vignetting,
 )
-from spectrabox.fixtures.demo_scenes import BOX_LIGHT_CM, CHART_CM, LIGHT_RADIUS_CM, chart_scene_xml
-from spectrabox.fixtures.demo_session import write_demo_session
+from spectrabox.fixtures.demos.demo_scenes import (
+    BOX_LIGHT_CM,
+    CHART_CM,
+    LIGHT_RADIUS_CM,
+    chart_scene_xml,
+)
+from spectrabox.fixtures.demos.demo_session import write_demo_session
 from spectrabox.fixtures.paints import FORMULAS, NM, chart_truth, paint
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm

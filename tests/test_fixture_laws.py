@@ -2,9 +2,10 @@
 import numpy as np
 import pytest
 
-from spectrabox.fixtures import demo_photos, flat_sample, lamp, paints
+from spectrabox.fixtures import flat_sample, lamp, paints
 from spectrabox.fixtures.chart_scene import mosaic
-from spectrabox.fixtures.demo_scenes import CHART_LIGHT_CM, LIGHT_RADIUS_CM
+from spectrabox.fixtures.demos import demo_photos
+from spectrabox.fixtures.demos.demo_scenes import CHART_LIGHT_CM, LIGHT_RADIUS_CM
 from spectrabox.fixtures.flat_sample import lamplight
 
 

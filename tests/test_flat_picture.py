@@ -10,14 +10,14 @@ from sampling_cameras import surface
 
 from spectrabox.capture.photo import regions
 from spectrabox.fixtures import lamp
-from spectrabox.fixtures.demo_photos import camera_sensitivities
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.progress_display import with_time_left
-from spectrabox.session.write_outputs import write_outputs
+from spectrabox.session.outputs.write_outputs import write_outputs
+from spectrabox.session.terminal.progress_display import with_time_left
 
 from tests.session_runs import run
 

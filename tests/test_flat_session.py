@@ -26,8 +26,8 @@ from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
-from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.assemble import assemble
 from spectrabox.session.report.verdict import Status, judge
 
 from tests.session_runs import run

@@ -12,7 +12,7 @@ from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.fixtures.meter_transcripts import changed_meters
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.session.interruption import SIGNALS, Interruptions
+from spectrabox.session.terminal.interruption import SIGNALS, Interruptions
 
 from tests.interrupted_instruments import conversation, interruptions, run, settings_left
 

@@ -11,9 +11,14 @@ import pytest
 
 from spectrabox.radiometry import files
 from spectrabox.radiometry.files import UNFINISHED, whole_file
-from spectrabox.session.interruption import SIGNALS, TIDYING_S, Interruptions, stop_on_signals
 from spectrabox.session.store import store
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
+from spectrabox.session.terminal.interruption import (
+    SIGNALS,
+    TIDYING_S,
+    Interruptions,
+    stop_on_signals,
+)
 
 # Between a file's opening and its block, an interrupt leaves it to the collector to close it.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning",

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     NO_MEMORY,
     NO_PROCESS,
     describe_error,
@@ -136,7 +136,7 @@ def test_a_signal_ends_a_run_as_an_interrupt_does(captured, number):
 
 def test_a_signal_that_is_ignored_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    from spectrabox.session.interruption import stop_on_signals
+    from spectrabox.session.terminal.interruption import stop_on_signals
     terminate = signal.getsignal(signal.SIGTERM)
     try:
         stop_on_signals()   # as under nohup

@@ -21,7 +21,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.report.verdict import Status, calibration_doubts
 from spectrabox.session.report.verdict import held_out_patches as criteria_of_left_out
 

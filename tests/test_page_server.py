@@ -253,7 +253,7 @@ def test_a_run_that_is_stopped_while_it_begins_prints_no_traceback(session, seco
 PAGE_OF_A_STUBBORN_RUN = """
 import sys
 from pathlib import Path
-from spectrabox.session.interruption import stop_on_signals
+from spectrabox.session.terminal.interruption import stop_on_signals
 from spectrabox.session.page.server import SessionPage, serve
 stop_on_signals()
 page = SessionPage(Path(sys.argv[1]))

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.api.inputs import relative_response
-from spectrabox.fixtures.flat_demo import write_flat_demo
+from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, PIGMENTS
 from spectrabox.radiometry.grid import FINE_GRID

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import shift
 
-from spectrabox.fixtures.demo_scenes import (
+from spectrabox.fixtures.demos.demo_scenes import (
     CHART_CM,
     CHART_LIGHT_CM,
     LIGHT_RADIUS_CM,

@@ -19,7 +19,7 @@ from spectrabox.sampling.prior.family_coverage import (
     FamilyCertificate,
     FamilyCoverage,
 )
-from spectrabox.session.facts import run_facts, run_text
+from spectrabox.session.outputs.facts import run_facts, run_text
 from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report

@@ -10,9 +10,9 @@ from flat_example import write_flat
 from report_example import example_session
 
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.page import write_report
-from spectrabox.session.run_outputs import rewritten_outputs
 
 WIDTHS = (1300, 420)        # of a desk and of a telephone, where tables scroll
 HOSTILE = "<script>alert(1)</script>"

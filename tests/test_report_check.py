@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.check import differences
 from spectrabox.session.report.page import write_report
-from spectrabox.session.run_outputs import rewritten_outputs
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
-from spectrabox.fixtures.painted_box import (
+from spectrabox.fixtures.demos.painted_box import (
     chequered,
     painted_truth,
     write_painted_session,
@@ -30,8 +30,8 @@ from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.pictures import scene_stage
-from spectrabox.session.run_outputs import rewritten_outputs
 from spectrabox.session.stages.inputs import OpenPhotos
 from spectrabox.session.stages.stage_task import StageTask
 

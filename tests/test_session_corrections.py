@@ -10,9 +10,9 @@ from scipy.ndimage import map_coordinates
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.geometry.lens_files import write_lens
 from spectrabox.capture.photo.raw import read_raw
-from spectrabox.fixtures.box_render import box_light
-from spectrabox.fixtures.demo_photos import camera_sensitivities, exposure_for, take_photo
-from spectrabox.fixtures.demo_session import PAINTS
+from spectrabox.fixtures.demos.box_render import box_light
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities, exposure_for, take_photo
+from spectrabox.fixtures.demos.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.lamp import radiance
 from spectrabox.fixtures.paints import NM, paint

@@ -9,7 +9,7 @@ import pytest
 
 from spectrabox.calibrate.sensitivity import METHODS as SENSITIVITY_METHODS
 from spectrabox.calibrate.sensitivity import SPLINE_COEFFICIENTS
-from spectrabox.fixtures.demo_session import SESSION_TOML
+from spectrabox.fixtures.demos.demo_session import SESSION_TOML
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.sampling.draw_methods import METHODS as SAMPLING_METHODS
 from spectrabox.session.config.session_file import try_read_session

@@ -10,8 +10,8 @@ from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.assemble import assemble
 from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spectrabox.fixtures.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
+from spectrabox.fixtures.demos.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
 from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
 from spectrabox.radiometry.chart import CLASSIC

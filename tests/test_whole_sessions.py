@@ -27,7 +27,7 @@ from session_tables import (
 from session_without_chart import write_transport_session, write_two_lamps
 from typer.testing import CliRunner
 
-from spectrabox.fixtures.flat_demo import PHOTO_SIZE, write_flat_demo
+from spectrabox.fixtures.demos.flat_demo import PHOTO_SIZE, write_flat_demo
 from spectrabox.session.cli import with_only
 from spectrabox.session.config.session_file import read_session
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from spectrabox.radiometry.files import sha256_of, write_text_whole
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
-from spectrabox.session.run_outputs import STAGE
+from spectrabox.session.outputs.run_outputs import STAGE
 from spectrabox.session.stages.order import stages_of
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint, load_stage

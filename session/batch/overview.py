@@ -14,9 +14,9 @@ from rich.table import Table
 
 from spectrabox.radiometry.files import whole_file
 from spectrabox.session.batch.manifest import Outcome
-from spectrabox.session.command_line import tell
-from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.report.page import style_sheet, templates
+from spectrabox.session.terminal.command_line import tell
+from spectrabox.session.terminal.progress_display import StageProgress
 
 WIDTH = 110             # of the table, in characters
 MAX_SENTENCE = 60       # of its characters in the table; the page has all

@@ -17,7 +17,7 @@ from multiprocessing.process import BaseProcess
 
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.session.batch.pool import Finished, Lost, Work, do_work
-from spectrabox.session.interruption import stop_on_signals
+from spectrabox.session.terminal.interruption import stop_on_signals
 
 KEPT_FREE = 0.1         # of the memory: the machine has other work
 ENDING_S = 20.0         # a stopped worker removes what it left half done

@@ -10,12 +10,12 @@ from spectrabox.capture.photo.linear import photo_size
 from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
 from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
 from spectrabox.session.check import preflight_check
-from spectrabox.session.command_line import describe_error, interrupt_behind
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.run_outputs import outputs_of_run
 from spectrabox.session.store.locks import only_writer
+from spectrabox.session.terminal.command_line import describe_error, interrupt_behind
 
 SHARED = "shared"       # in the batch's folder: calibrations that sessions have in common
 # Measured: 262 MB of flat samples, 290 MB of a box without what its tracing takes.

@@ -34,14 +34,14 @@ from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, table_text
 from spectrabox.radiometry.spectra.stated_light import stated_light
 from spectrabox.radiometry.system.words import is_whole_number
-from spectrabox.session.calibration_facts import (
+from spectrabox.session.camera.patch_files import read_patches
+from spectrabox.session.commands.requests import CameraFitRequest
+from spectrabox.session.outputs.calibration_facts import (
     left_out_facts,
     left_out_sentence,
     posterior_facts,
 )
-from spectrabox.session.camera.patch_files import read_patches
-from spectrabox.session.command_line import check_ending
-from spectrabox.session.commands.requests import CameraFitRequest
+from spectrabox.session.terminal.command_line import check_ending
 
 CURVES = {".csv": "the curves and their standard errors"}
 DRAWS = {".npz": "draws of the curves"}

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
     Device,
@@ -56,8 +56,8 @@ def batch(request: BatchRequest) -> Answer:
     from spectrabox.session.batch.overview import BatchProgress, batch_facts, batch_text, write_page
     from spectrabox.session.batch.tasks import Order
     from spectrabox.session.batch.workers import open_workers
-    from spectrabox.session.progress_display import progress_display
     from spectrabox.session.store.locks import sole_user
+    from spectrabox.session.terminal.progress_display import progress_display
     order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),
                   request.device, request.allow_outside, program_of_batch())
     with sole_user(order.out, "batch"):

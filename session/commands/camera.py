@@ -7,19 +7,19 @@ from typing import Annotated
 
 import typer
 
-from spectrabox.session.command_line import (
+from spectrabox.session.commands.requests import (
+    METHODS,
+    CameraFitRequest,
+    CameraPreflightRequest,
+    CameraProfileRequest,
+)
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommandGroup,
     CommonOptions,
     UsageProblem,
     check_ending,
     command,
-)
-from spectrabox.session.commands.requests import (
-    METHODS,
-    CameraFitRequest,
-    CameraPreflightRequest,
-    CameraProfileRequest,
 )
 
 PRIORS = {".npz": "a prior on curves"}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     Answer,
     ChartLayout,
     CommonOptions,

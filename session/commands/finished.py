@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
     Device,
@@ -64,10 +64,10 @@ def relight(request: RelightRequest) -> Answer:
     check_ending(request.out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
     from spectrabox.capture.photo.image_files import write_exr, write_png
     from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.outputs.run_outputs import require_results
     from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     from spectrabox.session.relight import OBSERVER
     from spectrabox.session.relight import relight as render_under
-    from spectrabox.session.run_outputs import require_results
     from spectrabox.session.stages.scenes import read_session_scene
     from spectrabox.session.store.locks import outputs_writer
     config = read_session(request.folder, request.allow_outside)
@@ -144,11 +144,11 @@ def rehearse(request: RehearseRequest) -> Answer:
     """Do this session's bands hold? Its photos again with known truths, through the same code."""
     check_device(request.device)
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.progress_display import progress_display
     from spectrabox.session.rehearsal import facts
     from spectrabox.session.rehearsal import rehearse as replay
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.store.rehearsals import rehearsal_text, save_rehearsal
+    from spectrabox.session.terminal.progress_display import progress_display
     config = read_session(request.folder, request.allow_outside)
     with only_writer(config.folder, "spectrabox rehearse"), \
             progress_display(request.quiet) as progress:

@@ -10,8 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import Answer, ChartLayout, CommonOptions, Quiet, command
 from spectrabox.session.commands.session import RunRequest, run_session
+from spectrabox.session.terminal.command_line import (
+    Answer,
+    ChartLayout,
+    CommonOptions,
+    Quiet,
+    command,
+)
 
 if TYPE_CHECKING:
     from spectrabox.session.flat.new_session import FurtherPhoto

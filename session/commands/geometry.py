@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.command_line import (
+from spectrabox.session.commands.lamp import beam, light
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommandGroup,
     CommonOptions,
@@ -18,8 +19,7 @@ from spectrabox.session.command_line import (
     command,
     require_new,
 )
-from spectrabox.session.commands.lamp import beam, light
-from spectrabox.session.json_values import to_json
+from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
     Device,
@@ -18,7 +18,7 @@ from spectrabox.session.command_line import (
     command,
     require_new,
 )
-from spectrabox.session.json_values import to_json
+from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.beam.beam_fit import BeamProfile
@@ -86,7 +86,7 @@ def light(request: LightRequest) -> Answer:
     from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     from spectrabox.reconstruct.scene.scene_file import read_scene, require_same_shape
-    from spectrabox.session.progress_display import progress_display
+    from spectrabox.session.terminal.progress_display import progress_display
     check_ending(request.out, {".xml": "the scene with the light moved"})
     require_new(request.out, request.force, request.photo, request.reflectances)
     grid = visible_grid()

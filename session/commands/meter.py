@@ -14,7 +14,7 @@ import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.system.words import is_whole_number
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommandGroup,
     CommonOptions,
@@ -322,7 +322,7 @@ def _instrument(name: str, port: str, log: Log) -> Iterator[Instrument]:
     """An open instrument that is left as it was found, or else the operator is told so."""
     from spectrabox.capture.meter.measurement import open_instrument
     from spectrabox.capture.meter.serial_line import shown
-    from spectrabox.session.interruption import Interruptions
+    from spectrabox.session.terminal.interruption import Interruptions
     opened: list[Instrument] = []
     try:
         with Interruptions() as interruptions, \

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     ChartLayout,
     CommonOptions,
     Outside,

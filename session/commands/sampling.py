@@ -8,7 +8,6 @@ from typing import Any
 
 import typer
 
-from spectrabox.session.command_line import Answer, CommandGroup, check_ending, command
 from spectrabox.session.commands.requests import (
     CertifyRequest,
     JudgeRequest,
@@ -18,6 +17,7 @@ from spectrabox.session.commands.requests import (
     TrainRequest,
     UpliftRequest,
 )
+from spectrabox.session.terminal.command_line import Answer, CommandGroup, check_ending, command
 
 
 def register(app: typer.Typer) -> None:
@@ -52,7 +52,7 @@ def uplift(request: UpliftRequest) -> Answer:
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
                                  "which mean and standard deviation go", param_hint="--out")
     from spectrabox.session.pictures.uplift import uplift_answer
-    from spectrabox.session.progress_display import progress_display, with_time_left
+    from spectrabox.session.terminal.progress_display import progress_display, with_time_left
     with progress_display(request.quiet) as progress:
         if request.workers is None and request.cluster is None:
             return Answer(*uplift_answer(request, with_time_left(progress)))

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
     DebugOption,
@@ -21,7 +21,7 @@ from spectrabox.session.command_line import (
     command,
     tell,
 )
-from spectrabox.session.json_values import to_json
+from spectrabox.session.terminal.json_values import to_json
 
 STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
 
@@ -198,8 +198,8 @@ def report(request: ReportRequest) -> Answer:
             f"{checked.files} files, and the numbers made again from the stored results")
         return Answer({"agrees": not checked.faults, **to_json(checked)}, text,
                       CheckError.exit_code if checked.faults else 0)
+    from spectrabox.session.outputs.run_outputs import rewritten_outputs
     from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
-    from spectrabox.session.run_outputs import rewritten_outputs
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
     facts = rewritten_outputs(config, finished, ["spectrabox", "report"],
@@ -240,11 +240,11 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
         The command as the operator could type it again, for the report; that of ``run`` by default.
     """
     from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.outputs.run_outputs import outputs_of_run
     from spectrabox.session.pipeline import load_finished, run_stages
-    from spectrabox.session.progress_display import progress_display, with_time_left
-    from spectrabox.session.run_outputs import outputs_of_run
     from spectrabox.session.stages.order import stages_in_order, stages_of
     from spectrabox.session.store.locks import only_writer
+    from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 
     config = read_session(request.folder, request.allow_outside)
     wanted = stages_in_order(request.only, list(stages_of(config)))

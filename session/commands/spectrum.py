@@ -10,14 +10,14 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
-from spectrabox.session.command_line import (
+from spectrabox.session.terminal.command_line import (
     Answer,
     CommandGroup,
     CommonOptions,
     check_ending,
     command,
 )
-from spectrabox.session.json_values import to_json
+from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
     import numpy as np

@@ -19,7 +19,7 @@ from spectrabox.measure.photo_check import (
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.system.words import plain, shortened
-from spectrabox.session.command_line import describe_error
+from spectrabox.session.terminal.command_line import describe_error
 
 PHOTO_SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".exr",
                   ".tif", ".tiff", ".raw", ".3fr", ".iiq", ".srw", ".nrw", ".crw")

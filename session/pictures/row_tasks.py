@@ -32,11 +32,11 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
     open_region,
 )
 from spectrabox.sampling.prior.low_rank import LowRank
-from spectrabox.session.command_line import describe_error, interrupt_behind
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.uplift import image_source, uplift_layout, uplift_paths
 from spectrabox.session.store.program import program_digest
+from spectrabox.session.terminal.command_line import describe_error, interrupt_behind
 
 DONE = "done"           # folder of one empty file a task
 PLAN = "plan.npz"

@@ -55,10 +55,10 @@ from spectrabox.session.pictures.uplift import (
     uplift_paths,
     uplift_summary,
 )
-from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint
+from spectrabox.session.terminal.progress_display import StageProgress
 
 TASK_PIXELS = 4_000_000     # a few seconds: the cost of a lost worker, and little to hand out
 MAX_TRIES = 2               # of a task whose worker dies

@@ -24,8 +24,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_familie
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.low_rank_files import low_rank_path, write_low_rank
 from spectrabox.session.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
-from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.signals.signal_options import numbers, response_of_names
+from spectrabox.session.terminal.progress_display import StageProgress
 
 
 def uplift_layout(request: UpliftRequest) -> PictureLayout:

@@ -11,8 +11,8 @@ from spectrabox.radiometry.appearance import (
     reflectance_to_srgb,
 )
 from spectrabox.sampling.prior.family_coverage import mostly_in_doubt
+from spectrabox.session.outputs.results import MaterialResult
 from spectrabox.session.report.swatches import css_colour
-from spectrabox.session.results import MaterialResult
 
 LEFT, TOP, WIDTH, HEIGHT = 24.0, 6.0, 220.0, 104.0     # of the plotted area, in SVG units
 TICKS_NM, LEVELS = (400, 500, 600, 700), (0.0, 0.5, 1.0)

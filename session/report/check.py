@@ -15,8 +15,8 @@ from typing import Any
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.session.assemble import assemble
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.outputs.assemble import assemble
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.report.page import NUMBERS_NAME, PAGE_NAME, RenderedReport, render_report
 from spectrabox.session.store.program import PACKAGES, versions

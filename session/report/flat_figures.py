@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 
+from spectrabox.session.outputs.results import PhotoOfRegions
 from spectrabox.session.report.svg import figure, inline_svg, plain_line
-from spectrabox.session.results import PhotoOfRegions
 
 WIDTH_IN, MAP_IN = 6.2, 3.6
 CHART, REGION = "#ffffff", "#ffd34d"

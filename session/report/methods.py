@@ -2,6 +2,12 @@
 from __future__ import annotations
 
 from spectrabox.radiometry.records import LightScale, Spectrum
+from spectrabox.session.outputs.results import (
+    CommonResults,
+    FlatResults,
+    SceneResults,
+    SessionResults,
+)
 from spectrabox.session.report.verdict import (
     chart_residuals,
     median_surface_error,
@@ -9,7 +15,6 @@ from spectrabox.session.report.verdict import (
     worst_entry,
 )
 from spectrabox.session.report.words import deviation_words, exposure, listed, number, percent
-from spectrabox.session.results import CommonResults, FlatResults, SceneResults, SessionResults
 
 
 def methods_text(results: SessionResults) -> list[str]:

@@ -9,7 +9,15 @@ from spectrabox.measure.metamers import metamer_pair
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
-from spectrabox.session.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.outputs.results import (
+    ChartResult,
+    CommonResults,
+    FlatResults,
+    MaterialResult,
+    SceneResults,
+    SessionResults,
+)
 from spectrabox.session.report.cards import surface_colour
 from spectrabox.session.report.metamers import metamer_facts
 from spectrabox.session.report.spectra import every_10_nm, material_curves
@@ -18,14 +26,6 @@ from spectrabox.session.report.verdict import (
     Verdict,
     chart_residuals,
     root_mean_square,
-)
-from spectrabox.session.results import (
-    ChartResult,
-    CommonResults,
-    FlatResults,
-    MaterialResult,
-    SceneResults,
-    SessionResults,
 )
 
 SCHEMA = "spectrabox-results/1"

@@ -14,6 +14,7 @@ from markupsafe import Markup
 from spectrabox.measure.plots import band_colours
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
+from spectrabox.session.outputs.results import FlatResults, SceneResults, SessionResults
 from spectrabox.session.report import flat_figures, words
 from spectrabox.session.report.cards import answer_card
 from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
@@ -39,7 +40,6 @@ from spectrabox.session.report.tables import (
     surface_rows,
 )
 from spectrabox.session.report.verdict import Verdict, judge
-from spectrabox.session.results import FlatResults, SceneResults, SessionResults
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"

@@ -27,6 +27,7 @@ from spectrabox.radiometry.records import (
     SensitivityFit,
     Spectrum,
 )
+from spectrabox.session.outputs.results import MaterialResult
 from spectrabox.session.report.svg import (
     GRID,
     QUIET,
@@ -37,7 +38,6 @@ from spectrabox.session.report.svg import (
     plain_line,
 )
 from spectrabox.session.report.words import percent
-from spectrabox.session.results import MaterialResult
 
 LETTERS, MANY_COLUMNS = 120, 8  # above a row of patches; more columns take smaller letters
 LEGEND_LETTERS = 42     # that one row above the error budget holds

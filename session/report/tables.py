@@ -8,7 +8,8 @@ import numpy as np
 from spectrabox.measure.metamers import LIGHTS, metamer_pair
 from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
-from spectrabox.session.calibration_facts import left_out_sentence
+from spectrabox.session.outputs.calibration_facts import left_out_sentence
+from spectrabox.session.outputs.results import CommonResults, MaterialResult
 from spectrabox.session.report.figures import (
     chart_residual_figure,
     irradiance_figure,
@@ -26,7 +27,6 @@ from spectrabox.session.report.spectra import (
 from spectrabox.session.report.swatches import css_colour, swatch_section
 from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.session.report.words import OFF
-from spectrabox.session.results import CommonResults, MaterialResult
 
 MAX_CAUSES, SMALL_SHARE = 5, 0.01     # of the spectrum's variance, named beside its plot
 

@@ -18,14 +18,14 @@ from spectrabox.radiometry.records import (
     SurfaceAgreement,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.session.calibration_facts import left_out_sentence
-from spectrabox.session.report.words import deviation_words, listed, percent
-from spectrabox.session.results import (
+from spectrabox.session.outputs.calibration_facts import left_out_sentence
+from spectrabox.session.outputs.results import (
     VALID_OUTCOMES,
     CommonEvidence,
     FlatEvidence,
     SceneEvidence,
 )
+from spectrabox.session.report.words import deviation_words, listed, percent
 from spectrabox.session.store.rehearsals import too_narrow, verdict_sentence
 
 # |photo / rendering - 1|: pass up to the first, fail beyond the second

@@ -12,9 +12,9 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.commands.requests import MatchRequest
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.json_values import to_json
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.spectral_library import read_spectral_libraries
+from spectrabox.session.terminal.json_values import to_json
 
 SHOWN, NAMED = 10, 3    # rows of a table, and sentences on spectra left out
 

@@ -26,7 +26,6 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import SampleRequest
-from spectrabox.session.json_values import to_json
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
     numbers,
@@ -35,6 +34,7 @@ from spectrabox.session.signals.signal_options import (
     read_swatches,
     signal_and_noise,
 )
+from spectrabox.session.terminal.json_values import to_json
 
 SHOWN_NM, BASELINE_NM = 25, 50
 # left out of the answer where they are None

@@ -17,8 +17,8 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.radiometry.system.words import cell
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
+from spectrabox.session.outputs.results import CommonResults, MaterialResult, SceneResults
 from spectrabox.session.report.maps import comparison_rgb8
-from spectrabox.session.results import CommonResults, MaterialResult, SceneResults
 
 MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
 COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")

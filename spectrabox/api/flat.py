@@ -70,9 +70,9 @@ from spectrabox.radiometry.records import (
     default_band_names,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.session.assemble import surface_result
+from spectrabox.session.outputs.assemble import surface_result
+from spectrabox.session.outputs.results import ChartResult, FlatEvidence, LitRegions
 from spectrabox.session.report.verdict import Verdict, judge
-from spectrabox.session.results import ChartResult, FlatEvidence, LitRegions
 
 REPEATS = hypot(0.012, 0.009)       # light and shutter, where chart and samples are two photos
 GLARE = 0.005                       # veiling glare, of the picture's mean signal

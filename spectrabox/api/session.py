@@ -9,13 +9,13 @@ from spectrabox.api.notebook import spectrum_html
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.sampling.prior.mixture import load_prior, of_families
-from spectrabox.session.assemble import assemble
 from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.assemble import assemble
+from spectrabox.session.outputs.results import SessionResults
+from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import FinishedRun, load_finished, run_stages
 from spectrabox.session.report.verdict import judge
-from spectrabox.session.results import SessionResults
-from spectrabox.session.run_outputs import outputs_of_run
 from spectrabox.session.store.locks import only_writer
 
 

@@ -21,7 +21,7 @@ from typer.core import TyperGroup
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.system.words import message, plain
-from spectrabox.session.json_values import to_json
+from spectrabox.session.terminal.json_values import to_json
 
 Request = TypeVar("Request", bound="DebugOption")
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",

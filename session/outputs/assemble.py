@@ -20,10 +20,7 @@ from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_cov
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
-from spectrabox.session.pictures.picture_results import picture_of
-from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.report.verdict import root_mean_square
-from spectrabox.session.results import (
+from spectrabox.session.outputs.results import (
     VALID_OUTCOMES,
     ChartResult,
     CommonResults,
@@ -34,6 +31,9 @@ from spectrabox.session.results import (
     SessionResults,
     ViewResult,
 )
+from spectrabox.session.pictures.picture_results import picture_of
+from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.report.verdict import root_mean_square
 from spectrabox.session.stages.inputs import band_names, read_reflectance
 from spectrabox.session.stages.records import SessionRecords
 from spectrabox.session.store.rehearsals import stored_rehearsal

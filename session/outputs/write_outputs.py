@@ -4,13 +4,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from spectrabox.session.assemble import assemble
 from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.facts import run_facts, run_text
+from spectrabox.session.outputs.assemble import assemble
+from spectrabox.session.outputs.facts import run_facts, run_text
+from spectrabox.session.outputs.results import SceneResults
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
-from spectrabox.session.results import SceneResults
 from spectrabox.session.store.program import provenance
 from spectrabox.session.store.surface_files import write_surface_files
 

@@ -13,12 +13,12 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.progress_display import StageProgress
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.locks import outputs_writer
 from spectrabox.session.store.program import LIBRARY, room_digests, versions
 from spectrabox.session.store.rehearsals import FILE
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
+from spectrabox.session.terminal.progress_display import StageProgress
 
 STAGE = "report"
 
@@ -80,7 +80,7 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         For the report: where Mitsuba rendered.
     """
     # here: Matplotlib takes a second, and a run that is up to date draws nothing
-    from spectrabox.session.write_outputs import write_outputs
+    from spectrabox.session.outputs.write_outputs import write_outputs
     inputs = InputFiles(config)
     key = _key(config, finished, inputs)
     with outputs_writer(config.folder):

@@ -11,18 +11,18 @@ from rich.console import Console
 from rich.table import Table
 
 from spectrabox.radiometry.appearance import reflectance_to_lab
-from spectrabox.session.calibration_facts import left_out_facts, light_facts
-from spectrabox.session.pictures.picture_results import picture_facts
-from spectrabox.session.report.numbers import family_facts
-from spectrabox.session.report.verdict import judge, median_surface_error
-from spectrabox.session.report.words import percent
-from spectrabox.session.results import (
+from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
+from spectrabox.session.outputs.results import (
     CommonResults,
     FlatResults,
     MaterialResult,
     SceneResults,
     SessionResults,
 )
+from spectrabox.session.pictures.picture_results import picture_facts
+from spectrabox.session.report.numbers import family_facts
+from spectrabox.session.report.verdict import judge, median_surface_error
+from spectrabox.session.report.words import percent
 
 STEP_NM = 5     # of regions' spectra in the facts; spectra.csv holds every nanometre
 

@@ -1,0 +1,1 @@
+"""What a finished run becomes: results as records, files beside them, answers of commands."""

@@ -1,0 +1,1 @@
+"""What every command shares: options and answers, errors, interruptions, progress, JSON."""
