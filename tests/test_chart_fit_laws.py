@@ -23,15 +23,35 @@ from test_calibrate_products import small_prior
 from spectrabox.calibrate import light_field
 from spectrabox.calibrate.chart_equations import FIELD_SD, GLARE_SD, field_terms, nuisance_sd
 from spectrabox.calibrate.held_out_patches import patch_moments
+from spectrabox.calibrate.light_difference import light_difference
 from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, _in_curves, _joint_prior
 from spectrabox.calibrate.products.product_fit import WIDENING, in_curves
 from spectrabox.calibrate.products.product_posterior import linearised
 from spectrabox.calibrate.sensitivity import CHART_ERROR, _patch_sigma, fit_sensitivities
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.covariance import symmetric
-from spectrabox.radiometry.records import ChartWhite
+from spectrabox.radiometry.records import ChartWhite, PatchSamples
 
 POSITIONS = CLASSIC.centres_uv
+
+
+@pytest.mark.parametrize("change, difference", [(0.0, 0.0), (0.06, 0.06)])
+def test_photos_of_a_chart_differ_by_their_light_not_by_exposure_or_field(change, difference):
+    rng = np.random.default_rng(5)
+    first = rng.uniform(0.1, 0.9, (24, 3))
+    # exposure and a field that falls off; then a tint, one band up and one down
+    other = 0.3 * first * np.exp(field_terms(POSITIONS) @ [0.1, -0.05, 0.02, 0, 0.03])[:, None]
+    other = other * np.exp([change, 0, -change])
+
+    def samples_of(signal, seed):
+        noise = 0.002 * signal
+        covariance = (noise**2)[:, :, None] * np.eye(3)
+        return PatchSamples(signal + noise * np.random.default_rng(seed).standard_normal((24, 3)),
+                            covariance, np.ones(24), 0 * signal, 0 * signal)
+
+    found = light_difference(samples_of(first, 1), samples_of(other, 2), POSITIONS)
+    # standard deviation of (1, 0, -1) is 1; noise of 0.3 % is taken off within 0.1 %
+    assert found == pytest.approx(difference, abs=0.001)
 
 
 def shot(glare=True, **more):

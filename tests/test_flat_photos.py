@@ -14,7 +14,7 @@ from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.error_model import ROUNDED_EXPOSURES
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
@@ -93,24 +93,38 @@ def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, o
     assert both[~known, 1].min() > 0.75
 
 
-def test_two_lamps_of_one_word_are_two_and_one_lamp_in_two_photos_is_one(tmp_path):
-    folder = write_flat(tmp_path / "session")
-    second = second_photo(folder, "warm", "unknown")
-    text = HEAD.replace("spectra/light.csv", "unknown") + regions_toml()
-    finished = {}
-    for name, said in (("two", second),
-                       ("one", second.replace("warm.dng", "again.dng").replace(
-                           'light = "unknown"', 'same_light_as = "photo"'))):
-        write_photo(folder / "photos" / "again.dng", picture(), Fraction(1, 100),
-                    np.random.default_rng(12))
-        (folder / "session.toml").write_text(text + said, encoding="utf-8")
-        finished[name] = run(folder).records
-    two, one = (finished[name].signals for name in ("two", "one"))
-    assert two.signal.shape == (len(PAINTS), 6) and one.signal.shape == (len(PAINTS), 3)
-    assert len(finished["one"].calibrate.whites) == 2
-    for signals in (two, one):
-        off = (signals.signal - true_signals(signals)) / errors_of(signals)
-        assert np.abs(off).max() < 4    # as above
+def write_unknown(folder, views):
+    """The paints under an unknown lamp, and further photos: warm, or the first lamp again."""
+    write_flat(folder)
+    second_photo(folder, "warm", "unknown")
+    write_photo(folder / "photos" / "again.dng", picture(), Fraction(1, 100),
+                np.random.default_rng(12))
+    (folder / "session.toml").write_text(
+        HEAD.replace("spectra/light.csv", "unknown") + regions_toml() + "".join(
+            f'[views.{name}]\nphoto = "photos/{name}.dng"\n{light}\n'
+            for name, light in views.items()), encoding="utf-8")
+    return folder
+
+
+OWN, SAME = 'light = "unknown"', 'same_light_as = "photo"'
+
+
+@pytest.mark.parametrize("views, bands", [
+    ({"warm": OWN}, 6), ({"again": SAME}, 3), ({"again": OWN}, 3)])
+def test_two_lamps_of_one_word_are_two_and_one_lamp_in_two_photos_is_one(tmp_path, views, bands):
+    finished = run(write_unknown(tmp_path / "session", views)).records
+    signals, notes = finished.signals, finished.notes
+    assert signals.signal.shape == (len(PAINTS), bands)
+    assert len(finished.calibrate.whites) == 2
+    # only what is not stated has to be said
+    assert any("show the same light" in note for note in notes) == (views == {"again": OWN})
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    assert np.abs(off).max() < 4    # as above
+
+
+def test_another_lamp_is_not_taken_for_the_first_because_somebody_says_so(tmp_path):
+    with pytest.raises(CheckError, match="its chart shows a light that differs by"):
+        run(write_unknown(tmp_path / "session", {"warm": SAME}))
 
 
 def test_regions_are_measured_in_the_photos_that_show_them(tmp_path):

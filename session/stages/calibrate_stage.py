@@ -18,6 +18,7 @@ from spectrabox.calibrate.chart_calibration import (
     calibration_from_curves,
     through_filter,
 )
+from spectrabox.calibrate.light_difference import OTHER_LIGHT, SAME_LIGHT, light_difference
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
@@ -25,6 +26,7 @@ from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.chart_check import chart_level_notes, held_out_patches
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
@@ -76,7 +78,9 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
     whites: dict[str, ChartWhite] = {}
     other_charts: dict[str, HeldOutPatches] = {}
     chart, notes = None, _uneven_notes(config, charts, irradiance)
-    for first, *others in _one_fit_each(config):
+    lights, same = _lights_by_evidence(config, charts, _one_fit_each(config))
+    notes += same
+    for first, *others in lights:
         fitted = [view.name for view in (first, *others) if view.chart and (several
                                                                             or view == first)]
         fit = None
@@ -124,6 +128,48 @@ def _one_fit_each(config: SessionConfig) -> list[list[ViewInputs]]:
                 for lamp in dict.fromkeys(view.lamp for view in views)]
     first = [view for view in views if not view.name or not view.chart]
     return [first, *([view] for view in views[1:] if view.chart)]
+
+
+def _lights_by_evidence(config: SessionConfig, charts: Mapping[str, MeasuredChart],
+                        stated: list[list[ViewInputs]]
+                        ) -> tuple[list[list[ViewInputs]], tuple[str, ...]]:
+    """Views of flat samples under each light: as stated, where no chart contradicts it, and lights
+    that nobody measured as one where their charts show one; with a sentence for each of those.
+
+    Raises
+    ------
+    CheckError
+        If photos that are stated to be under one lamp show two.
+    """
+    if not config.flat:
+        return stated, ()
+    positions = session_chart(config).centres_uv
+    lights: list[list[ViewInputs]] = []
+    notes: tuple[str, ...] = ()
+    for views in stated:
+        first = views[0]
+        for view in views[1:]:
+            if view.chart and view.same_light(first) and (difference := light_difference(
+                    charts[first.name].samples, charts[view.name].samples,
+                    positions)) > OTHER_LIGHT:
+                raise CheckError(
+                    f"{view.chart_files[0]} is stated to be under the lamp of "
+                    f"{first.chart_files[0]}, and its chart shows a light that differs by "
+                    f"{difference:.0%}: give the view a light of its own (light = \"unknown\"), or "
+                    "take both photos under one lamp that has warmed up")
+        before = None if any(
+            view.light.stated for view in config.all_views) else next(
+            (light for light in lights if light_difference(
+                charts[light[0].name].samples, charts[first.name].samples,
+                positions) < SAME_LIGHT), None)
+        if before is None:
+            lights.append(views)
+        else:
+            notes += (f"{before[0].title!r} and {first.title!r} show the same light: their bands "
+                      "are averaged against noise and add nothing new; take one under another kind "
+                      "of lamp, or through a filter",)
+            before += views
+    return lights, notes
 
 
 def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOptions:
