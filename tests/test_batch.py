@@ -394,6 +394,14 @@ def test_the_page_in_a_browser(browser, tmp_path):
             tab.goto(page.as_uri())
             assert tab.evaluate("document.documentElement.scrollWidth") <= width
             assert tab.locator("tbody tr").count() == 3
+            if scheme == "light":       # worst first, then by what a heading says
+                words = ("[...document.querySelectorAll('tbody tr')]"
+                         ".map((row) => row.cells[2].innerText)")
+                assert tab.evaluate(words) == ["ERROR", "WARN", "PASS"]
+                tab.get_by_role("button", name="Seconds").click()
+                assert tab.evaluate(words) == ["ERROR", "WARN", "PASS"]
+                tab.get_by_role("button", name="Seconds").click()
+                assert tab.evaluate(words) == ["PASS", "WARN", "ERROR"]
             colours = tab.eval_on_selector("td.PASS", "cell => getComputedStyle(cell).color")
             assert colours == {"light": "rgb(44, 122, 75)", "dark": "rgb(116, 210, 154)"}[scheme]
             tab.get_by_role("link", name="wall & paint").click()

@@ -6,6 +6,7 @@ photos is exact only where the exposure was left alone.
 from __future__ import annotations
 
 import logging
+import re
 import struct
 from dataclasses import dataclass
 from fractions import Fraction
@@ -24,11 +25,13 @@ SERIAL_TAGS = ("EXIF BodySerialNumber", "Image Tag 0xC62F")
 EXPOSURE_TAGS = ("EXIF ExposureTime", "Image ExposureTime")
 F_NUMBER_TAGS = ("EXIF FNumber", "Image FNumber")
 ISO_TAGS = ("EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSpeedRatings")
+TAKEN_TAGS = ("EXIF DateTimeOriginal", "Image DateTimeOriginal", "Image DateTime")
 # Tags of DNG files, in whichever directory holds the mosaic.
 BLACK_TAG, BLACK_REPEAT_TAG = "BlackLevel", "0xC619"
 ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "0xC68D", "0xC68E"
 DNG_VERSION_TAG = "Image Tag 0xC612"
 BLACK_DELTA_TAGS = ("0xC61B", "0xC61C")  # BlackLevelDeltaH, BlackLevelDeltaV
+EXIF_TIME = re.compile(r"([12]\d{3}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)")
 RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
 UNCOMPRESSED = 1
 
@@ -50,6 +53,7 @@ class PhotoMetadata:
     is_dng: bool = False
     varying_black: bool = False                     # from column to column or row to row
     stated_bytes: tuple[int, int] | None = None     # of a plain mosaic: by its size, by its strips
+    taken_at: str = ""                              # "2026-11-23 14:05:09", by the camera's clock
 
     @property
     def camera(self) -> str:
@@ -97,7 +101,13 @@ def photo_metadata(path: Path) -> PhotoMetadata:
         is_dng=DNG_VERSION_TAG in tags,
         varying_black=any(value != 0 for name in BLACK_DELTA_TAGS
                           for value in _fractions(_values(tags, name))),
-        stated_bytes=_stated_bytes(tags))
+        stated_bytes=_stated_bytes(tags), taken_at=_taken_at(_text(tags, TAKEN_TAGS)))
+
+
+def _taken_at(text: str) -> str:
+    """The time of a tag as ISO 8601 writes its date; empty where the tag holds none."""
+    stated = EXIF_TIME.match(text)
+    return f"{stated[1]}-{stated[2]}-{stated[3]} {stated[4]}" if stated else ""
 
 
 def _values(tags: dict[str, Any], ending: str) -> Any:

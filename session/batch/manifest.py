@@ -40,6 +40,9 @@ class Outcome:
     needed_bytes: int = 0
     peak_bytes: int | None = None       # that it took; None where the system does not say
     files: dict[str, tuple[int, int]] = field(default_factory=dict)     # size, time of change
+    camera: str = ""
+    taken_at: str = ""                  # of the first photo, by the camera's clock
+    thumbnail: str = ""                 # of the first photo, as a data URI
 
     @property
     def word(self) -> str:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from markupsafe import Markup
 from rich.console import Console
 from rich.table import Table
 
 from spectrabox.radiometry.files import whole_file
 from spectrabox.session.batch.manifest import Outcome
-from spectrabox.session.report.page import style_sheet, templates
+from spectrabox.session.report.page import TEMPLATES, style_sheet, templates
 from spectrabox.session.terminal.command_line import tell
 from spectrabox.session.terminal.progress_display import StageProgress
 
@@ -22,6 +23,7 @@ WIDTH = 110             # of the table, in characters
 MAX_SENTENCE = 60       # of its characters in the table; the page has all
 FILE = "batch.html"
 # the status whose colours a row of the page has
+BADNESS = {"ERROR": 0, "FAIL": 1, "WARN": 2, "PASS": 3, "": 4}     # the worst come first
 ROW_STATUS = {"pass": "PASS", "warn": "WARN", "fail": "FAIL", "": "FAIL"}
 
 
@@ -133,9 +135,12 @@ def write_page(out: Path, outcomes: Sequence[Outcome], sessions: int) -> Path:
     rows = [{"name": each.name, "folder": os.path.relpath(each.folder, out),
              "link": None if each.report is None else link(Path(each.report), out),
              "status": ROW_STATUS[each.verdict], "word": each.word, "seconds": each.seconds,
-             "says": each.says.splitlines()} for each in outcomes]
+             "says": each.says.splitlines(), "camera": each.camera, "taken_at": each.taken_at,
+             "thumbnail": each.thumbnail, "badness": BADNESS[each.word]}
+            for each in sorted(outcomes, key=lambda each: BADNESS[each.word])]
     text = templates().get_template("batch.html.j2").render(
-        rows=rows, sessions=sessions, counts=counts(outcomes), style=style_sheet())
+        rows=rows, sessions=sessions, counts=counts(outcomes), style=style_sheet(),
+        script=Markup((TEMPLATES / "batch.js").read_text(encoding="utf-8")))
     with whole_file(page) as unfinished:
         unfinished.write_bytes(text.encode("utf-8", "backslashreplace"))
     return page

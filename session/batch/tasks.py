@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from spectrabox.capture.photo.linear import photo_size
+from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
 from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
 from spectrabox.session.check import preflight_check
@@ -14,6 +15,7 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.report.figures import picture_data_uri
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.terminal.command_line import describe_error, interrupt_behind
 
@@ -22,6 +24,7 @@ SHARED = "shared"       # in the batch's folder: calibrations that sessions have
 PROGRAM_BYTES = 400 * 2**20
 # Measured while photos are opened: 18 bytes a pixel of a raw file, 36 of an EXR.
 BYTES_A_PIXEL = 48
+THUMBNAIL_PX = 160      # a side, at most, on the batch's page
 PEAK, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 
 
@@ -113,11 +116,14 @@ def _run(task: Task) -> Outcome:
         words = ["spectrabox", "run", task.folder.name, "--device", order.device]
         facts = outputs_of_run(config, finished, words, order.device, quiet).facts
         files = input_states(config)
+        photo = photo_metadata(config.path(config.all_views[0].photo_files[0]))
+        preview = config.results_folder / "photo" / f"{config.all_views[0].label('preview')}.png"
     return Outcome(str(task.folder), "done", config.session.name, facts["verdict"],
                    facts.get("says", ""), report=facts["report"],
                    stages={name: (finished.states[name], stage.seconds)
                            for name, stage in finished.stored.items()},
-                   needed_bytes=task.needed_bytes, files=files)
+                   needed_bytes=task.needed_bytes, files=files, camera=photo.camera,
+                   taken_at=photo.taken_at, thumbnail=picture_data_uri(preview, THUMBNAIL_PX))
 
 
 def needed_bytes(config: SessionConfig) -> int:

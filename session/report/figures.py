@@ -28,8 +28,14 @@ MAX_TICKS = 24      # patches numbered along an axis
 MAX_SIDE_PX = 1400  # pictures are reduced to this: the page shows no more
 
 
-def picture_data_uri(path: Path) -> str:
+def picture_data_uri(path: Path, max_side_px: int = MAX_SIDE_PX) -> str:
     """A PNG file as data URI, reduced by whole factors where it is larger than the page shows.
+
+    Parameters
+    ----------
+    path : Path
+    max_side_px : int
+        Of the page.
 
     Raises
     ------
@@ -44,7 +50,7 @@ def picture_data_uri(path: Path) -> str:
     if not content.startswith(PNG_SIGNATURE):
         raise InputError(
             f"picture {path.name} is not a PNG file; run the stage that makes it again")
-    factor = -(-max(int.from_bytes(content[16:20]), int.from_bytes(content[20:24])) // MAX_SIDE_PX)
+    factor = -(-max(int.from_bytes(content[16:20]), int.from_bytes(content[20:24])) // max_side_px)
     if factor > 1:
         content = _reduced(content, factor)
     return "data:image/png;base64," + base64.b64encode(content).decode("ascii")

@@ -45,9 +45,9 @@ PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
            "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
-# a number and its unit stay on one line; scripts and styles are left as they are
+# a number and its unit stay on one line, "0.8 %" is written one way; not in scripts and styles
 UNITS = re.compile(r"<(script|style)\b.*?</\1>|>[^<]+", re.DOTALL)
-NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|nm|px|s|mm|cm|m|K)\b|%)")
+NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:nm|px|s|mm|cm|m|K)\b)|(?<=\d) ?(?=%(?!\.?\w))")
 
 
 @dataclass(frozen=True)
