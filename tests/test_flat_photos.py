@@ -251,3 +251,24 @@ def test_photos_that_cannot_go_together_are_one_sentence(tmp_path, words, senten
                                                  for word in words), "--region", "a=300,50,340,90"])
     assert outcome.exit_code == 3 and sentence in outcome.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["a.dng"]
+
+
+def test_photos_that_moved_are_measured_where_they_show_the_regions(tmp_path):
+    folder, shift = write_flat(tmp_path / "session"), (20, -8)      # regions are 14 within a paint
+    (folder / "spectra" / "glass.csv").write_text(table_text(
+        NM, {"value": FILTER}, quantity=Quantity.RELATIVE, source="glass"), encoding="utf-8")
+    text = HEAD.replace("spectra/light.csv", "unknown") + regions_toml()
+    for name, said in (("warm", 'light = "unknown"'), ("glass", 'filter = "spectra/glass.csv"')):
+        write_photo(folder / "photos" / f"{name}.dng",
+                    np.roll(picture(power=SECOND[name]), shift, axis=(1, 0)), Fraction(1, 30),
+                    np.random.default_rng(13))
+        text += f'[views.{name}]\nphoto = "photos/{name}.dng"\n{said}\n'
+    (folder / "session.toml").write_text(text, encoding="utf-8")
+    records = run(folder).records
+    for registration in records.photo.registrations.values():
+        np.testing.assert_allclose(registration.matrix[:, 2], shift, atol=0.5)
+        assert registration.chart_px < 1 and registration.residual_px < 1
+    signals = records.signals
+    assert signals.signal.shape == (len(PAINTS), 9)
+    off = (signals.signal - true_signals(signals)) / errors_of(signals)
+    assert np.abs(off).max() < 4    # as above

@@ -136,16 +136,16 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
 
 def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDetection,
                      chart: Chart = CLASSIC) -> ChartDetection:
-    """The chart in a photo through a filter, from the same tripod as one without: in the same
-    position, which the bands that the filter leaves bright confirm; else searched for.
+    """The chart in a photo through a filter or under odd light, from the same tripod as another:
+    in the same position, which the bands that are bright confirm; else searched for.
 
     Parameters
     ----------
     image : LinearImage
     reference : (I, K) array
-        Signals that an ordinary camera would read through the filter, in chart order.
+        Signals that an ordinary camera would read there, in chart order.
     before : ChartDetection
-        In the photo without the filter.
+        In the other photo, in the pixels of this one.
     chart : Chart
 
     Raises
@@ -160,7 +160,7 @@ def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDet
     if agreement.residual <= ACCEPTED_RESIDUAL and np.array_equal(
             agreement.order, np.arange(len(chart.names))):
         return replace(before, confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
-                       how_found="in the position of the photo without the filter")
+                       how_found="in its position in another photo")
     return find_chart(image, reference, None, chart)
 
 

@@ -30,6 +30,7 @@ MAX_SHIFT = 0.05            # of the photo's width
 # the picture of edges about its outline, and how much better it fits where it is said to be
 TOLERATED, TOLERATED_PX, MARGIN, SURROUND_PX = 0.003, 3.0, 0.2, 12
 MIN_LIKENESS = 0.6
+PARTS, MIN_PART_PX, MIN_RESPONSE = 4, 32, 0.3   # of the shorter side, whose residual is stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,8 @@ class Registration(Record):
     matrix: Annotated[np.ndarray, "2 3"]    # a turn and a shift, full resolution
     shift_px: float                         # of the middle of the photo
     correlation: float                      # of the edges of both photos, 0 to 1
-    residual_px: float | None               # rms, of the chart's corners; None: not in both photos
+    residual_px: float | None               # median over parts of the photo; None: none tells
+    chart_px: float | None                  # rms of the chart's corners; None: not in both photos
 
     def moved(self, points_px: np.ndarray) -> np.ndarray:
         """Points (..., 2) of the first photo in the pixels of the other."""
@@ -105,12 +107,13 @@ def register(first: Edges, other: Edges,
         return None
     middle = (np.array(first.size.shape[1::-1]) * first.sensor_step - 1) / 2
     shift = matrix[:, :2] @ middle + matrix[:, 2] - middle
-    registration = Registration(matrix, float(np.hypot(*shift)), correlation, None)
+    registration = Registration(matrix, float(np.hypot(*shift)), correlation,
+                                _residual(first, _brought_back(other, matrix)), None)
     if chart_px is None:
         return registration
     before, after = (patches.reshape(-1, 2) for patches in chart_px)
     off = before @ matrix[:, :2].T + matrix[:, 2] - after
-    return replace(registration, residual_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
+    return replace(registration, chart_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
 
 
 def require_one_size(first: Edges, other: Edges, first_name: str, other_name: str) -> None:
@@ -162,9 +165,9 @@ def require_registered(registration: Registration, own_motion: Mapping[str, floa
                          "against what else the photos show: leave the samples where they are "
                          "from photo to photo, or give the region the one photo that shows it "
                          "there")
-    residual = registration.residual_px
-    if residual is not None and residual > tolerated_px(width_px):
-        raise CheckError(f"from {first} to {other} the chart moved by {residual:.0f} pixels "
+    chart = registration.chart_px
+    if chart is not None and chart > tolerated_px(width_px):
+        raise CheckError(f"from {first} to {other} the chart moved by {chart:.0f} pixels "
                          "against what else the photos show: leave chart and samples where they "
                          "are from photo to photo")
 
@@ -190,10 +193,7 @@ def own_motion_px(first: Edges, other: Edges, registration: Registration,
     """
     step = first.sensor_step
     height, width = first.size.shape[:2]
-    inverse = _at_full_resolution(registration.matrix, 1 / step).astype(np.float32)
-    back = cv2.warpAffine(other.all_bands, inverse, (width, height),
-                          flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-    before = first.all_bands
+    before, back = first.all_bands, _brought_back(other, registration.matrix)
     tolerated = tolerated_px(width * step) / step
     reach = int(np.ceil(MAX_SHIFT * width))
     moved = {}
@@ -235,6 +235,31 @@ def _by_edges(first: Edges, other: Edges) -> tuple[np.ndarray | None, float]:
     matrix = np.average([matrix for matrix, _ in seen], axis=0, weights=weights)
     return (_at_full_resolution(matrix, first.sensor_step),
             max(correlation for _, correlation in seen))
+
+
+def _brought_back(other: Edges, matrix: np.ndarray) -> np.ndarray:
+    """Edges (H, W) of all bands of the other photo, in the pixels of the first."""
+    inverse = _at_full_resolution(matrix, 1 / other.sensor_step).astype(np.float32)
+    return np.asarray(cv2.warpAffine(other.all_bands, inverse, other.size.shape[1::-1],
+                                     flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP))
+
+
+def _residual(first: Edges, back: np.ndarray) -> float | None:
+    """By how many pixels of the sensor parts of the photo are still off (median), None where no
+    part has edges that both photos show.
+    """
+    before = first.all_bands
+    side = max(min(before.shape) // PARTS, MIN_PART_PX)
+    window = cv2.createHanningWindow((side, side), cv2.CV_32F)
+    off = []
+    for row in range(0, before.shape[0] - side + 1, side):
+        for column in range(0, before.shape[1] - side + 1, side):
+            part = slice(row, row + side), slice(column, column + side)
+            (across, down), response = cv2.phaseCorrelate(
+                np.ascontiguousarray(before[part]), np.ascontiguousarray(back[part]), window)
+            if response > MIN_RESPONSE:
+                off.append(np.hypot(across, down))
+    return float(np.median(off) * first.sensor_step) if off else None
 
 
 def _band_motion(first: np.ndarray, other: np.ndarray,
