@@ -24,12 +24,19 @@ from spectrabox.calibrate import light_field
 from spectrabox.calibrate.chart_equations import FIELD_SD, GLARE_SD, field_terms, nuisance_sd
 from spectrabox.calibrate.held_out_patches import patch_moments
 from spectrabox.calibrate.light_difference import light_difference
-from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, _in_curves, _joint_prior
+from spectrabox.calibrate.prior.prior_fit import (
+    EXPOSURE_SD,
+    _designs,
+    _in_curves,
+    _joint_prior,
+    _whole,
+)
 from spectrabox.calibrate.products.product_fit import WIDENING, in_curves
 from spectrabox.calibrate.products.product_posterior import linearised
 from spectrabox.calibrate.sensitivity import CHART_ERROR, _patch_sigma, fit_sensitivities
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.covariance import symmetric
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import ChartWhite, PatchSamples
 
 POSITIONS = CLASSIC.centres_uv
@@ -94,7 +101,7 @@ def test_the_first_photos_exposure_is_unknown_whatever_is_said_of_it():
     means = []
     for tie in (None, 0.01):
         shots = [shot(relative_exposure_sd=tie), shot(relative_exposure_sd=0.02)]
-        designs = [(each.reflectances * each.power)[:, ::15] for each in shots]
+        designs = _designs(shots, interpolation_matrix(known.nm, GRID.nm))
         means.append(_joint_prior(known, spread, len(known.weights) - 1, 0.05, shots, designs)[0])
     np.testing.assert_array_equal(*means)
 
@@ -119,21 +126,25 @@ def test_departures_of_cameras_have_the_standard_deviations_that_are_stated():
 
 def test_the_exposure_makes_up_for_the_scale_of_the_curves():
     known, rng = coarse_prior(), np.random.default_rng(51)
-    mean = np.r_[known.state(np.maximum(known.curves(known.means[0]), 0.05)), 0.7, np.zeros(8)]
-    whole = rng.uniform(0, 1, known.means.shape[1])
+    mean = np.r_[known.state(np.maximum(known.curves(known.means[0]), 0.05)), 0.7, np.zeros(8),
+                 0.4, -0.3]
     root = 1e-3 * rng.standard_normal((mean.size, mean.size))
-    chart = shot()
-    moved, covariance = _in_curves(known, mean, root @ root.T, whole, [chart])
+    chart = shot(light_terms=rng.standard_normal((GRID.nm.size, 2)))
+    designs = _designs([chart], interpolation_matrix(known.nm, GRID.nm))
+    whole = _whole(designs, known)
+    moved, covariance = _in_curves(known, mean, root @ root.T, designs, [chart])
     size = whole.size
+    light = np.tile(chart.light_terms[::15], (3, 1))
     assert whole @ moved[:size] == pytest.approx(1)
-    np.testing.assert_allclose(np.exp(moved[size]) * moved[:size],
-                               np.exp(0.7) * known.curves(mean[:size]), rtol=1e-12)
+    np.testing.assert_allclose(np.exp(moved[size]) * moved[:size], np.exp(
+        0.7 + light @ mean[-2:]) * known.curves(mean[:size]), rtol=1e-12)
     # signals, of which curves and exposure are two factors, err as they did before
     step = 1e-6
-    signal = lambda state: state[size] + np.log(known.curves(state[:size]))       # noqa: E731
+    signal = lambda state: (state[size] + np.log(known.curves(state[:size]))      # noqa: E731
+                            + light @ state[-2:])
     slope = np.array([(signal(mean + step * unit) - signal(mean - step * unit)) / (2 * step)
                       for unit in np.eye(mean.size)]).T
-    after = np.hstack([np.diag(1 / moved[:size]), np.ones((size, 1)), np.zeros((size, 8))])
+    after = np.hstack([np.diag(1 / moved[:size]), np.ones((size, 1)), np.zeros((size, 10))])
     np.testing.assert_allclose(after @ covariance @ after.T, slope @ (root @ root.T) @ slope.T,
                                rtol=1e-5, atol=1e-9)
 
