@@ -141,27 +141,28 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
 
 def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
     """Decode every photo and look for what the stages would refuse."""
-    def silent(read: Callable[..., Any], *arguments: Any) -> Any:
-        """The result, or None: what is wrong has been said."""
-        try:
-            return read(*arguments)
-        except SpectraboxError:
-            return None
-
     for view in config.all_views:
-        scene = None if config.flat else silent(read_session_scene, config, view)
+        scene = None if config.flat else readable(read_session_scene, config, view)
         if (developed := attempt(read_photo, config, view.photo)) is not None:
             attempt(require_exposed, developed[0], view.photo_files[0])
             for name, region in config.regions_in(view).items():
                 attempt(sample_regions, developed[0], {name: region.outline()})
             if scene is not None:
                 attempt(require_same_shape, developed[0], scene, view.photo_files[0])
-        light = silent(read_light_of, config, view)
-        chart_signals = silent(read_chart_reference, config)
+        light = readable(read_light_of, config, view)
+        chart_signals = readable(read_chart_reference, config)
         if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
                 and light is not None and chart_signals is not None:
             attempt(require_chart, config, view, chart[0],
                     typical_camera_signals(chart_signals, FINE_GRID, power_of(light)))
+
+
+def readable(read: Callable[..., Any], *arguments: Any) -> Any:
+    """What a reader gives, or None where it refuses its input: that is said elsewhere."""
+    try:
+        return read(*arguments)
+    except SpectraboxError:
+        return None
 
 
 def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) -> int | None:

@@ -153,9 +153,10 @@ def test_spectra_that_cover_a_part_are_left_out_by_name(session, tmp_path):
     alone = call(session, tmp_path / "short.csv")
     assert alone.exit_code == 3 and "covers 450-650 nm; 400-700 nm is needed" in alone.output
     whole = (session / "spectra" / "cube.csv").read_text(encoding="utf-8")
-    (tmp_path / "blue.csv").write_text(whole, encoding="utf-8")
+    (tmp_path / "blue [red].csv").write_text(whole, encoding="utf-8")
     facts = json.loads(call(session, tmp_path, "--surface", "cube", "--json").stdout)
-    assert [match["name"] for match in facts["matches"]] == ["blue"]
+    assert [match["name"] for match in facts["matches"]] == ["blue [red]"]
+    assert "blue [red]" in call(session, tmp_path, "--surface", "cube").stdout     # no markup
     assert len(facts["left_out"]) == 1 and "covers 450-650 nm" in facts["left_out"][0]
 
 

@@ -16,8 +16,8 @@ MAY_IMPORT = {
     "--help": (["--help"], set()),
     "--version": (["--version"], set()),
     "new": (["new", "{new}"], {"pydantic", "numpy"}),
-    # Inputs of stages are read by the readers of photos, which take 0.1 s; OpenCV stays away.
-    "status": (["status", "{session}"], {"pydantic", "numpy", "scipy", *PHOTOS - {"cv2"}}),
+    # Inputs of stages are read by the readers of photos, which take a quarter of a second.
+    "status": (["status", "{session}"], {"pydantic", "numpy", "scipy", *PHOTOS}),
     # It runs what a run asks before it traces: the camera is fitted, the scene is opened.
     "check": (["check", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", *PHOTOS}),
     "sample": (SAMPLE, {"pydantic", "numpy", "scipy"}),

@@ -1,7 +1,6 @@
 """A batch as people and scripts see it: progress, JSON object, table, and the page of verdicts."""
 from __future__ import annotations
 
-import io
 import os
 import time
 from collections.abc import Sequence
@@ -10,16 +9,14 @@ from typing import Any
 from urllib.parse import quote
 
 from markupsafe import Markup
-from rich.console import Console
-from rich.table import Table
 
 from spectrabox.radiometry.files import whole_file
 from spectrabox.session.batch.manifest import Outcome
 from spectrabox.session.report.page import TEMPLATES, style_sheet, templates
 from spectrabox.session.terminal.command_line import tell
 from spectrabox.session.terminal.progress_display import StageProgress
+from spectrabox.session.terminal.tables import text_table
 
-WIDTH = 110             # of the table, in characters
 MAX_SENTENCE = 60       # of its characters in the table; the page has all
 FILE = "batch.html"
 # the status whose colours a row of the page has
@@ -102,20 +99,17 @@ def counts(outcomes: Sequence[Outcome]) -> dict[str, int]:
 
 def batch_text(outcomes: Sequence[Outcome], kept: int, page: Path) -> str:
     """A table with a row for each session, and how many of each verdict."""
-    table = Table(title_justify="left")
-    for heading in ("session", "verdict", "s", "says"):
-        table.add_column(heading, justify="right" if heading == "s" else "left",
-                         overflow="fold" if heading == "session" else "ellipsis")
+    rows = []
     for each in outcomes:
         sentence = each.says.splitlines()[0] if each.says else ""
         if len(sentence) > MAX_SENTENCE:
             sentence = f"{sentence[:MAX_SENTENCE - 1].rstrip()}…"
-        table.add_row(os.path.relpath(each.folder), each.word, f"{each.seconds:.1f}", sentence)
-    stream = io.StringIO()
-    Console(file=stream, width=WIDTH, markup=False, emoji=False, highlight=False).print(table)
+        rows.append((os.path.relpath(each.folder), each.word, f"{each.seconds:.1f}", sentence))
+    table = text_table(("session", "verdict", "s", "says"), rows,
+                       text=("session", "verdict", "says"))
     verdicts = ", ".join(f"{count} {name}" for name, count in counts(outcomes).items() if count)
     before = f"; {kept} were done before" if kept else ""
-    return (f"{stream.getvalue().rstrip()}\n{len(outcomes)} sessions: {verdicts}{before}\n"
+    return (f"{table}\n{len(outcomes)} sessions: {verdicts}{before}\n"
             f"page: {page}")
 
 

@@ -1,19 +1,14 @@
 """What a finished run answers, to a script as JSON and to a person as a table."""
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.outputs.results import (
-    CommonResults,
     FlatResults,
     MaterialResult,
     SceneResults,
@@ -23,6 +18,7 @@ from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
 from spectrabox.session.report.verdict import judge, median_surface_error
 from spectrabox.session.report.words import percent
+from spectrabox.session.terminal.tables import text_table
 
 STEP_NM = 5     # of regions' spectra in the facts; spectra.csv holds every nanometre
 
@@ -152,17 +148,4 @@ def _surface_table(results: SessionResults) -> str:
                 *([f"{scores.rmse_inverse_rendering:.4f}"] if fitted else []),
                 f"{scores.delta_e00_mean:.2f}"]
         rows.append([surface.name, *cells, f"{summary.next_measurement_nm:.0f} nm"])
-    return _table(results, headings, rows)
-
-
-def _table(results: CommonResults, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table for the terminal: names on the left, numbers on the right."""
-    table = Table(title=results.name, title_justify="left", title_style="bold")
-    for number, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if number else "left")
-    for row in rows:
-        table.add_row(*row)
-    stream = io.StringIO()
-    # names are the operator's: brackets in them are no markup
-    Console(file=stream, width=110, markup=False, emoji=False, highlight=False).print(table)
-    return stream.getvalue().rstrip()
+    return text_table(headings, rows, text=headings[:1], title=results.name)

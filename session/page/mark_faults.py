@@ -1,19 +1,21 @@
 """What ``check`` would say of a mark on its photo, without a run of the session."""
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from spectrabox.capture.photo.regions import region_pixels, region_signals
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.session.check import require_chart
+from spectrabox.session.check import readable, require_chart
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.page.photo_views import PhotoViews
-from spectrabox.session.stages.inputs import power_of, read_chart_reference, read_light, read_photo
+from spectrabox.session.stages.inputs import (
+    power_of,
+    read_chart_reference,
+    read_light_of,
+    read_photo,
+)
 from spectrabox.session.stages.scenes import read_session_scene
 
 
@@ -51,7 +53,7 @@ def _region(config: SessionConfig, name: str, photos: PhotoViews) -> None:
         if region is None:
             continue
         path = config.path(files[0])
-        photo = _readable(photos.photo, path)
+        photo = readable(photos.photo, path)
         if photo is None:
             continue
         # of several files a shorter exposure may hold what is clipped
@@ -64,9 +66,9 @@ def _chart(config: SessionConfig) -> None:
     view = config.all_views[0]
     if config.chart.corners_px is None or not view.chart:
         return
-    chart, light = _readable(read_photo, config, view.chart), _readable(read_light, config,
-                                                                        view.light)
-    reference = _readable(read_chart_reference, config)
+    chart = readable(read_photo, config, view.chart)
+    light = readable(read_light_of, config, view)
+    reference = readable(read_chart_reference, config)
     if chart is not None and light is not None and reference is not None:
         require_chart(config, view, chart[0],
                       typical_camera_signals(reference, FINE_GRID, power_of(light)))
@@ -76,14 +78,6 @@ def _references(config: SessionConfig, name: str) -> None:
     view = config.all_views[0]
     files, quads = ((view.chart, config.drift.chart_px) if name == "chart"
                     else (view.photo, config.drift.object_px))
-    developed = _readable(read_photo, config, files) if files and quads else None
+    developed = readable(read_photo, config, files) if files and quads else None
     if developed is not None:
         region_signals(developed[0], quads)
-
-
-def _readable(read: Callable[..., Any], *arguments: Any) -> Any:
-    """The result, or None."""
-    try:
-        return read(*arguments)
-    except SpectraboxError:
-        return None

@@ -1,7 +1,6 @@
 """The answer of ``spectrabox match``: which spectra of libraries could give a session's signals."""
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.spectral_library import read_spectral_libraries
 from spectrabox.session.terminal.json_values import to_json
+from spectrabox.session.terminal.tables import text_table
 
 SHOWN, NAMED = 10, 3    # rows of a table, and sentences on spectra left out
 
@@ -60,22 +60,12 @@ def match_answer(request: MatchRequest) -> tuple[dict[str, Any], str]:
 
 
 def _table(surface: SurfaceMatch) -> str:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=surface.surface, title_justify="left", title_style="bold")
-    for heading in ("spectrum", "library", "evidence", "misfit", "by chance", ""):
-        table.add_column(heading, justify="right" if heading in ("evidence", "misfit",
-                                                                 "by chance") else "left")
     best = surface.matches[0].log_evidence
-    for match in surface.matches[:SHOWN]:
-        table.add_row(match.name, match.library,
-                      f"{np.exp(match.log_evidence - best):.2g}", f"{match.misfit:.1f}",
-                      f"{match.p_value:.2g}",
-                      "may be it" if match.indistinguishable else "")
-    stream = io.StringIO()
-    Console(file=stream, width=110).print(table)
-    lines = [stream.getvalue().rstrip(), surface.says]
+    rows = [(match.name, match.library, f"{np.exp(match.log_evidence - best):.2g}",
+             f"{match.misfit:.1f}", f"{match.p_value:.2g}",
+             "may be it" if match.indistinguishable else "") for match in surface.matches[:SHOWN]]
+    lines = [text_table(("spectrum", "library", "evidence", "misfit", "by chance", ""), rows,
+                        text=("spectrum", "library", ""), title=surface.surface), surface.says]
     hidden = surface.indistinguishable - sum(match.indistinguishable
                                              for match in surface.matches[:SHOWN])
     if hidden:
