@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
+from spectrabox.measure.swatches import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.appearance import delta_e00
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     Progress,
     SpectralMeasurement,
@@ -21,7 +23,8 @@ from spectrabox.radiometry.records import (
     WavelengthGrid,
 )
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.sampling.further.swatches import SwatchCorrection
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.summary import summarise
 
@@ -39,8 +42,8 @@ class DrawOptions:
 
 def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
                     families: Mapping[str, Sequence[str]], progress: Progress,
-                    joint_draws: Mapping[str, SpectrumSamples] | None = None
-                    ) -> dict[str, SurfaceSpectrum]:
+                    joint_draws: Mapping[str, SpectrumSamples] | None = None,
+                    correction: SwatchCorrection | None = None) -> dict[str, SurfaceSpectrum]:
     """Draws of every unknown surface, and their summary.
 
     Parameters
@@ -52,6 +55,8 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
     progress : callable
     joint_draws : mapping, optional
         Draws of all surfaces at once, where they were made so (``scene_draws``).
+    correction : SwatchCorrection, optional
+        From `learn_from_swatches`.
 
     Raises
     ------
@@ -64,12 +69,13 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
             progress(index / len(signals.names), name)
             spectra[name] = _sample_surface(
                 signals, index, dataclasses.replace(options, seed=options.seed + index),
-                families.get(name, ()), (joint_draws or {}).get(name))
+                families.get(name, ()), (joint_draws or {}).get(name), correction)
     return spectra
 
 
 def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
-                    families: Sequence[str], draws: SpectrumSamples | None) -> SurfaceSpectrum:
+                    families: Sequence[str], draws: SpectrumSamples | None,
+                    correction: SwatchCorrection | None) -> SurfaceSpectrum:
     seen, prior = measurement(signals, index), of_families(load_prior(), families)
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
@@ -82,9 +88,43 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
     if draws is None:
         draws = draw_spectra(seen, options.method, options.draws, options.seed,
                              options.coefficients, prior)
+    if correction is not None:
+        # the shares are those of the prior's variance
+        draws, variance_shares = corrected_samples(correction, seen.signal, draws), {}
     summary = summarise(draws, seen, options.level, describe_conditions(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
                            family_shares)
+
+
+def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
+                        families: Mapping[str, Sequence[str]]) -> SwatchCorrection | None:
+    """The correction by known surfaces of the material of the others; None without any.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    names : sequence of str
+        Of the swatches.
+    families : mapping
+        From the name of a surface to the families it is said to be of.
+
+    Raises
+    ------
+    InputError
+        If they are too few, or not all surfaces are in all photos.
+    """
+    if not names:
+        return None
+    rows = [signals.names.index(name) for name in names]
+    for index in np.flatnonzero(~np.isfinite(signals.signal).all(axis=1)).tolist():
+        if index in rows or not signals.known[index]:
+            raise InputError(f"{signals.names[index]} is not in every photo; swatches and the "
+                             "samples that they correct must be in all of them")
+    return correction_by_swatches(
+        [measurement(signals, index) for index in rows],
+        np.array([np.interp(PRIOR_GRID.nm, signals.grid.nm, signals.spectra[index])
+                  for index in rows]),
+        [of_families(load_prior(), families.get(name, ())) for name in names])
 
 
 def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -> str:

@@ -19,6 +19,7 @@ from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.spline_measurement import nearest_splines
 
+CORRECTED = " with swatches"        # after the method of corrected draws
 LIKE = 0.95             # likeness that is called so
 TELLING_BANDS = 6       # with three, samples of other materials look like the swatches
 
@@ -70,7 +71,7 @@ def corrected_samples(correction: SwatchCorrection, signal: np.ndarray,
     like = _likeness_sentence(found.likeness[0], signal.size) if correction.helps else ""
     return dataclasses.replace(samples, spectra=spectra,
                                coefficients=nearest_splines(spectra, basis),
-                               method=f"{samples.method} with swatches",
+                               method=samples.method + CORRECTED,
                                sentence=f"{samples.sentence} {correction.sentence}{like}")
 
 

@@ -118,7 +118,7 @@ def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEV
 def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
     """Read all but the photos."""
     for surface in config.surfaces.values():
-        for table in (surface.known, surface.truth):
+        for table in (surface.measured, surface.truth):
             if table is not None:
                 attempt(read_reflectance, config, table)
     if not config.sensitivity.from_chart:

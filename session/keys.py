@@ -135,9 +135,11 @@ def _reconstruct(config: SessionConfig, scenes: SessionScenes) -> StageInputs:
 
 
 def _signals(config: SessionConfig, _: SessionScenes) -> StageInputs:
+    swatches = _swatches(config)
     return StageInputs(
-        _known_files(config), {"known": {name: _plain(table) for name, table
-                                         in _known(config).items()},
+        [*_known_files(config), *(table.file for table in swatches.values())],
+        {"known": {name: _plain(table) for name, table in _known(config).items()},
+         "swatches": {name: _plain(table) for name, table in swatches.items()},
                                "families": _families(config),
                                "surfaces": {name: region.surface for name, region
                                             in config.regions.items()}
@@ -147,7 +149,8 @@ def _signals(config: SessionConfig, _: SessionScenes) -> StageInputs:
 
 def _sample(config: SessionConfig, _: SessionScenes) -> StageInputs:
     return StageInputs([], {"sampling": _plain(config.sampling), "families": _families(config),
-                            "seed": config.session.seed}, ("signals", "reconstruct"))
+                            "seed": config.session.seed, "swatches": list(_swatches(config))},
+                       ("signals", "reconstruct"))
 
 
 def _picture(config: SessionConfig, scenes: SessionScenes) -> StageInputs:
@@ -239,6 +242,11 @@ def _known(config: SessionConfig) -> dict[str, SpectrumTable]:
 
 def _known_files(config: SessionConfig) -> list[str | None]:
     return [table.file for table in _known(config).values()]
+
+
+def _swatches(config: SessionConfig) -> dict[str, SpectrumTable]:
+    return {name: region.swatch for name, region in config.regions.items()
+            if region.swatch is not None}
 
 
 def _families(config: SessionConfig) -> dict[str, tuple[str, ...]]:

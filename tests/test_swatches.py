@@ -4,13 +4,24 @@ Surfaces are drawn with normal deviates; a prior is off by a linear function of 
 at all. Statistical tests have a significance of 1e-4 each, at fixed seeds.
 """
 import dataclasses
+import json
+from fractions import Fraction
 
 import numpy as np
 import pytest
+from flat_example import CHART, SIZE, light_over
 from scipy import stats
+from session_runs import call
 
 import spectrabox as sb
+from spectrabox.fixtures import lamp
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
+from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals, write_photo
+from spectrabox.fixtures.paints import NM as PAINT_NM
+from spectrabox.fixtures.paints import chart_truth
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.further.swatches import (
     FEWEST,
     Swatches,
@@ -19,7 +30,7 @@ from spectrabox.sampling.further.swatches import (
     learn_correction,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.signals.signal_options import read_swatches
+from spectrabox.session.signals.swatch_files import read_swatches
 
 SIGMAS = stats.norm.isf(0.5e-4)
 NM, BANDS, OWN = np.linspace(400, 700, 61), 6, 0.01
@@ -181,3 +192,76 @@ def test_swatches_go_with_the_learnt_prior_alone():
         sb.sample(signals[0], swatches=(signals, NM, truth), method="uniform", **CAMERA)
     with pytest.raises(InputError, match=r"give signals \(n, 3\)"):
         sb.sample(signals[0], swatches=(signals[:, :2], NM, truth), **CAMERA)
+
+
+SWATCHES = 14               # of 20 areas beside the chart
+
+
+@pytest.fixture(scope="module")
+def dyed_photo(tmp_path_factory):
+    """A photo of a chart beside swatches and samples of one dye; the swatches' spectra in a file;
+    regions, and the truths of all.
+    """
+    folder = tmp_path_factory.mktemp("dyed")
+    truth = dict(zip([*(f"swatch {at}" for at in range(SWATCHES)), *"abcdef"],
+                     dyed(20, 5)[0], strict=True))
+    places = [(0.55 + 0.085 * column, 0.03 + 0.15 * row) for row in range(4) for column in range(5)]
+    areas = [(box(x, y, x + 0.075, y + 0.13), np.interp(PAINT_NM, NM, spectrum))
+             for (x, y), spectrum in zip(places, truth.values(), strict=True)]
+    responses = camera_sensitivities() * lamp.radiance(PAINT_NM)
+    light = surface_signals(SIZE, responses, chart_truth(np.random.default_rng(1)),
+                            chart_corners(*CHART), areas, np.full(PAINT_NM.size, 0.2))
+    write_photo(folder / "dyed.dng", light * light_over()[..., None], Fraction(1, 60),
+                np.random.default_rng(3))
+    columns = {name: spectrum for name, spectrum in truth.items() if name.startswith("swatch")}
+    (folder / "swatches.csv").write_text(table_text(NM, columns, quantity=Quantity.REFLECTANCE,
+                                                    source="simulated"), encoding="utf-8")
+    regions = {name: [round(480 * edge) for edge in (x + 0.015, y + 0.02, x + 0.06, y + 0.11)]
+               for name, (x, y) in zip(truth, places, strict=True)}
+    return folder, regions, truth
+
+
+@pytest.fixture(scope="module")
+def without_and_with(dyed_photo):
+    """Estimates of the photo's regions without swatches and with them."""
+    folder, regions, _ = dyed_photo
+    return [sb.flat(folder / "dyed.dng", regions, surface="matt", swatches=each)
+            for each in (None, folder / "swatches.csv")]
+
+
+def test_swatches_in_the_photo_correct_the_samples(dyed_photo, without_and_with):
+    truth, (before, after) = dyed_photo[2], without_and_with
+    off = [np.mean([rmse(found[name].mean[None], np.interp(found[name].nm, NM, truth[name])[None])
+                    for name in "abcdef"]) for found in (before, after)]
+    assert off[1] < 0.6 * off[0]
+    assert f"{SWATCHES} swatches of the operator corrected the spectra" in after["a"].outcome
+    assert after["a"].prior is None and after["swatch 0"].given is not None
+
+
+def test_the_command_corrects_by_swatches_as_python_does(dyed_photo, without_and_with):
+    folder, regions, _ = dyed_photo
+    said = call("flat", folder / "dyed.dng", "--swatches", folder / "swatches.csv", "--surface",
+                "matt", "--json", "--quiet", *(
+                    word for name, rect in regions.items()
+                    for word in ("--region", f"{name}={','.join(map(str, rect))}")))
+    facts = json.loads(said.stdout)
+    found = {region["name"]: region for region in facts["regions"]}
+    assert found["swatch 3"]["known"] and not found["a"]["known"]
+    assert "swatches of the operator corrected the spectra" in facts["swatches"]
+    page = (folder / "dyed-flat" / "report.html").read_text(encoding="utf-8")
+    assert page.count(facts["swatches"]) >= 2        # beside the answer and among the methods
+    # files and preview are stored in single precision
+    np.testing.assert_allclose(found["a"]["mean"], without_and_with[1]["a"].mean[::5], atol=1e-4)
+
+
+def test_swatches_that_are_too_few_or_not_named_as_regions_are_refused(dyed_photo):
+    folder, regions, _ = dyed_photo
+    some = {name: rect for name, rect in regions.items() if name in ("a", "swatch 1", "swatch 2")}
+    with pytest.raises(InputError, match="2 swatches are given"):
+        sb.flat(folder / "dyed.dng", some, swatches=folder / "swatches.csv")
+    with pytest.raises(InputError, match="no region has such a name"):
+        sb.flat(folder / "dyed.dng", {"a": regions["a"]}, swatches=folder / "swatches.csv")
+    said = call("flat", folder / "dyed.dng", "--swatches", folder / "swatches.csv", "--session",
+                folder / "few", *(word for name, rect in some.items()
+                                  for word in ("--region", f"{name}={','.join(map(str, rect))}")))
+    assert said.exit_code == 3 and "2 regions are swatches; a correction needs 8" in said.stderr

@@ -59,6 +59,9 @@ class FlatRequest(CommonOptions):
     white_card: Annotated[str | None, typer.Option(
         help="x0,y0,x1,y1=FILE: a region of known reflectance, or a number in place of the "
         "file.")] = None
+    swatches: Annotated[Path | None, typer.Option(
+        help="Measured spectra of swatches of the samples' material, eight or more, each named as "
+        "its --region; they correct the other regions.")] = None
     flat_field: Annotated[Path | None, typer.Option(
         help="Photo of a white card that fills the samples' place.")] = None
     family: Annotated[tuple[str, ...], typer.Option(
@@ -111,7 +114,7 @@ def flat(request: FlatRequest) -> Answer:
                       None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
                       families, surfaces, of_all, known, truths, request.layout,
                       request.reference, request.picture, request.picture_light,
-                      further)
+                      further, request.swatches)
     if request.picture_light is not None and not request.picture:
         raise InputError("--picture-light says how a picture is shown: give --picture too")
     with session_of(order, request.session) as folder:

@@ -9,6 +9,7 @@ from spectrabox.radiometry.grid import VISIBLE_NM
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
 from spectrabox.radiometry.system.names import name_fault, sharing_a_file
 from spectrabox.radiometry.system.words import shortened
+from spectrabox.sampling.further.swatches import FEWEST
 from spectrabox.sampling.prior.families.family_names import unknown_families
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import (
@@ -29,7 +30,7 @@ def inconsistencies(config: SessionConfig) -> list[str]:
                         "prior alone; set sampling.method = \"prior\" in place of "
                         f"{config.sampling.method!r}")
     kind = "regions" if config.flat else "materials"
-    if config.surfaces and all(surface.known for surface in config.surfaces.values()):
+    if config.surfaces and all(surface.measured for surface in config.surfaces.values()):
         problems.append(f"{FILE_NAME}: every {kind[:-1]} is known, so there is nothing to find; "
                         "leave out one 'known'")
     for name, surface in config.surfaces.items():
@@ -223,9 +224,19 @@ def _regions(config: SessionConfig) -> list[str]:
         problems.append(f"{FILE_NAME}: sensitivity.method = {config.sensitivity.method!r} knows "
                         "nothing of the light over the chart, which carries it to the regions; use "
                         "\"prior\"")
+    swatches = [name for name, region in config.regions.items() if region.swatch is not None]
+    if 0 < len(swatches) < FEWEST:
+        problems.append(f"{FILE_NAME}: {len(swatches)} regions are swatches; a correction needs "
+                        f"{FEWEST} or more of the material, better 24")
+    if swatches and config.sampling.method != "prior":
+        problems.append(f"{FILE_NAME}: swatches correct the learnt prior; set sampling.method = "
+                        f"\"prior\" in place of {config.sampling.method!r}")
     photos = (FIRST_PHOTO, *config.views)
     for name, region in config.regions.items():
         place = f"{FILE_NAME}: regions.{name}"
+        if region.known is not None and region.swatch is not None:
+            problems.append(f"{place} is known and a swatch; a known region tells of the light, a "
+                            "swatch of the material: state one of the two")
         if (region.rect is None) == (region.polygon is None):
             problems.append(f"{place} needs either rect = [x0, y0, x1, y1] or polygon = [[x, y], "
                             "...], in pixels of the photo")

@@ -29,6 +29,7 @@ from spectrabox.session.config.curve_sources import (
     SourceRef,
     SourceTable,
     SpectrumRef,
+    SpectrumTable,
 )
 
 FILE_NAME = "session.toml"
@@ -230,6 +231,11 @@ class SurfaceSection(Table):
             return ()
         return (self.family,) if isinstance(self.family, str) else tuple(self.family)
 
+    @property
+    def measured(self) -> SpectrumTable | None:
+        """Its measured reflectance, which is not looked for."""
+        return self.known
+
 
 class MaterialSection(SurfaceSection):
     """A material of the scene."""
@@ -241,6 +247,8 @@ class MaterialSection(SurfaceSection):
 class RegionSection(SurfaceSection):
     """A region of a flat sample, in pixels of the photo."""
 
+    swatch: SpectrumRef | None = Field(None, description="measured reflectance of a swatch of the "
+                                       "samples' material; eight or more correct their spectra")
     surface: Surface = SURFACE_FIELD
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners")
     polygon: ListOf[ListOf[float]] | None = Field(None, description="[[x, y], ...]: three corners "
@@ -253,6 +261,11 @@ class RegionSection(SurfaceSection):
     def photos(self) -> tuple[str, ...]:
         """Names of the photos that show it; none stands for all."""
         return (self.photo,) if isinstance(self.photo, str) else tuple(self.photo or ())
+
+    @property
+    def measured(self) -> SpectrumTable | None:
+        """Its measured reflectance, of a known region or a swatch."""
+        return self.known or self.swatch
 
     def outline(self) -> tuple[tuple[float, ...], ...]:
         """Its corners [x, y], going round."""

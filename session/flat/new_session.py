@@ -29,6 +29,7 @@ from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
+from spectrabox.session.signals.swatch_files import read_swatch_spectra
 
 MARK = "# as 'spectrabox flat' wrote it: "
 SUFFIX = "-flat"
@@ -70,6 +71,7 @@ class FlatOrder:
     picture: bool = False                       # of the spectra of every pixel
     picture_light: str | None = None            # CIE name of a light beside D65
     further: Sequence[FurtherPhoto] = ()
+    swatches: Path | None = None                # spectra, named as their regions
 
 
 @contextlib.contextmanager
@@ -161,10 +163,16 @@ def _write(order: FlatOrder, folder: Path) -> None:
                   else f"light = {_quoted(_spectrum(further.light, folder))}",
                   *([] if further.filter is None
                     else [f"filter = {_quoted(_spectrum(further.filter, folder))}"]), ""]
+    swatches = () if order.swatches is None else read_swatch_spectra(order.swatches,
+                                                                     order.regions)
     for name, rect in order.regions.items():
         lines += [f"[regions.{_quoted(name)}]", f"rect = {json.dumps(list(rect))}"]
         if name in order.known:
             lines.append(f"known = {_quoted(_known(order.known[name], name, folder))}")
+        if name in swatches:
+            assert order.swatches is not None
+            file = _copied(order.swatches, folder, "spectra")
+            lines.append(f"swatch = {{ file = {_quoted(file)}, column = {_quoted(name)} }}")
         if name in order.truths:
             lines.append(f"truth = {_quoted(_copied(Path(order.truths[name]), folder, 'spectra'))}")
         if name in order.families:

@@ -76,12 +76,12 @@ def assemble(config: SessionConfig, run: FinishedRun,
         provenance=provenance, input_digests=run.input_digests(config), warnings=warnings,
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]}
                 for name, stage in run.stored.items()],
-        picture=picture_of(config, records.picture))
+        picture=picture_of(config, records.picture), swatches=records.sample.swatches)
     if joint is None:
         return FlatResults(
             **vars(common), photos=[_photo_of_regions(config, records, view)
                                     for view in config.all_views],
-            surfaces_stated=all(region.surface is not None or region.known is not None
+            surfaces_stated=all(region.surface is not None or region.measured is not None
                                 for region in config.regions.values()))
     geometry = records.reconstruct.geometry
     views = [ViewResult(view.name, bands, calibration, reconstruction)
@@ -199,8 +199,8 @@ def _input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]
     if not config.sensitivity.from_chart and config.sensitivity.source.file is not None:
         roles.setdefault(config.sensitivity.source.file, "sensitivities")
     for material, section in config.surfaces.items():
-        if section.known is not None:
-            roles.setdefault(section.known.file, f"known spectrum of {material}")
+        if section.measured is not None:
+            roles.setdefault(section.measured.file, f"known spectrum of {material}")
     hashes = {name: digest for stage in run.stored.values() for name,
               digest in stage.key.get("files", {}).items()}
     charts, photos = run.records.chart.charts, run.records.photo.photos

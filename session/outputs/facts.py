@@ -43,6 +43,7 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
              "warnings": results.warnings}
     if isinstance(results, FlatResults):
         return facts | {
+            "swatches": results.swatches or None,
             "regions": [_region_facts(region, results) for region in results.materials],
             "seconds": float(sum(stage["seconds"] for stage in results.stages
                                  if stage["state"] == "run"))}
@@ -115,6 +116,8 @@ def run_text(results: SessionResults) -> str:
     if results.picture is not None:
         lines.append(results.picture.sentence)
         lines += results.picture.notes if isinstance(results, SceneResults) else ()
+    if results.swatches:
+        lines.append(results.swatches)
     lines += [f"warning: {sentence}" for sentence in results.warnings]
     return "\n".join([*lines, f"verdict: {verdict.status.name}. {verdict.sentence}"])
 

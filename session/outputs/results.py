@@ -175,6 +175,7 @@ class CommonResults(CommonEvidence):
     warnings: list[str] = field(default_factory=list)
     # digests of session.toml, of input files and of stored results
     input_digests: dict[str, Any] = field(default_factory=dict)
+    swatches: str = ""                # what they did; empty without any
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -95,7 +95,8 @@ def _sampling(results: CommonResults) -> str:
     return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws "
             f"per surface, seed {seeds}; at least {effective:.0f} effective). Bands are pointwise "
             f"central {levels} bands of the draws, conditional on the sampler's prior or spline "
-            "class and on the stated errors of each signal.")
+            "class and on the stated errors of each signal."
+            f"{' ' * bool(results.swatches)}{results.swatches}")
 
 
 def _agreement(results: SceneResults) -> str:
@@ -111,7 +112,7 @@ def _agreement(results: SceneResults) -> str:
 
 def _flat_light(results: FlatResults) -> str:
     errors = [error for photo in results.photos for _, error in photo.light.values()]
-    known = [region.name for region in results.materials if region.summary is None]
+    known = list(dict.fromkeys(name for photo in results.photos for name in photo.level_misfits))
     given = f" Regions of known spectrum ({listed(known)}) corrected it." if known else ""
     flat = any(row.get("role") == "flat-field photo" for row in results.inputs)
     card = " The photos were divided by one of a white card." if flat else ""

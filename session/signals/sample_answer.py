@@ -31,9 +31,9 @@ from spectrabox.session.signals.signal_options import (
     numbers,
     optional_numbers,
     read_signals,
-    read_swatches,
     signal_and_noise,
 )
+from spectrabox.session.signals.swatch_files import read_swatches
 from spectrabox.session.terminal.json_values import to_json
 
 SHOWN_NM, BASELINE_NM = 25, 50

@@ -11,7 +11,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -72,7 +71,7 @@ def read_signals(path: Path, bands: int) -> list[np.ndarray]:
     InputError
         Naming the row.
     """
-    rows = _rows(path, "signals")
+    rows = csv_rows(path, "signals")
     if len(rows) < 2:
         raise InputError(f"{path.name} holds no signals; a header of band names and one signal per "
                          "row are needed")
@@ -84,64 +83,14 @@ def read_signals(path: Path, bands: int) -> list[np.ndarray]:
             for number, row in enumerate(rows[1:], 2)]
 
 
-def read_swatches(path: Path, bands: int) -> tuple[np.ndarray, np.ndarray]:
-    """Signals (n, K) and reflectances (n, 61) of a CSV of measured samples of a material.
-
-    Its header names the bands, then the wavelengths in nm; every further row is one swatch.
-    Columns may come in any order, and one before the bands may hold the swatches' names.
+def csv_rows(path: Path, what: str) -> list[list[str]]:
+    """The rows of a CSV that hold anything.
 
     Raises
     ------
     InputError
-        Naming the row.
+        If the file cannot be read as text; ``what`` says what it should hold.
     """
-    head, *rows = _rows(path, "swatches") or [[]]
-    spectral = np.array([is_number(cell) for cell in head], bool)
-    named = np.flatnonzero(~spectral)[-bands:]
-    if not rows or len(named) != bands or np.count_nonzero(~spectral) > bands + 1 \
-            or np.count_nonzero(spectral) < 2:
-        raise InputError(f"{path.name} is no table of swatches: a header of {bands} band names "
-                         "(letters in each: 450 nm) and of wavelengths in nm is needed, and below "
-                         "it of each swatch its signals and its reflectances")
-    order = np.argsort([float(head[at]) for at in np.flatnonzero(spectral)])
-    measured = np.flatnonzero(spectral)[order]
-    values = np.empty((len(rows), bands + measured.size))
-    for at, row in enumerate(rows):
-        try:
-            values[at] = [float(row[column]) for column in (*named, *measured)]
-        except (ValueError, IndexError):
-            raise InputError(f"{path.name} row {at + 2} does not hold a number for each band and "
-                             "wavelength") from None
-    return values[:, :bands], swatch_reflectances(np.array([float(head[at]) for at in measured]),
-                                                  values[:, bands:], path.name)
-
-
-def swatch_reflectances(nm: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
-    """Reflectances (n, 61) of swatches that were measured at other wavelengths.
-
-    Parameters
-    ----------
-    nm : (Q,) array
-        Ascending.
-    values : (n, Q) array
-    name : str
-        Of the swatches, for messages.
-
-    Raises
-    ------
-    InputError
-        If they do not cover 400-700 nm, or are no reflectances.
-    """
-    if not np.isfinite(values).all() or values.min() < -0.05 or values.max() > 1.5:
-        raise InputError(f"{name} holds values from {values.min():g} to {values.max():g}; "
-                         "reflectances are 0 to 1: divide percentages by 100")
-    if not np.all(np.diff(nm) > 0):         # nor where one is no number
-        raise InputError(f"{name}: the wavelengths are not all different; give each once")
-    return on_grid(nm, values, PRIOR_GRID, name)
-
-
-def _rows(path: Path, what: str) -> list[list[str]]:
-    """The rows of a CSV that hold anything."""
     try:
         lines = read_text(path).splitlines()
     except OSError as error:

@@ -119,6 +119,7 @@ class SampleRecords(Record):
     """What the stage "sample" makes."""
 
     spectra: dict[str, SurfaceSpectrum]         # by surface, those that are not known
+    swatches: str                               # what they did, in a sentence; empty without any
 
 
 @dataclass(frozen=True, eq=False)

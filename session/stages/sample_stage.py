@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from spectrabox.measure.scene.draws import draw_through_transport
-from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.measure.surface_spectra import DrawOptions, learn_from_swatches, sample_surfaces
 from spectrabox.radiometry.records import SpectrumSamples
 from spectrabox.session.stages.records import SampleRecords
 from spectrabox.session.stages.stage_task import StageTask
@@ -23,7 +23,10 @@ def draw_surfaces(task: StageTask) -> SampleRecords:
         jointly = draw_through_transport(
             records.calibrations(config)[0], records.reconstruct.joint, chosen.draws,
             config.session.seed, chosen.coefficients, families)
+    correction = learn_from_swatches(records.signals, [
+        name for name, region in config.regions.items() if region.swatch is not None], families)
     options = DrawOptions(chosen.method, chosen.draws, chosen.coefficients, chosen.level,
                           config.session.seed)
     return SampleRecords(sample_surfaces(records.signals, options, families, task.progress,
-                                         jointly))
+                                         jointly, correction),
+                         "" if correction is None else correction.sentence)

@@ -53,7 +53,9 @@ def find_signals(task: StageTask) -> SignalRecords:
                 np.array(list(white.level_misfits.values())),
                 light_map(photo, known, errors))
     families = {name: region.families for name, region in config.regions.items()}
-    signals = flat_signals(photos, whites, families, known,
+    swatches = {name: spectrum_on_grid(read_reflectance(config, region.swatch), FINE_GRID)
+                for name, region in config.regions.items() if region.swatch is not None}
+    signals = flat_signals(photos, whites, families, known | swatches,
                            band_names(config, len(photos[0].response)), errors)
     drift = photos[0].drift
     return SignalRecords(signals, lights, drift,

@@ -12,6 +12,7 @@ import numpy as np
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
+from spectrabox.measure.swatches import CORRECTED
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import (
@@ -417,8 +418,10 @@ def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, S
     index = signals.names.index(name)
     if signals.known[index]:
         return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
+    samples = spectra[name].samples
     return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
-                            errors_by_cause(signals, index), prior, spectra[name].samples,
+                            errors_by_cause(signals, index),
+                            None if samples.method.endswith(CORRECTED) else prior, samples,
                             signals.spectra[index] if rendered else None)
 
 

@@ -42,7 +42,7 @@ from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure.chart_check import chart_level_notes, held_out_patches
 from spectrabox.measure.flat import flat_signals
-from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.measure.surface_spectra import DrawOptions, learn_from_swatches, sample_surfaces
 from spectrabox.measure.white import (
     FlatErrors,
     FlatPhoto,
@@ -73,6 +73,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.outputs.assemble import surface_result
 from spectrabox.session.outputs.results import ChartResult, FlatEvidence, LitRegions
 from spectrabox.session.report.verdict import Verdict, judge
+from spectrabox.session.signals.swatch_files import read_swatch_spectra
 
 REPEATS = hypot(0.012, 0.009)       # light and shutter, where chart and samples are two photos
 GLARE = 0.005                       # veiling glare, of the picture's mean signal
@@ -154,6 +155,7 @@ class FlatSpectra(SpectrumEstimates):
 def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: LightLike = "unknown",
          families: Mapping[str, str | Sequence[str]] | None = None,
          known: Mapping[str, KnownSpectrum] | None = None,
+         swatches: Mapping[str, KnownSpectrum] | str | Path | None = None,
          surface: str | Mapping[str, str] | None = None,
          filtered: Mapping[str | Path, FilterLike] | None = None,
          chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
@@ -178,6 +180,10 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         What a surface is, by region: paint, textile, leaves, skin, white, earth or animal.
     known : mapping, optional
         Reflectance of regions that are known, a white card say: a number, a file, or (nm, values).
+    swatches : mapping or path, optional
+        Measured reflectances of regions of the samples' own material, eight or more, which correct
+        the spectra of the others: as ``known``, or a file of spectra with a column for each, named
+        as its region.
     surface : str or mapping, optional
         How much the surfaces mirror: "matt", "satin" or "glossy"; of all regions, or by region.
     filtered : mapping, optional
@@ -227,7 +233,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     with_chart = opened if chart_photo is None else (
         chart_photo if isinstance(chart_photo, Photo) else open_photo(chart_photo))
     chart, stated = as_chart(layout), as_light(light)
-    for name in (*(families or {}), *(known or {})):
+    of_material = _swatches(swatches, regions)
+    for name in (*(families or {}), *(known or {}), *of_material):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
     surfaces = _surfaces(surface, regions)
@@ -271,10 +278,12 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         assert white is not None
         named = {name: families_of((families or {}).get(name)) for name in regions}
         whites = [white_at_regions(other, spectra_known, errors) for other in through]
-        signals = flat_signals([shown, *through], [white, *whites], named, spectra_known,
+        signals = flat_signals([shown, *through], [white, *whites], named,
+                               spectra_known | of_material,
                                default_band_names(opened.bands), errors)
         spectra = sample_surfaces(signals, DrawOptions(draws=draws, level=level, seed=seed), named,
-                                  lambda share, name: step(0.6 + 0.4 * share, name))
+                                  lambda share, name: step(0.6 + 0.4 * share, name),
+                                  correction=learn_from_swatches(signals, list(of_material), named))
     lit = np.full(len(calibrated.predicted), np.nan)
     lit[~calibrated.excluded] = calibrated.prior_fit.photos[0].field
     held_out = held_out_patches(calibrated, reflectances)
@@ -285,7 +294,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
                                   rendered=False) for name in signals.names]
     return FlatSpectra(estimates, signals, white, small, result,
                        replace(calibrated, calibration=calibration), spectra,
-                       all(name in surfaces or name in spectra_known for name in regions),
+                       all(name in surfaces or name in spectra_known or name in of_material
+                           for name in regions),
                        (*opened.notes, *far_notes(white), *level_notes(white),
                         *(f"the chart should be shot again: {reason}"
                           for reason in quality.reasons),
@@ -320,6 +330,15 @@ def _filtered_photo(file: str | Path, through: Filter, chart: Chart, reflectance
     require_unclipped(patches, chart.names, photo.image.source, chart.neutrals)
     return _FilteredPhoto(Path(file).stem, photo.image, through, detection, patches,
                           sample_regions(photo.image, outlines))
+
+
+def _swatches(swatches: Mapping[str, KnownSpectrum] | str | Path | None,
+              regions: Mapping[str, Outline]) -> dict[str, np.ndarray]:
+    """Reflectances (P,) of the regions that are swatches."""
+    if isinstance(swatches, str | Path):
+        return {name: spectrum_on_grid(spectrum, FINE_GRID) for name, spectrum
+                in read_swatch_spectra(Path(swatches), regions).items()}
+    return {name: as_reflectance(one, name) for name, one in (swatches or {}).items()}
 
 
 def _surfaces(surface: str | Mapping[str, str] | None,
