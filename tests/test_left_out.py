@@ -107,9 +107,11 @@ def test_the_doubt_is_in_the_calibration_and_the_run_goes_on_with_an_unknown_lig
     free = calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID).calibration
     assert not free.doubts
     of_wrong, of_free = ({row.name: row.status for row in calibration_doubts(SimpleNamespace(
-        calibration=made))} for made in (wrong, free))
+        calibration=made, other_calibrations=others))} for made, others in (
+            (wrong, {}), (free, {"dusk": wrong})))
     assert of_wrong["Stated light against the chart"] is Status.WARN
     assert "Stated light against the chart" not in of_free
+    assert of_free["Stated light against the chart in the photo “dusk”"] is Status.WARN
 
 
 def test_an_unknown_light_needs_the_method_that_can_find_it():

@@ -33,7 +33,7 @@ from spectrabox.session.outputs.results import (
 )
 from spectrabox.session.pictures.picture_results import picture_of
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.report.verdict import root_mean_square
+from spectrabox.session.report.verdict import doubt_sentences, root_mean_square
 from spectrabox.session.stages.inputs import band_names, read_reflectance
 from spectrabox.session.stages.records import SessionRecords
 from spectrabox.session.store.rehearsals import stored_rehearsal
@@ -54,6 +54,7 @@ def assemble(config: SessionConfig, run: FinishedRun,
     """
     records, signals = run.records, run.records.signals
     calibrations, photo = records.calibrations(config), records.photo.photos[""]
+    others = {name: records.calibrate.calibrations[name] for name in records.calibrate.other_charts}
     joint = None if config.flat else records.reconstruct.joint
     bands = band_names(config, photo.signal.shape[2])
     indices = [signals.names.index(name) for name in config.surfaces if name in signals.names]
@@ -61,14 +62,17 @@ def assemble(config: SessionConfig, run: FinishedRun,
                                  None if joint is None else joint.spectra[index])
                  for index in indices]
     folder = config.results_folder
-    warnings = records.notes + _warnings(config, calibrations[0], joint) + [
+    doubts = [sentence for where, calibration in {"": calibrations[0], **others}.items()
+              for sentence in doubt_sentences(calibration, where)]
+    warnings = records.notes + doubts + _scene_warnings(config, calibrations[0], joint) + [
         f"{material.name}: {material.samples.sentence}" for material in materials
         if material.doubtful and material.samples is not None]
     common = CommonResults(
         folder=config.folder, name=config.session.name, operator=config.session.operator,
         notes=config.session.notes, bands=bands, grid=signals.grid,
         inputs=_input_files(config, run), chart=_chart_result(config, records),
-        calibration=calibrations[0], sensitivity_truth=_sensitivity_truth(config), photo=photo,
+        calibration=calibrations[0], other_calibrations=others,
+        sensitivity_truth=_sensitivity_truth(config), photo=photo,
         previews={view.name: folder / "photo" / f"{view.label('preview')}.png"
                   for view in config.all_views},
         chart_overlay=folder / "chart" / "overlay.png",
@@ -215,15 +219,11 @@ def _input_files(config: SessionConfig, run: FinishedRun) -> list[dict[str, Any]
             for name, role in roles.items() if name in hashes]
 
 
-def _warnings(config: SessionConfig, calibration: Calibration,
-              joint: JointReconstruction | None) -> list[str]:
-    """What to beware of in the calibration and, of a scene, in its reconstruction."""
-    doubts = [f"Calibration: {doubt.value}." for doubt in calibration.doubts]
-    return doubts if joint is None else doubts + _scene_warnings(config, calibration, joint)
-
-
 def _scene_warnings(config: SessionConfig, calibration: Calibration,
-                    joint: JointReconstruction) -> list[str]:
+                    joint: JointReconstruction | None) -> list[str]:
+    """What to beware of in the reconstruction of a scene; nothing of flat samples."""
+    if joint is None:
+        return []
     found = []
     misfits = [(name, misfit) for name, view in zip(joint.names, joint.views, strict=True)
                for misfit in view.misfits]

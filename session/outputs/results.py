@@ -127,6 +127,8 @@ class CommonEvidence:
     bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
     chart: ChartResult | None         # None where sensitivities came from a file
     calibration: Calibration
+    # by view, of further photos whose charts are a fit of their own
+    other_calibrations: Mapping[str, Calibration] = field(default_factory=dict)
     photo: LinearImage                # at the render's size, or a thumbnail
     materials: list[MaterialResult]
     picture: PictureOfSpectra | None = None     # where the session asks for one

@@ -11,6 +11,7 @@ from spectrabox.measure.chart_check import poor_patches
 from spectrabox.measure.white import FAR, LEVEL_DOUBTED
 from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.radiometry.records import (
+    Calibration,
     CalibrationDoubt,
     HeldOutPatches,
     Outcome,
@@ -132,10 +133,11 @@ def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
     else:
         own, good = _scene_criteria(evidence), \
             "Photo, rendering and calibration agree within the limits."
-    fit = evidence.calibration.sensitivity.outcome
-    criteria = (*own, *calibration_doubts(evidence), _chart_agreement(evidence),
+    fits = {"": evidence.calibration, **evidence.other_calibrations}
+    criteria = (*own, *calibration_doubts(evidence), *_chart_agreement(evidence),
                 *held_out_patches(evidence), _clipped(evidence),
-                _outcome("Sensitivity fit", fit), *_samplers(evidence), _coverage(evidence),
+                *(_outcome(f"Sensitivity fit{where_of(view)}", fit.sensitivity.outcome)
+                  for view, fit in fits.items()), *_samplers(evidence), _coverage(evidence),
                 *_truths(evidence))
     status = max((criterion.status for criterion in criteria), key=lambda one: one.value)
     if status in (Status.WARN, Status.FAIL):
@@ -147,7 +149,7 @@ def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
 def _scene_criteria(evidence: SceneEvidence) -> list[Criterion]:
     """Photo against rendering, misfits, the fit, changes between the photos, rehearsal."""
     photos = [("", evidence.reconstruction, evidence.bands)]
-    photos += [(f" in the photo “{view.name}”", view.reconstruction, view.bands)
+    photos += [(where_of(view.name), view.reconstruction, view.bands)
                for view in evidence.views]
     agreement = [*(_median_surface(photo.agreement, where) for where, photo, _ in photos),
                  *(_worst_surface(photo.agreement, bands, where) for where, photo, bands in photos)]
@@ -311,7 +313,8 @@ def _misfits(made: Reconstruction, bands: tuple[str, ...], where: str) -> Criter
 
 
 def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
-    """Whether the calibration was made with doubts, each a criterion of its own.
+    """Whether the calibrations were made with doubts, each a criterion of its own; of further
+    photos those alone that are doubtful.
 
     Nothing is known to contradict products of an unknown light with a camera, and where the light
     on each patch is given no drift over the chart is looked for. A veil is named where there is
@@ -319,17 +322,36 @@ def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
     """
     calibration, rows = evidence.calibration, []
     for doubt, name in DOUBTS.items():
-        doubtful = doubt in calibration.doubts
         given = (calibration.light_scale if doubt is CalibrationDoubt.TWO_LIGHTS
                  else calibration.light_posterior)
-        if not doubtful and (given is not None or doubt is CalibrationDoubt.VEIL):
-            continue
-        rows.append(Criterion(
-            name, None, "doubtful" if doubtful else "no doubt", "no doubt",
-            Status.WARN if doubtful else Status.PASS, f"Calibration: {doubt.value}." if doubtful
-            else "No sign of two kinds of light." if doubt is CalibrationDoubt.TWO_LIGHTS
-            else "No sign of a wrong light spectrum."))
-    return rows
+        if doubt not in calibration.doubts and given is None \
+                and doubt is not CalibrationDoubt.VEIL:
+            rows.append(Criterion(name, None, "no doubt", "no doubt", Status.PASS,
+                                  "No sign of two kinds of light." if doubt
+                                  is CalibrationDoubt.TWO_LIGHTS
+                                  else "No sign of a wrong light spectrum."))
+    return rows + [
+        Criterion(DOUBTS[doubt] + where_of(view), None, "doubtful", "no doubt", Status.WARN,
+                  sentence)
+        for view, made in {"": calibration, **evidence.other_calibrations}.items()
+        for doubt, sentence in zip(made.doubts, doubt_sentences(made, view), strict=True)]
+
+
+def doubt_sentences(calibration: Calibration, view: str) -> list[str]:
+    """What makes a calibration doubtful, a sentence each.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    view : str
+        Name of the first photo that it is of; "" the first of the session.
+    """
+    return [f"Calibration{where_of(view)}: {doubt.value}." for doubt in calibration.doubts]
+
+
+def where_of(view: str) -> str:
+    """Which photo a sentence is about, after a name; nothing of the first."""
+    return view and f" in the photo “{view}”"
 
 
 def held_out_patches(evidence: CommonEvidence) -> list[Criterion]:
@@ -342,10 +364,8 @@ def held_out_patches(evidence: CommonEvidence) -> list[Criterion]:
     chart = evidence.chart
     if chart is None or chart.left_out is None:
         return []
-    charts = {"": chart.left_out, **{f" in {photo}": patches
-                                     for photo, patches in chart.others.items()}}
-    return [row for where, patches in charts.items()
-            for row in _one_chart(patches, chart.layout.names, where)]
+    return [row for view, patches in {"": chart.left_out, **chart.others}.items()
+            for row in _one_chart(patches, chart.layout.names, where_of(view))]
 
 
 def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> list[Criterion]:
@@ -370,17 +390,22 @@ def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> lis
     return rows
 
 
-def _chart_agreement(evidence: CommonEvidence) -> Criterion:
-    name = "Chart residual, rms over patches and bands"
+def _chart_agreement(evidence: CommonEvidence) -> list[Criterion]:
+    """How well each calibration reproduces the first chart that it was fitted to."""
+    name, chart = "Chart residual, rms over patches and bands", evidence.chart
     residuals = chart_residuals(evidence)
-    if residuals is not None and evidence.chart is not None:
-        residuals = residuals[~evidence.chart.samples.saturated]
-    value = root_mean_square(residuals)
-    if value is None:
-        return Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
-                         "Sensitivities were read from a file; no chart photo tests them.")
-    return _graded(name, value, CHART_LIMITS, "The calibration reproduces the chart within "
-                   f"{percent(value)} rms.")
+    if residuals is not None and chart is not None:
+        residuals = residuals[~chart.samples.saturated]
+    each = {"": root_mean_square(residuals)}
+    if each[""] is None:
+        return [Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,
+                          "Sensitivities were read from a file; no chart photo tests them.")]
+    for view, made in evidence.other_calibrations.items():
+        assert chart is not None and made.sensitivity.residuals is not None
+        each[view] = root_mean_square(made.sensitivity.residuals[chart.others[view].judged])
+    return [_graded(name + where_of(view), value, CHART_LIMITS, "The calibration"
+                    f"{where_of(view)} reproduces the chart within {percent(value)} rms.")
+            for view, value in each.items() if value is not None]
 
 
 def _clipped(evidence: CommonEvidence) -> Criterion:
