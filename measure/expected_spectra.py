@@ -8,9 +8,11 @@ fit, as always.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import chart_equations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
@@ -18,7 +20,15 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.measure.second_photo import LampsAtHand, lamp_candidates
+from spectrabox.measure.planning import PAIRED
+from spectrabox.measure.second_photo import (
+    DARK_BAND,
+    LEAST_SIGNAL,
+    FurtherPhoto,
+    LampsAtHand,
+    SecondPhoto,
+    photos_at_hand,
+)
 from spectrabox.radiometry.error_model import curve_errors, proportional_covariance
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import (
@@ -31,7 +41,7 @@ from spectrabox.radiometry.records import (
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.further.planner import PlannedStep, after, photo_candidate, ranked
+from spectrabox.sampling.further.planner import PHOTO_MINUTES
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,
     LogitMixture,
@@ -39,12 +49,13 @@ from spectrabox.sampling.prior.mixture import (
     of_families,
     reflectance,
 )
+from spectrabox.sampling.prior.mixture_posterior import calibrated_bands, posterior
 from spectrabox.sampling.prior.summaries import summaries
 
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LEVEL, REFERENCE_LIGHT = 0.95, "D65"
 PHOTOS, SURFACES, SEED = 3, 20, 1
-COVARIANCE_DRAWS = 400          # of a family, for what a second photo brings
+FEW = 42                        # surfaces of all families, for what further photos bring
 # of the RMSE that camera and lamp, known exactly, would leave; of that under a full daylight
 MUCH_BY_CHART, MUCH_BY_LAMP = 1.10, 1.15
 
@@ -78,7 +89,7 @@ class Expectation:
 
     families: tuple[FamilyExpectation, ...]
     rmse_daylight: float        # mean over families by the same cameras, known exactly, under D65
-    second: tuple[PlannedStep, ...]     # best first
+    second: tuple[SecondPhoto, ...]     # best first
 
     @property
     def mean(self) -> FamilyExpectation:
@@ -122,7 +133,7 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
     cameras = draw_cameras(shoot.cameras, photos, rng) @ interpolation_matrix(shoot.cameras.nm,
                                                                              FINE_GRID.nm).T
     lamps = _lamps(shoot.light, photos, rng)
-    rows, steps = [], []
+    rows, taken = [], []
     for curves, lamp in zip(cameras, lamps, strict=True):
         truth = np.vstack([_surfaces(known, family, surfaces, rng) for family in known.families])
         noise = 1 + shoot.noise * rng.standard_normal((len(truth), len(curves)))
@@ -132,11 +143,11 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
                            for light in (lamp, named_light(REFERENCE_LIGHT, FINE_GRID)))
         rows.append(np.array([*fitted, *exact[:2], daylight[0]]).reshape(
             6, len(known.families), surfaces).mean(axis=2))
-        steps.append(_second(shoot, curves, lamp, hand, known, rng))
+        taken.append((curves, lamp, truth[::max(len(truth) // FEW, 1)]))
     means = np.mean(rows, axis=0)
     return Expectation(tuple(FamilyExpectation(family, *(float(value) for value in column[:5]))
                              for family, column in zip(known.families, means.T, strict=True)),
-                       float(means[5].mean()), _mean_steps(steps))
+                       float(means[5].mean()), _second(shoot, taken, hand, known))
 
 
 def _lamps(light: Spectrum | UnknownLight, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -216,32 +227,50 @@ def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: np.ndarra
 def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
             covariance: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, ...]:
     """Mean (n, 61) of each surface, then RMSE, width and share inside (n,)."""
-    posterior = summaries(prior, response @ TO_FINE, signals, {"all": covariance}, LEVEL)
-    inside = (posterior.lower <= truth) & (truth <= posterior.upper)
-    return (posterior.mean, np.sqrt(np.mean((posterior.mean - truth) ** 2, axis=1)),
-            np.mean(posterior.upper - posterior.lower, axis=1), inside.mean(axis=1))
+    known = summaries(prior, response @ TO_FINE, signals, {"all": covariance}, LEVEL)
+    inside = (known.lower <= truth) & (truth <= known.upper)
+    return (known.mean, np.sqrt(np.mean((known.mean - truth) ** 2, axis=1)),
+            np.mean(known.upper - known.lower, axis=1), inside.mean(axis=1))
 
 
-def _second(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, hand: LampsAtHand,
-            prior: LogitMixture, rng: np.random.Generator) -> list[PlannedStep]:
-    """What a second photo with each lamp or filter brings, over the families; linear-Gaussian."""
-    response = response_matrix(FINE_GRID, curves, lamp)
-    first = photo_candidate("first", response / white_signal(response)[:, None] @ TO_FINE)
-    candidates = lamp_candidates(curves, lamp, PRIOR_GRID, hand)
-    each = []
-    for family in prior.families:
-        draws = _surfaces(prior, family, COVARIANCE_DRAWS, rng)
-        each.append(ranked(after(np.cov(draws, rowvar=False), first), candidates))
-    return list(_mean_steps(each))
+def _second(shoot: Shoot, taken: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+            hand: LampsAtHand, prior: LogitMixture) -> tuple[SecondPhoto, ...]:
+    """What further photos bring by cameras and lamps that are known, the best first; of each photo
+    that was simulated: curves, lamp, and surfaces.
+    """
+    at_hand = [photos_at_hand(curves, lamp, hand) for curves, lamp, _ in taken]
+
+    def after(chosen: Sequence[int]) -> SecondPhoto:
+        each = [[_errors(shoot, curves, lamp, truth, photos, prior)
+                 for photos in ([], [further[index] for index in chosen])]
+                for (curves, lamp, truth), further in zip(taken, at_hand, strict=True)]
+        (before, width_before), (rmse, width) = np.mean(each, axis=0).tolist()
+        photos = [at_hand[0][index] for index in chosen]
+        stops = np.mean([[further[index].stops for index in chosen] for further in at_hand], axis=0)
+        dark = [number * len(photo.white) + int(band) + 1 for number, photo in enumerate(photos)
+                for band in photo.dark]
+        return SecondPhoto(" and ".join(photo.name for photo in photos), width_before, width,
+                           before, rmse, PHOTO_MINUTES * len(photos), tuple(stops.tolist()),
+                           tuple(dark))
+    order = {photo.name: index for index, photo in enumerate(at_hand[0])}
+    singles = sorted((after([index]) for index in order.values()), key=lambda step: step.rmse_after)
+    best = [order[step.name] for step in singles if step.name in hand.filters][:PAIRED]
+    pairs = [after([first, second]) for number, first in enumerate(best)
+             for second in best[number + 1:]]
+    return tuple(sorted([*singles, *pairs], key=lambda step: step.rmse_after))
 
 
-def _mean_steps(several: list[list[PlannedStep]]) -> tuple[PlannedStep, ...]:
-    """Means of steps by name, largest fall of the error first."""
-    names = [step.name for step in several[0]]
-    means = []
-    for name in names:
-        mine = [next(step for step in steps if step.name == name) for steps in several]
-        means.append(PlannedStep(name, *(float(np.mean([getattr(step, part) for step in mine]))
-                                         for part in ("width_before", "width_after", "rmse_before",
-                                                      "rmse_after", "minutes"))))
-    return tuple(sorted(means, key=lambda step: step.rmse_after))
+def _errors(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, truth: np.ndarray,
+            photos: Sequence[FurtherPhoto], prior: LogitMixture) -> tuple[float, float]:
+    """Mean RMSE and width of surfaces (n, 61) in a photo and further ones, errors being noise."""
+    first = response_matrix(FINE_GRID, curves, lamp)
+    response = np.vstack([first / white_signal(first)[:, None], *(
+        photo.response[photo.white >= DARK_BAND] for photo in photos)]) @ TO_FINE
+    signals = truth @ response.T
+    error = shoot.noise * np.maximum(signals, LEAST_SIGNAL)
+    signals = signals + error * np.random.default_rng(SEED).standard_normal(signals.shape)
+    with threadpool_limits(1, "blas"):      # threads within small products would only wait
+        mean, ends = calibrated_bands(prior, posterior(
+            prior, response, signals, error[:, :, None] ** 2 * np.eye(len(response))), (LEVEL,))
+    return (float(np.sqrt(np.mean((mean - truth) ** 2, axis=1)).mean()),
+            float(np.mean(ends[0][1] - ends[0][0])))

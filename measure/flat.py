@@ -40,8 +40,9 @@ EXPECTED = 0.01         # of white: error of the signals whose spectra the error
 # 0.3 of itself over a chart
 USUAL_VEIL, UNEVEN_VEIL = 0.03, 0.3
 # of an error: what photos under one lamp that stayed in its position repeat, whatever the filter.
-# Each photo tells its own field of light, but by the same patches and the same lamp.
-SHARED_UNDER_ONE_LAMP = {SAMPLE_PLANE: 1.0, SURFACE_REFLECTION: 1.0, LIGHT_FIELD: 0.8}
+# Each photo tells its own field of light, but by the same patches and the same lamp: by simulation
+# fields at a region differ by 0.2 to 0.45 of their error.
+SHARED_UNDER_ONE_LAMP = {SAMPLE_PLANE: 1.0, SURFACE_REFLECTION: 1.0, LIGHT_FIELD: 0.95}
 
 
 def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],

@@ -3,25 +3,31 @@ reflectance.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.measure.second_photo import LampsAtHand, lamp_candidates
-from spectrabox.radiometry.records import SpectralMeasurement, WavelengthGrid
+from spectrabox.measure.second_photo import (
+    FurtherPhoto,
+    KnownSurface,
+    SecondPhoto,
+    forecasts,
+)
+from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.further.planner import (
     READING_ERROR,
     Candidate,
     PlannedStep,
     photo_candidate,
     plan,
-    ranked,
     wavelength_candidates,
 )
-from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 
 PLAN_DRAWS = 2000
+PAIRED = 4              # best filters, of which every pair is tried
 
 
 def next_reading_candidates(other_photos: Mapping[str, np.ndarray], *, reading_minutes: float,
@@ -47,22 +53,26 @@ def next_reading_candidates(other_photos: Mapping[str, np.ndarray], *, reading_m
 
 
 def plan_signal(measurement: SpectralMeasurement, candidates: list[Candidate],
-                second: list[Candidate], steps: int, seed: int
-                ) -> tuple[list[PlannedStep], list[PlannedStep], str]:
-    """The best measurements of a signal's surface in order, and second photos ranked.
+                photos: Sequence[FurtherPhoto], white: np.ndarray, steps: int, seed: int
+                ) -> tuple[list[PlannedStep], list[SecondPhoto], str]:
+    """The best measurements of a signal's surface in order, and further photos ranked.
 
     Parameters
     ----------
     measurement : SpectralMeasurement
         The signal with all that has been measured so far.
-    candidates, second : list of Candidate
+    candidates : list of Candidate
+    photos : sequence of FurtherPhoto
+    white : (K,) array
+        Signal of white in the photo of the signal, that of the brightest band being 1.
     steps : int
         Measurements to choose.
     seed : int
 
     Returns
     -------
-    chosen, photos : list of PlannedStep
+    chosen : list of PlannedStep
+    photos : list of SecondPhoto
     outcome : str
         How the draws ended.
 
@@ -71,43 +81,40 @@ def plan_signal(measurement: SpectralMeasurement, candidates: list[Candidate],
     InputError, ConvergenceError
     """
     draws = sample_prior(measurement, PLAN_DRAWS, seed)
+    known = KnownSurface(load_prior(), measurement, draws.spectra)
     return (plan(draws.spectra, candidates, steps),
-            ranked(np.cov(draws.spectra, rowvar=False), second), draws.sentence)
+            rank_photos({"": known}, photos, white)[1], draws.sentence)
 
 
-def rank_second_photos(spectra: np.ndarray, grid: WavelengthGrid,
-                       measurement: SpectralMeasurement, curves: np.ndarray, present: np.ndarray,
-                       second: LampsAtHand) -> list[PlannedStep]:
-    """Second photos of one surface, the best first.
-
-    Parameters
-    ----------
-    spectra : (T, P) array
-        Draws of its reflectance.
-    grid : WavelengthGrid
-        Of the draws.
-    measurement : SpectralMeasurement
-        Whose noise a second photo has too.
-    curves, present, second
-        As in `lamp_candidates`.
-    """
-    error = float(np.sqrt(np.mean(np.diag(measurement.noise_covariance))))
-    return ranked(np.cov(spectra, rowvar=False), lamp_candidates(
-        curves, present, grid, second, standard_error=error))
-
-
-def mean_over_surfaces(rankings: list[list[PlannedStep]]) -> list[PlannedStep]:
-    """Width and RMSE with each second photo, averaged over surfaces, the best first.
+def rank_photos(surfaces: Mapping[str, KnownSurface], photos: Sequence[FurtherPhoto],
+                white: np.ndarray) -> tuple[dict[str, list[SecondPhoto]], list[SecondPhoto]]:
+    """Further photos and pairs of the best filters, the best first: for each surface, and on
+    average over them.
 
     Parameters
     ----------
-    rankings : list of lists of PlannedStep
-        One a surface, from `rank_second_photos`.
+    surfaces : mapping
+        By name.
+    photos : sequence of FurtherPhoto
+    white : (K,) array
+        Signal of white in the first photo, that of the brightest band being 1.
     """
-    by_name = {step.name: [each for ranking in rankings for each in ranking
-                           if each.name == step.name] for step in rankings[0]}
-    averages = [PlannedStep(name, *(float(np.mean([getattr(step, key) for step in steps]))
-                                    for key in ("width_before", "width_after", "rmse_before",
-                                                "rmse_after", "minutes")))
-                for name, steps in by_name.items()]
-    return sorted(averages, key=lambda step: step.rmse_after)
+    each = {name: forecasts(surface, [[photo] for photo in photos], white)
+            for name, surface in surfaces.items()}
+    filters = {photo.name: photo for photo in photos if photo.filter is not None}
+    best = [filters[step.name] for step in _averages(each) if step.name in filters][:PAIRED]
+    pairs = [[first, second] for number, first in enumerate(best) for second in best[number + 1:]]
+    if pairs:
+        for name, surface in surfaces.items():
+            each[name] += forecasts(surface, pairs, white)
+    return ({name: sorted(steps, key=lambda step: step.rmse_after)
+             for name, steps in each.items()}, _averages(each))
+
+
+def _averages(rankings: Mapping[str, Sequence[SecondPhoto]]) -> list[SecondPhoto]:
+    """Width and RMSE averaged over surfaces, the best first."""
+    columns = zip(*rankings.values(), strict=True)
+    means = [replace(steps[0], **{key: float(np.mean([getattr(step, key) for step in steps]))
+                                  for key in ("width_before", "width_after", "rmse_before",
+                                              "rmse_after")}) for steps in columns]
+    return sorted(means, key=lambda step: step.rmse_after)

@@ -20,7 +20,7 @@ from spectrabox.radiometry.spectra.spectrum_files import read_curves
 from spectrabox.radiometry.spectra.stated_light import stated_light
 from spectrabox.session.camera.inputs import light_words, read_layout, read_measured_curves
 from spectrabox.session.commands.requests import CameraPreflightRequest
-from spectrabox.session.signals.plan_answer import read_lamps_at_hand, step_facts
+from spectrabox.session.signals.plan_answer import exposure_words, read_lamps_at_hand, step_facts
 
 SECOND_LIGHTS = ("A", "D65", "FL2", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-RGB1", "LED-V1")
 CURVES_ERROR = 0.02         # relative, of measured curves: as [sensitivity] takes it by default
@@ -98,8 +98,10 @@ def _lines(expectation: Expectation, light: Spectrum | UnknownLight,
               f"{one.width:.3f} wide ({one.width_known:.3f})" for one in (*expectation.families,
                                                                          expectation.mean)]
     best = expectation.second[0]
-    lines.append(f"a second photo with {best.name} would take the error to about "
-                 f"{best.rmse_after / best.rmse_before:.0%} of this")
+    lines.append(f"further photos with {best.name} would take the error to about "
+                 if len(best.stops) > 1 else
+                 f"a second photo with {best.name} would take the error to about ")
+    lines[-1] += f"{best.rmse_after / best.rmse_before:.0%} of this{exposure_words(best)}"
     mean = expectation.mean
     return [*lines, *(expectation.doubts or (
         f"this lamp and this chart will do: RMSE {mean.rmse:.3f}, of which camera, lamp and white, "

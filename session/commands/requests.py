@@ -43,8 +43,9 @@ Lamps = Annotated[str | None, typer.Option(
     "--lamps", metavar="NAME|FILE,...", help="Lamps at hand, for a second photo: D65,A,my.csv; a "
     "few common ones by default.")]
 Filters = Annotated[str | None, typer.Option(
-    "--filters", metavar="FILE,...", help="Filters at hand, for a second photo under the same "
-    "light: files of their transmittance.")]
+    "--filters", metavar="FILE|FOLDER,...", help="Filters at hand, for a second photo under the "
+    "same light: files of their transmittance, one or several a file, or folders of such "
+    "files.")]
 Reference = Annotated[str | None, typer.Option(
     metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you measured.")]
 CameraPriorFile = Annotated[Path | None, typer.Option(

@@ -1,33 +1,44 @@
 """The answers of ``spectrabox plan``: for one signal, and for surfaces of a finished session."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from spectrabox.measure.planning import (
-    mean_over_surfaces,
     next_reading_candidates,
     plan_signal,
-    rank_second_photos,
+    rank_photos,
 )
-from spectrabox.measure.second_photo import LampsAtHand, curves_and_light, lamp_candidates
+from spectrabox.measure.second_photo import (
+    KnownSurface,
+    LampsAtHand,
+    SecondPhoto,
+    Surface,
+    curves_and_light,
+    photos_at_hand,
+    white_of_bands,
+)
 from spectrabox.measure.signals import measurement_of_signal
 from spectrabox.measure.surface_signals import measurement
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
+from spectrabox.radiometry.spectra.filters import filters_at_hand
+from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.planner import PlannedStep
-from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import PlanRequest
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import numbers, optional_numbers, response_of_names
+from spectrabox.session.stages.inputs import read_chart_reference
+from spectrabox.session.stages.records import SessionRecords
 
 COMMON = ("D65", "A", "LED-B1", "LED-B5", "LED-RGB1", "LED-V1", "FL11")
 
@@ -62,16 +73,15 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
               for name in request.second_light}
     others |= {f"photo by {name}": response_of_names(name, light)
                for name in request.second_camera}
+    curves = named_spectra.sensitivities(sensitivity, FINE_GRID)
+    present = named_spectra.light(light, FINE_GRID)
     chosen, photos, outcome = plan_signal(
         joined(base, taken),
         next_reading_candidates(others, reading_minutes=request.reading_minutes,
                                 photo_minutes=request.photo_minutes,
                                 spot_minutes=request.spot_minutes),
-        lamp_candidates(named_spectra.sensitivities(sensitivity, FINE_GRID),
-                                named_spectra.light(light, FINE_GRID), PRIOR_GRID,
-                                read_lamps_at_hand(request.lamps, request.filters),
-                                minutes=request.photo_minutes),
-        request.steps, request.seed)
+        photos_at_hand(curves, present, read_lamps_at_hand(request.lamps, request.filters)),
+        white_of_bands(curves, present), request.steps, request.seed)
     facts = {"steps": [{"measurement": step.name, **step_facts(step), "minutes": step.minutes,
                         "fall_per_minute": step.fall_per_minute} for step in chosen],
              "lamps": [{"lamp": step.name, **step_facts(step)} for step in photos],
@@ -88,17 +98,13 @@ def _plan_session(request: PlanRequest) -> tuple[dict[str, Any], str]:
     records = load_finished(config).records
     signals = records.signals
     curves, present = curves_and_light(records.calibrations(config)[0])
-    rankings: dict[str, list[PlannedStep]] = {}
-    for index, name in enumerate(signals.names):
-        if not signals.known[index]:
-            draws = records.sample.spectra[name].samples
-            rankings[name] = rank_second_photos(draws.spectra, draws.grid,
-                                                measurement(signals, index), curves, present,
-                                                second)
-    if not rankings:
+    surfaces = {name: _known_surface(config, records, index)
+                for index, name in enumerate(signals.names) if not signals.known[index]}
+    if not surfaces:
         raise InputError("every surface of this session has a known spectrum: there is nothing to "
                          "plan")
-    averages = mean_over_surfaces(list(rankings.values()))
+    rankings, averages = rank_photos(surfaces, photos_at_hand(curves, present, second),
+                                     white_of_bands(curves, present))
     best = averages[0]
     facts = {"surfaces": [{"surface": name, "lamps": [{"lamp": step.name, **step_facts(step)}
                                                       for step in steps]}
@@ -111,6 +117,22 @@ def _plan_session(request: PlanRequest) -> tuple[dict[str, Any], str]:
         lines.append(f"over all surfaces {best.name} brings most: RMSE {best.rmse_before:.4f} -> "
                      f"{best.rmse_after:.4f}")
     return facts, "\n".join(lines)
+
+
+def _known_surface(config: SessionConfig, records: SessionRecords, index: int) -> KnownSurface:
+    """What a finished session knows of one surface."""
+    signals, fit = records.signals, records.calibrate.chart
+    name, calibration = signals.names[index], records.calibrations(config)[0]
+    draws = records.sample.spectra[name].samples
+    surface = None
+    first = signals.view_of_band == signals.view_of_band[0]
+    if fit is not None and fit.patch_error is not None and np.isfinite(
+            signals.signal[index][first]).all():
+        surface = Surface(signals, index, calibration, read_chart_reference(config),
+                          float(fit.patch_error[0]))
+    return KnownSurface(of_families(load_prior(), config.surfaces[name].families),
+                        measurement(signals, index),
+                        on_grid(draws.grid.nm, draws.spectra, PRIOR_GRID, name), surface)
 
 
 def read_lamps_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand:
@@ -129,27 +151,32 @@ def read_lamps_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand:
                          "yellow.csv")
     names = chosen[0] or (COMMON if chosen[1] is None else ())
     return LampsAtHand({name: named_spectra.light(name, FINE_GRID) for name in names},
-                        {name: _transmittance(name) for name in chosen[1] or ()})
+                       {name: filter for word in chosen[1] or ()
+                        for name, filter in filters_at_hand(Path(word)).items()})
 
 
-def _transmittance(name: str) -> np.ndarray:
-    """Transmittance (301,) of a filter."""
-    nm, _, curves = read_curves(Path(name))
-    values = on_grid(nm, curves[0], FINE_GRID, Path(name).name)
-    if values.min() < -0.01 or not 0 < values.max() <= 1.01:
-        raise InputError(f"the filter {name} lets {values.min():.3g} to {values.max():.3g} pass; a "
-                         "transmittance between 0 and 1 is needed")
-    return np.clip(values, 0, 1)
+def step_facts(step: PlannedStep) -> dict[str, Any]:
+    """Width and RMSE before and after one step; of photos the exposure to add, and dark bands."""
+    facts: dict[str, Any] = {"width_before": step.width_before, "width_after": step.width_after,
+                             "rmse_before": step.rmse_before, "rmse_after": step.rmse_after}
+    if isinstance(step, SecondPhoto):
+        facts |= {"stops": list(step.stops), "dark_bands": list(step.dark_bands)}
+    return facts
 
 
-def step_facts(step: PlannedStep) -> Mapping[str, float]:
-    """Width and RMSE before and after one step."""
-    return {"width_before": step.width_before, "width_after": step.width_after,
-            "rmse_before": step.rmse_before, "rmse_after": step.rmse_after}
-
-
-def _photo_lines(steps: list[PlannedStep]) -> list[str]:
-    """A line for each lamp or filter, the best first."""
-    return [f"  a second photo with {step.name}: band width {step.width_before:.3f} -> "
+def _photo_lines(steps: Sequence[SecondPhoto]) -> list[str]:
+    """A line for each lamp, filter or pair of filters, the best first."""
+    return [f"  a further photo with {step.name}: band width {step.width_before:.3f} -> "
             f"{step.width_after:.3f}, expected RMSE {step.rmse_before:.4f} -> "
-            f"{step.rmse_after:.4f}" for step in steps]
+            f"{step.rmse_after:.4f}{exposure_words(step)}" for step in steps]
+
+
+def exposure_words(step: SecondPhoto) -> str:
+    """Exposure to add to further photos and the bands that they leave dark, as an answer says it.
+    """
+    words = ""
+    if any(abs(stops) >= 0.05 for stops in step.stops):
+        words += f"; expose {' and '.join(f'{stops:+.1f}' for stops in step.stops)} stops"
+    if step.dark_bands:
+        words += f"; dark: band {', '.join(map(str, step.dark_bands))} of the further bands"
+    return words

@@ -1,0 +1,203 @@
+"""Six and nine bands: photos through filters and under further lamps, end to end.
+
+Cases are those of bench_flat.py: an unknown camera whose maker the prior does not hold, an unknown
+lamp, a chart off the published average by 1 %, light that falls off over the picture, 1 % of noise
+in a pixel, nine published test colours. Every further photo is another raw file of the same scene:
+through a filter whose file is off by about 1 %, or under another lamp from another side. The
+sessions run as ``spectrabox flat`` writes them. Filters: a CSV of transmittances, a column each,
+``--filters``; without it, and beside it, two gels of the kind that are sold for lamps, which are
+given here by seven values.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from spectrabox.calibrate.prior.camera_database import read_camera_database
+from spectrabox.calibrate.prior.camera_prior import save_camera_prior
+from spectrabox.fixtures.flat_sample import (
+    chart_corners,
+    lamplight,
+    surface_signals,
+    vignetting,
+    write_photo,
+)
+from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.radiometry.appearance import delta_e00
+from spectrabox.radiometry.chart import REFERENCES
+from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import read_curves, table_text
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.pipeline import run_stages
+
+from benchmarks.bench_flat import CHART, HEAD, REGIONS, SIZE, places, regions_toml
+from benchmarks.bench_unknown_makers import makers_of, prior_without
+
+GEL_NM = np.arange(400, 701, 50)
+GELS = {"magenta gel": (0.14, 0.47, 0.04, 0.002, 0.002, 0.02, 0.87),
+        "orange gel": (0.15, 0.10, 0.01, 0.02, 0.66, 0.88, 0.93)}
+FILE_ERROR = 0.01           # of each of three slow waves by which a filter's file is off
+PRIOR = '[sensitivity]\nprior = "prior.npz"\n[light]\nspectrum = "unknown"\n'
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One case: what is photographed, and by whom."""
+
+    curves: np.ndarray          # (3, P) at NM
+    lamps: np.ndarray           # (n, P)
+    surfaces: np.ndarray        # (9, P)
+    sets: tuple[str, ...]       # where each surface is published
+    seed: int
+
+
+def gels() -> dict[str, np.ndarray]:
+    """Transmittances (P,) at NM of the two gels."""
+    nm = np.clip(NM, 400, 700)
+    return {name: np.clip(PchipInterpolator(GEL_NM, values)(nm), 1e-4, 1)
+            for name, values in GELS.items()}
+
+
+def photograph(path: Path, scene: Scene, lamp: int, transmittance: np.ndarray | float) -> None:
+    """Write one photo: chart and table stay, every lamp has its own position."""
+    rng = np.random.default_rng([scene.seed, lamp])
+    lights = [(*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), 1.0),
+              (*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), rng.uniform(0, 0.6))]
+    light = lamplight(SIZE, lights, rng.uniform(0, 0.15)) * vignetting(SIZE, 0.92)
+    even = surface_signals(SIZE, scene.curves * scene.lamps[lamp] * transmittance,
+                           chart_truth(np.random.default_rng([scene.seed, 99])),
+                           chart_corners(*CHART), list(zip(places(), scene.surfaces, strict=True)),
+                           np.full(NM.size, 0.2))
+    noise = np.random.default_rng([scene.seed, lamp, int(1e6 * np.mean(transmittance))])
+    write_photo(path, even * light[..., None], Fraction(1, 60), noise)
+
+
+def write_session(folder: Path, scene: Scene, filters: dict[str, np.ndarray], lamps: int,
+                  unknown: bool) -> None:
+    """A session of a first photo, one through each filter, and one under each further lamp."""
+    (folder / "photos").mkdir()
+    photograph(folder / "photos" / "p.dng", scene, 0, 1.0)
+    text = HEAD + PRIOR + regions_toml(SIZE[1])
+    for number, (name, transmittance) in enumerate(filters.items()):
+        photograph(folder / "photos" / f"f{number}.dng", scene, 0, transmittance)
+        rng = np.random.default_rng([scene.seed, number])
+        waves = np.cos(np.outer(np.arange(3), (NM - 400) / 300 * np.pi))
+        stated = np.clip(transmittance * (1 + FILE_ERROR * rng.standard_normal(3) @ waves), 0, 1)
+        (folder / f"f{number}.csv").write_text(table_text(
+            NM, {name: stated}, quantity=Quantity.RELATIVE, source=name), encoding="utf-8")
+        stated_as = "unknown" if unknown else f"f{number}.csv"
+        text += f'[views.f{number}]\nphoto = "photos/f{number}.dng"\nfilter = "{stated_as}"\n'
+    for lamp in range(1, lamps):
+        photograph(folder / "photos" / f"l{lamp}.dng", scene, lamp, 1.0)
+        text += f'[views.l{lamp}]\nphoto = "photos/l{lamp}.dng"\nlight = "unknown"\n'
+    (folder / "session.toml").write_text(text, encoding="utf-8")
+
+
+def scores(folder: Path, scene: Scene) -> list[dict[str, Any]]:
+    """RMSE, coverage and width of the 95 % band, and CIEDE2000 under D65, of every surface."""
+    finished = run_stages(read_session(folder), device="cpu", only=None, force=False,
+                          progress=lambda *_: None)
+    rows = []
+    for number, (truth, published) in enumerate(zip(scene.surfaces, scene.sets, strict=True)):
+        known = finished.records.sample.spectra[f"s{number}"].summary
+        true = np.interp(known.grid.nm, NM, truth)
+        rows.append({"set": published, "rmse": float(np.sqrt(np.mean((known.mean - true) ** 2))),
+                     "inside": float(np.mean((known.lower <= true) & (true <= known.upper))),
+                     "width": float(np.mean(known.upper - known.lower)),
+                     "delta_e00": delta_e00(known.grid.nm, known.mean, true)})
+    return rows
+
+
+def scene_of(data: Path, case: int, seed: int) -> tuple[Scene, Any, np.ndarray]:
+    """One case, the cameras and which of them its maker made."""
+    rng = np.random.default_rng([seed, case])
+    database = read_camera_database(data / "cameras")
+    camera, makers = int(rng.integers(len(database.names))), np.asarray(makers_of(database))
+    with np.load(data / "lights" / "lights_for_checks.npz") as stored:
+        chosen = rng.choice(len(stored["spectra"]), 3, replace=False)
+        lamps = np.array([np.interp(NM, stored["wavelengths_nm"], stored["spectra"][lamp])
+                          for lamp in chosen])
+    named = [(name, row) for name, rows in test_reflectances(grid_from_nm(NM[20:-30])).items()
+             if name not in REFERENCES for row in rows]
+    picked = [named[index] for index in rng.choice(len(named), REGIONS, replace=False)]
+    surfaces = np.array([np.pad(row, (20, 30), mode="edge") for _, row in picked])
+    curves = np.array([np.interp(NM, database.nm, row) for row in database.curves[camera]])
+    return (Scene(curves, lamps, surfaces, tuple(name for name, _ in picked), 1000 * seed + case),
+            database, makers == makers[camera])
+
+
+def measure(data: Path, kinds: dict[str, tuple[dict[str, np.ndarray], int, bool]], cases: int,
+            seed: int) -> dict[str, Any]:
+    """Figures of every kind of session over the cases in which none was refused."""
+    found: dict[str, list[list[dict[str, Any]]]] = {kind: [] for kind in kinds}
+    for case in range(cases):
+        scene, database, own_maker = scene_of(data, case, seed)
+        rows = {}
+        for kind, (filters, lamps, unknown) in kinds.items():
+            with tempfile.TemporaryDirectory() as written:
+                save_camera_prior(Path(written) / "prior.npz", prior_without(database, own_maker))
+                write_session(Path(written), scene, filters, lamps, unknown)
+                try:
+                    rows[kind] = scores(Path(written), scene)
+                except SpectraboxError as error:
+                    print(f"{case} {kind}: refused, {error}", file=sys.stderr)
+        if len(rows) == len(kinds):
+            for kind, of_kind in rows.items():
+                found[kind].append(of_kind)
+        print(case, {kind: round(float(np.mean([row["rmse"] for row in of_kind])), 4)
+                     for kind, of_kind in rows.items()}, file=sys.stderr, flush=True)
+    return {kind: _means(of_kind, found["one photo"]) for kind, of_kind in found.items()}
+
+
+def _means(cases: Sequence[list[dict[str, Any]]],
+           one: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
+    rows = [row for case in cases for row in case]
+    figures = {key: float(np.mean([row[key] for row in rows]))
+               for key in ("rmse", "inside", "width", "delta_e00")}
+    by_case, first = (np.array([np.mean([row["rmse"] for row in case]) for case in each])
+                      for each in (cases, one))
+    ratio = by_case.mean() / first.mean()
+    # of a ratio of means over the same cases [Cochran 1977, Eq. 6.13]
+    error = np.std(by_case - ratio * first, ddof=1) / np.sqrt(len(first)) / first.mean()
+    return figures | {"ratio": [float(ratio), float(error)], "by_set": {
+        name: float(np.mean([row["rmse"] for row in rows if row["set"] == name]))
+        for name in sorted({row["set"] for row in rows})}}
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--data", type=Path, required=True, help="folder with cameras/ and lights/")
+    parser.add_argument("--filters", type=Path, help="CSV of transmittances")
+    parser.add_argument("--names", nargs="*", default=(), help="columns of it, one kind each")
+    parser.add_argument("--cases", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    at_hand = gels()
+    if asked.filters is not None:
+        nm, names, curves = read_curves(asked.filters)
+        at_hand |= {name: np.interp(NM, nm, curve) for name, curve in zip(names, curves,
+                                                                          strict=True)}
+    kinds = {"one photo": ({}, 1, False)} | {
+        name: ({name: at_hand[name]}, 1, False) for name in (*asked.names, *GELS)} | {
+        "two gels": ({name: at_hand[name] for name in GELS}, 1, False),
+        "magenta gel, unknown": ({"magenta gel": at_hand["magenta gel"]}, 1, True),
+        "two lamps": ({}, 2, False), "three lamps": ({}, 3, False)}
+    print(json.dumps(measure(asked.data, kinds, asked.cases, asked.seed), indent=1))
+
+
+if __name__ == "__main__":
+    main()
