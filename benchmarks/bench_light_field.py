@@ -129,7 +129,8 @@ def named(data: Path, cases: int, rng: np.random.Generator) -> np.ndarray:
                 prior=prior_without(database, makers == makers[camera]))).calibration
         except SpectraboxError:
             continue                            # a refusal is no PASS
-        rows.append([np.ptp(colour, axis=0).max(), CalibrationDoubt.TWO_LIGHTS in made.doubts])
+        rows.append([np.ptp(colour, axis=0).max() * (share > 0),    # one lamp: round-off
+                     CalibrationDoubt.TWO_LIGHTS in made.doubts])
     return np.array(rows)
 
 
