@@ -25,6 +25,9 @@ FIELD_SD = 0.15              # of each quadratic term of the log irradiance; a t
 GLARE_SD = 0.01              # of the brightest patch of the band
 HAZE_SD = 0.1                # the same under haze or light on the lens
 DARK_SHARE = 0.03            # of the brightest patch: below it an error is no longer relative
+# The same of each band's own error: spectra of one chart depart from the published ones by 0.007 of
+# reflectance in dark and in light paints.
+OWN_DARK_SHARE = 0.2
 DARK_BAND = 0.003            # of the brightest band: the same of bands that a filter leaves dark
 # relative errors that the bands of a patch may have in common: light that is no smooth field, and
 # patches that are lighter than their reference
@@ -282,11 +285,11 @@ def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
     ----------
     photo : ChartEquations
     error : PatchError
-        Of every patch; of 3 % of the brightest patch where one is darker.
+        Of every patch. One that is darker errs as one of 3 % of the brightest patch, and each of
+        its bands by itself as one of 20 %.
     """
     level = _relative_to(photo)
-    return photo.covariance + error.among_bands(photo.signal.shape[1]) * (
-        level[:, :, None] * level[:, None, :])
+    return photo.covariance + _model_covariance(error, level, level)
 
 
 def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.ndarray:
@@ -306,12 +309,11 @@ def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.n
         if photo.filter is other.filter or photo.number is None or other.number is None:
             continue
         bands = photo.signal.shape[1]
-        relative = REPEATED * error.among_bands(bands)
         levels = _relative_to(photo), _relative_to(other)
         for mine, theirs in np.argwhere(photo.number[:, None] == other.number):
             rows = starts[first] + mine * bands + np.arange(bands)
             columns = starts[second] + theirs * bands + np.arange(bands)
-            block = relative * np.outer(levels[0][mine], levels[1][theirs])
+            block = REPEATED * _model_covariance(error, levels[0][:, mine], levels[1][:, theirs])
             covariance[np.ix_(rows, columns)] = block
             covariance[np.ix_(columns, rows)] = block.T
     return covariance
@@ -341,9 +343,25 @@ def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:
     return np.array(rows)
 
 
+def _model_covariance(error: PatchError, mine: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    """Covariance (..., K, K) of the model's errors of signals that both show the same patches.
+
+    Parameters
+    ----------
+    error : PatchError
+    mine, theirs : (2, ..., K) arrays
+        From ``_relative_to``.
+    """
+    each = np.eye(mine.shape[-1]) * (mine[0] * theirs[0])[..., None]
+    return error.own**2 * each + error.common**2 * mine[1][..., :, None] * theirs[1][..., None, :]
+
+
 def _relative_to(photo: ChartEquations) -> np.ndarray:
-    """Signal (I, K) that the errors of patches are relative to."""
-    dark = DARK_SHARE * photo.signal.max(axis=0)
+    """Signals (2, I, K) that the errors of patches are relative to: each band's own, and those that
+    bands have in common.
+    """
+    brightest, dark = photo.signal.max(axis=0), 0.0
     if photo.filter is not None:        # which may leave a band with little but stray light
-        dark = np.maximum(dark, DARK_BAND * photo.signal.max())
-    return np.maximum(photo.signal, dark)
+        dark = DARK_BAND * photo.signal.max()
+    return np.array([np.maximum(photo.signal, np.maximum(share * brightest, dark))
+                     for share in (OWN_DARK_SHARE, DARK_SHARE)])

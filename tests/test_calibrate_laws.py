@@ -32,6 +32,7 @@ from spectrabox.calibrate.chart_equations import (
     DARK_SHARE,
     FIELD_SD,
     GLARE_SD,
+    OWN_DARK_SHARE,
     PatchError,
     field_terms,
     mean_error,
@@ -105,7 +106,7 @@ def test_how_bright_a_camera_was_measured_changes_nothing():
     posterior = posterior_of_curves([shown], known, GRID, model_errors=(0.01,))
     # the second is linearised where the first ended: a hundredth of a nat
     np.testing.assert_allclose(posterior.families, 0.5, atol=0.005)
-    one, other = posterior.covariances[:4], posterior.covariances[-4:]
+    one, other = np.split(posterior.covariances, 2)
     np.testing.assert_allclose(one, other, rtol=0.02, atol=2e-3 * np.abs(one).max())
 
 
@@ -220,10 +221,11 @@ def drawn_photos():
         lit = np.exp(exposure + terms @ field)[:, None] * signals(fine, power, surfaces)
         glare = GLARE_SD * lit.max(axis=0) * rng.standard_normal(3)
         clean = lit + glare
-        level = np.maximum(clean, DARK_SHARE * clean.max(axis=0))
+        own, level = (np.maximum(clean, share * clean.max(axis=0))
+                      for share in (OWN_DARK_SHARE, DARK_SHARE))
         shown = photo(clean, power, surfaces, 0.002, terms, True)
-        off = level * (0.004 * rng.standard_normal((24, 3))
-                       + rng.choice(COMMON_ERRORS) * rng.standard_normal((24, 1)))
+        off = (0.004 * own * rng.standard_normal((24, 3))
+               + rng.choice(COMMON_ERRORS) * level * rng.standard_normal((24, 1)))
         noisy = clean + off + 0.002 * clean * rng.standard_normal((24, 3))
         fit = fit_with_prior([dataclasses.replace(shown, signal=noisy)], known, GRID,
                              model_errors=(0.004,))
