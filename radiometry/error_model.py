@@ -48,6 +48,7 @@ ROUNDED_EXPOSURES = "rounded exposures"
 DRIFT = "drift of the light"
 DRIFT_OF_COLOUR = "drift of the light's colour"
 LAMP_AT_CHART = "lamp position at chart"
+SCENE_LEVEL = "level of light on the scene"
 GLARE = "veiling glare"
 STRAY_LIGHT = "stray light"
 SAMPLE_PLANE = "plane of the samples"
@@ -80,6 +81,7 @@ CAUSES = {
     DRIFT: Cause("proportional", bands=True, surfaces=True, photos=False),
     DRIFT_OF_COLOUR: Cause("proportional", bands=True, surfaces=True, photos=False),
     LAMP_AT_CHART: Cause("proportional", bands=True, surfaces=True, photos=False),
+    SCENE_LEVEL: Cause("proportional", bands=True, surfaces=True, photos=False),
     GLARE: Cause("added", bands=True, surfaces=True, photos=False),
     STRAY_LIGHT: Cause("added", bands=True, surfaces=True, photos=False),
     SAMPLE_PLANE: Cause("proportional", bands=True, surfaces=True, photos=False),
@@ -87,12 +89,15 @@ CAUSES = {
     DISAGREEMENT: Cause("proportional", bands=True, surfaces=False, photos=False),
 }
 
-# Light that the outermost surface of a flat sample mirrors, beyond what a chart's patches do, as a
-# share of white: standard error by what is stated of the surface; None: nothing
+# Light that the outermost layer of a surface mirrors, beyond what a chart's patches do, as a share
+# of white: standard error by what is stated of the surface; None: nothing
 SURFACE_REFLECTIONS: dict[str | None, float] = {
     None: 0.008, "matt": 0.002, "satin": 0.015, "glossy": 0.03}
 SURFACE_WORDS = tuple(word for word in SURFACE_REFLECTIONS if word is not None)
 PLANE_ERROR = 0.03          # relative, of the light on flat samples: tilt, height, distance
+# relative, of the light on a scene against that on its chart: distances to 0.5 % (1 %), a lamp that
+# shines unevenly to different sides (1 %), a chart tilted by 2 degrees in light from 30 (2 %)
+SCENE_LEVEL_ERROR = 0.025
 
 DARK = 1e-12             # of the light's strongest wavelength
 

@@ -25,7 +25,6 @@ from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.tracer.transport import TracedTransport
 from spectrabox.reconstruct.view import View
 
 FLAT = 1e-9     # of the largest singular value: a term of the field that a surface does not have
@@ -38,15 +37,13 @@ class Truth:
     ``reflectances`` (P,) by material; ``response`` (L, K, P) of each view: sensitivity x light x
     integration weight, light after light where they were traced separately, light scale included;
     of each view ``glare`` (K,) as a share of the mean signal of the picture, and ``ambient`` light
-    from everywhere as a share of the brightest irradiance. ``transports`` are those of the true
-    scenes, of the same regions and products, where these are not as the session says.
+    from everywhere as a share of the brightest irradiance.
     """
 
     reflectances: Mapping[str, np.ndarray]
     responses: tuple[np.ndarray, ...]
     glare: tuple[np.ndarray, ...]
     ambient: tuple[float, ...]
-    transports: tuple[TracedTransport, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +104,8 @@ def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarr
                   rng: np.random.Generator) -> View:
     """The view with a photo of the truth in place of its own."""
     view = traced.view
-    transport = truth.transports[number] if truth.transports else traced.traced
     spectra = np.array([truth.reflectances[each.name] for each in view.scene_materials])
+    transport = traced.traced
     per_light = products(transport.exponents, spectra) @ truth.responses[number].transpose(0, 2, 1)
     coefficients = transport.coefficients + error
     signal = coefficients @ per_light.reshape(-1, per_light.shape[2])

@@ -131,7 +131,8 @@ def _reconstruct(config: SessionConfig, scenes: SessionScenes) -> StageInputs:
                      if view.camera is not None},
          "lights by id": [list(view.lights_by_id) for view in views],
          "reconstruct": _plain(config.reconstruct), "scale": config.scale.source}
-        | _stated_errors(config) | {"seed": config.session.seed}, ("photo", "calibrate"))
+        | _stated_errors(config) | {"seed": config.session.seed, "surfaces": _surfaces(config)},
+        ("photo", "calibrate"))
 
 
 def _signals(config: SessionConfig, _: SessionScenes) -> StageInputs:
@@ -140,10 +141,7 @@ def _signals(config: SessionConfig, _: SessionScenes) -> StageInputs:
         [*_known_files(config), *(table.file for table in swatches.values())],
         {"known": {name: _plain(table) for name, table in _known(config).items()},
          "swatches": {name: _plain(table) for name, table in swatches.items()},
-                               "families": _families(config),
-                               "surfaces": {name: region.surface for name, region
-                                            in config.regions.items()}
-                               } | _stated_errors(config),
+         "families": _families(config), "surfaces": _surfaces(config)} | _stated_errors(config),
         ("chart", "photo", "calibrate"))
 
 
@@ -251,6 +249,10 @@ def _swatches(config: SessionConfig) -> dict[str, SpectrumTable]:
 
 def _families(config: SessionConfig) -> dict[str, tuple[str, ...]]:
     return {name: surface.families for name, surface in config.surfaces.items()}
+
+
+def _surfaces(config: SessionConfig) -> dict[str, str | None]:
+    return {name: surface.surface for name, surface in config.surfaces.items()}
 
 
 def _plain(section: Any) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.measure.scene.rehearsal import (
     MaterialRehearsal,
     Replays,
-    StatedErrors,
     prepare_replays,
 )
 from spectrabox.measure.scene.rehearsal import rehearse as rehearse_scene
@@ -18,11 +17,7 @@ from spectrabox.radiometry.records import Progress
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished, stage_states
-from spectrabox.session.stages.reconstruct_stage import (
-    glare_error,
-    settings_of,
-    views_of,
-)
+from spectrabox.session.stages.reconstruct_stage import settings_of, stated_errors, views_of
 
 
 def rehearse(config: SessionConfig, times: int, seed: int, device: str,
@@ -67,11 +62,11 @@ def replays_of(config: SessionConfig, times: int, seed: int, device: str,
     records = load_finished(config).records
     start_mitsuba(device)
     drift = records.reconstruct.drift
-    errors = StatedErrors(drift, glare_error(config, records), config.stray_light.ambient)
+    views = views_of(config, records, drift)
     return prepare_replays(
-        views_of(config, records, drift), settings_of(config), records.calibrations(config),
-        records.reconstruct.joint,
-        {name: material.families for name, material in config.materials.items()}, errors,
+        views, settings_of(config), records.calibrations(config), records.reconstruct.joint,
+        {name: material.families for name, material in config.materials.items()},
+        stated_errors(config, records, views, drift),
         times=times, seed=seed, progress=progress)
 
 

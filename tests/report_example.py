@@ -69,7 +69,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
         photo=_photo(made), previews={"": folder / "preview.png"},
         chart_overlay=folder / "overlay.png", grid=GRID, reconstruction=made,
         materials=[_material(rng, made, m, truth) for m in range(len(materials))],
-        signal_bands=bands,
+        signal_bands=bands, surfaces_stated=False,
         stages=[{"name": "chart", "seconds": 2.31, "state": "run"},
                 {"name": "sample", "seconds": 0.8, "state": "kept"}],
         provenance={"spectrabox": "0.1.0", "numpy": np.__version__,

@@ -165,6 +165,7 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     scene = SimpleNamespace(
         crop=crop, to_signals=to_signals, calibration=None, prior=None,
         edges=np.zeros((12, 16), bool), drift=None, veil=np.zeros(bands), ambient=ambient,
+        reflection=0.0,
         view=SimpleNamespace(photo=photo(), grid=GRID,
                              sensitivities=np.ones((bands, GRID.nm.size))),
         traced=SimpleNamespace(nodes=nodes, relative_variance=np.full(row.size, traced_noise**2),

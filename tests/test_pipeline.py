@@ -52,6 +52,7 @@ def test_the_same_seed_gives_the_same_results_bit_for_bit_and_writes_no_input(fi
     (("draws = 1000", "draws = 1200"), {"sample"}),
     (("steps = 80", "steps = 81"), {"reconstruct", "sample"}),
     (('bsdf = "cube"', 'bsdf = "cube"\nfamily = "paint"'), {"reconstruct", "sample"}),
+    (('bsdf = "cube"', 'bsdf = "cube"\nsurface = "satin"'), {"reconstruct", "sample"}),
     (("width = 40", "width = 30"), {"photo", "reconstruct", "sample"}),
     (("coefficients = 10 ", "coefficients = 9 "), {"calibrate", "reconstruct", "sample"}),
     (("seed = 1", "seed = 2"), {"calibrate", "reconstruct", "sample"})])

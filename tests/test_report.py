@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session
 
-from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
+from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
 from spectrabox.sampling.prior.family_coverage import (
@@ -24,7 +24,7 @@ from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import plain_line
-from spectrabox.session.report.verdict import DOUBTS, Status, judge
+from spectrabox.session.report.verdict import DOUBTS, Status, _scene_conditions, judge
 from spectrabox.session.report.words import exposure, number, percent, signed_percent
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -236,6 +236,23 @@ def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
     assert "repeat to 1.5 %" in said and "20 % of the variance" in said and "[drift]" in said
     assert not any(criterion.name.startswith("Light and shutter")
                    for criterion in judge(results).criteria)
+
+
+def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_stated(tmp_path):
+    results = example_session(tmp_path)
+    scale = with_common_error(with_common_error(results.light_scale, REPEATABILITY, 0.015),
+                              SCENE_LEVEL, 0.03)
+
+    def sentence(scale, **stated):
+        fit = dataclasses.replace(results.reconstruction, light_scale=scale)
+        return _scene_conditions(dataclasses.replace(results, reconstruction=fit, **stated))
+    whole = sentence(scale)
+    for condition in ("lamp and shutter repeated within 3 % between chart photo and object photo",
+                      "geometry gives the light on the scene within 6 %", "as matt as the scene"):
+        assert condition in whole
+    measured = sentence(dataclasses.replace(scale, common_errors=()), surfaces_stated=True)
+    assert measured.startswith("the geometry is right")
+    assert "repeated" not in measured and "matt" not in measured
 
 
 def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):

@@ -16,7 +16,7 @@ from spectrabox.fixtures.demos.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.lamp import radiance
 from spectrabox.fixtures.paints import NM, paint
-from spectrabox.radiometry.error_model import DRIFT, LAMP_AT_CHART, REPEATABILITY
+from spectrabox.radiometry.error_model import DRIFT, LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
@@ -103,8 +103,8 @@ def test_a_lamp_that_dimmed_between_the_photos_is_found_by_a_reference_in_both(c
     before = run(append(captured, drift))
     found = before.reconstruct.joint.views[0].light_scale
     # The reference says how the photos compare, and to what: nothing needs to be assumed.
-    assert [error.cause for error in found.common_errors] == [LAMP_AT_CHART, DRIFT]
-    assert found.common_errors[1].relative == pytest.approx(np.sqrt(2) * 0.002, rel=1e-6)
+    assert [error.cause for error in found.common_errors] == [LAMP_AT_CHART, SCENE_LEVEL, DRIFT]
+    assert found.common_errors[2].relative == pytest.approx(np.sqrt(2) * 0.002, rel=1e-6)
     dim(captured, 0.9)
     after = run(read_session(captured)).reconstruct.joint.views[0]
     assert after.light_scale.value / found.value == pytest.approx(0.9, abs=0.005)

@@ -19,7 +19,7 @@ from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.surface_spectra import score
 from spectrabox.measure.white import PhotoWhite
-from spectrabox.radiometry.error_model import REPEATABILITY
+from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.records import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -63,14 +63,18 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, 
     view = SimpleNamespace(chart="chart", chart_files=("chart.dng",), photo_files=(photo,),
                            light="lamp", name="")
     config = SimpleNamespace(all_views=(view,), scale=SimpleNamespace(source="chart"),
-                             repeatability=SimpleNamespace(relative_error=0.02))
+                             repeatability=SimpleNamespace(relative_error=0.02, scene_level=0.03))
     found = reconstruct_stage.scale_of_view(config, view, None, SimpleNamespace(light_scale=scale),
                                             SimpleNamespace(chart=SimpleNamespace(charts=charts)),
                                             drift(False) if measured else None)
     stated = [(error.cause, error.relative) for error in found.common_errors]
+    # where lamp and chart stood is as uncertain in one photo, and nothing measured it
+    assert stated[0] == (SCENE_LEVEL, 0.03)
     assert [cause for cause, _ in stated if cause == REPEATABILITY] == list(causes)
     assert told == [measured]
     assert all(relative == 0.02 for cause, relative in stated if cause == REPEATABILITY)
+    config.scale.source = "material"        # whose known spectrum says how bright the light is
+    assert reconstruct_stage.scale_of_view(config, view, None, None, None, None) is None
 
 
 def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_picture():

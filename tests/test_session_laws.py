@@ -131,7 +131,8 @@ def test_a_drift_of_colour_is_an_error_of_the_first_photo_alone(monkeypatch, cha
         view.light_scale) for view in two.views]
     two = dataclasses.replace(two, views=tuple(said))
     measured = drift(changed)
-    after = scene_errors.with_photo_errors(two, measured, np.zeros(3), 0.0)
+    after = scene_errors.with_photo_errors(
+        two, scene_errors.StatedErrors(measured, np.zeros(3), 0.0, {}))
     expected = before.copy()
     if changed:
         expected[0, :3, :3] += np.outer(COLOUR, COLOUR)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.measure.scene.draws import _common_errors, _of_stray_light, _of_tails
-from spectrabox.measure.scene.photo_errors import with_stray_light
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -76,8 +76,12 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     of_brightest = records.calibrations(config)[0].relative_covariance
     for error in _of_tails(of_brightest, regions, relative):
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
-    stray = with_stray_light(joint, np.full(3, 0.01), 0.0)
-    glare = _of_stray_light(stray, regions, relative)[0]
+    mirrored = dict.fromkeys(joint.materials, 0.02)
+    stray = with_stray_light(joint, StatedErrors(None, np.full(3, 0.01), 0.0, mirrored))
+    glare, _, *reflections = _of_stray_light(stray, regions, relative)
+    # what a surface mirrors says nothing of another
+    assert [set(of_region[(error != 0).any(axis=1)]) for error in reflections] == [
+        {name} for name in stray.materials]
     for name, expected in zip(stray.materials, stray.stray_light[0].relative, strict=True):
         assert (expected > 0).all()
         np.testing.assert_array_equal(glare[of_region == name], np.broadcast_to(

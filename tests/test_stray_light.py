@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.demos.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
-from spectrabox.measure.scene.photo_errors import with_stray_light
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
 from spectrabox.radiometry.chart import CLASSIC
-from spectrabox.radiometry.error_model import CAUSES, GLARE, LAMP_AT_CHART, STRAY_LIGHT
+from spectrabox.radiometry.error_model import (
+    CAUSES,
+    GLARE,
+    LAMP_AT_CHART,
+    SCENE_LEVEL,
+    SCENE_LEVEL_ERROR,
+    STRAY_LIGHT,
+    SURFACE_REFLECTION,
+)
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import JointReconstruction
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
@@ -43,7 +51,8 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
     irradiance = rng.uniform(0.2, 1.0, surface.shape)
     clean = joint(irradiance, surface)
     estimate = {stray.cause: stray.relative
-                for stray in with_stray_light(clean, np.full(3, 0.01), 0.004).stray_light}
+                for stray in with_stray_light(clean, StatedErrors(
+                    None, np.full(3, 0.01), 0.004, {"dark": 0.03})).stray_light}
     photo = clean.views[0].measured
     hazy = photo + 0.01 * photo.mean(axis=(0, 1))
     lit = joint(irradiance + 0.004 * np.percentile(irradiance, 99), surface).views[0].measured
@@ -52,13 +61,16 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
                 for paint in (0, 1)]
         # Round-off.
         np.testing.assert_allclose(estimate[cause], more, rtol=1e-9)
+    # three hundredths of white upon the dark paint, nothing upon the white
+    np.testing.assert_allclose(estimate[SURFACE_REFLECTION] * SIGNAL, [[0.0] * 3, [0.03] * 3])
 
 
 def test_dark_paint_owes_most_to_glare_and_shadow_to_ambient_light():
     surface = np.repeat([[0, 1]], 20, axis=0).repeat(20, axis=1)
     shaded = np.where(surface == 1, 0.1, 1.0)
-    stray = with_stray_light(joint(shaded, surface), np.full(3, 0.005), 0.002).stray_light
-    glare, ambient = (of_cause.relative for of_cause in stray)
+    stray = with_stray_light(joint(shaded, surface),
+                             StatedErrors(None, np.full(3, 0.005), 0.002, {})).stray_light
+    glare, ambient, _ = (of_cause.relative for of_cause in stray)
     assert np.all(glare[1] > 10 * glare[0])
     # Round-off: the white paint's light is the brightest; the shadow has a tenth of it.
     np.testing.assert_allclose(ambient, np.array([[0.002] * 3, [0.02] * 3]), rtol=1e-9)
@@ -94,5 +106,8 @@ def test_a_session_names_each_cause_in_its_budget(finished):
     without = dataclasses.replace(session, stray_light=())
     total = sum(errors_by_cause(scene_signals(without, calibrations), 0).values())
     # Round-off.
-    np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[STRAY_LIGHT],
-                               atol=1e-15)
+    np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[STRAY_LIGHT]
+                               + parts[SURFACE_REFLECTION], atol=1e-15)
+    # an error of the level widens the signals of every band by its share of them, and no more
+    signal = session.signal[0]
+    np.testing.assert_allclose(parts[SCENE_LEVEL], SCENE_LEVEL_ERROR**2 * np.outer(signal, signal))

@@ -181,7 +181,7 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     responses = typical[:, None, :] * (view.sensitivities * view.grid.weights_nm)
     errors = PixelErrors(
         between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
-        np.zeros(bands), np.zeros((bands, bands)), scene.veil, 0.0, relative,
+        np.zeros(bands), np.zeros((bands, bands)), scene.veil, scene.reflection, relative,
         [_calibration_under(scene, colour) for colour in typical],
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
     flags = np.full(nodes.surface.shape, SEEN, np.uint8)

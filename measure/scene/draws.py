@@ -8,7 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spectrabox.radiometry.covariance import error_patterns
-from spectrabox.radiometry.error_model import curve_errors, light_errors, scale_covariances
+from spectrabox.radiometry.error_model import (
+    CAUSES,
+    curve_errors,
+    light_errors,
+    scale_covariances,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import (
@@ -114,11 +119,17 @@ def _strongest(changes: np.ndarray) -> np.ndarray:
 
 def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
                     signal: np.ndarray) -> np.ndarray:
-    """Errors (Q, R, K) by light that the scene does not hold, one for each cause."""
-    index = [joint.materials.index(regions.transport.materials[material])
-             for material in regions.material]
-    return np.array([signal * stray.relative[index] for stray in joint.stray_light]
-                    ).reshape(-1, *signal.shape)
+    """Errors (Q, R, K) by light that the scene does not hold, one for each cause; for each material
+    where a cause befalls them one by one.
+    """
+    index = np.array([joint.materials.index(regions.transport.materials[material])
+                      for material in regions.material])
+    errors = []
+    for stray in joint.stray_light:
+        changes = signal * stray.relative[index]
+        errors += [changes] if CAUSES[stray.cause].surfaces else [
+            np.where((index == material)[:, None], changes, 0.0) for material in np.unique(index)]
+    return np.array(errors).reshape(-1, *signal.shape)
 
 
 def _of_tails(of_brightest: np.ndarray, regions: RegionTransport,

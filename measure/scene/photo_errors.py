@@ -1,18 +1,26 @@
-"""Light in the object photos that no scene holds: veiling glare of the lens, and light from
-elsewhere than the lamp.
+"""Light in the object photos that no scene holds: veiling glare of the lens, light from elsewhere
+than the lamp, and what the outermost layer of a surface mirrors.
 
-Both add to the signal, so that dark materials and shadows suffer most.
+All add to the signal, so that dark materials and shadows suffer most.
 
-    glare    d s(m, k) / s(m, k) = g mean of the picture(k) / mean over the material's pixels(k)
-    ambient  d s(m, k) / s(m, k) = a largest irradiance / mean irradiance on the material's pixels
+    glare       d s(m, k) / s(m, k) = g mean of the picture(k) / mean over its pixels(k)
+    ambient     d s(m, k) / s(m, k) = a largest irradiance / mean irradiance on its pixels
+    reflection  d s(m, k) = r of the material, a share of white
 """
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.radiometry.error_model import GLARE, STRAY_LIGHT, drift_covariance
+from spectrabox.radiometry.error_model import (
+    GLARE,
+    STRAY_LIGHT,
+    SURFACE_REFLECTION,
+    drift_covariance,
+)
 from spectrabox.radiometry.records import (
     JointReconstruction,
     LightDrift,
@@ -22,41 +30,45 @@ from spectrabox.radiometry.records import (
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 
 
-def with_photo_errors(joint: JointReconstruction, drift: LightDrift | None, glare: np.ndarray,
-                      ambient: float) -> JointReconstruction:
+@dataclass(frozen=True, eq=False)
+class StatedErrors:
+    """What a scene states of its photos beyond noise, camera and light."""
+
+    drift: LightDrift | None    # of the light between the first chart and object photo
+    glare: np.ndarray           # (K,) standard error, of a photo's mean signal
+    ambient: float              # standard error, of the brightest irradiance
+    reflection: Mapping[str, float]     # of materials: standard error of what they mirror, of white
+
+
+def with_photo_errors(joint: JointReconstruction, errors: StatedErrors) -> JointReconstruction:
     """The reconstruction with the errors of which its photos tell nothing: a drift of the light
-    between chart and first photo, and stray light.
+    between chart and first photo, and light that the scene does not hold.
 
     A change of the light's colour is among what photo and model disagree by.
 
     Parameters
     ----------
     joint : JointReconstruction
-    drift : LightDrift or None
-    glare, ambient
-        As of ``with_stray_light``.
+    errors : StatedErrors
     """
+    drift = errors.drift
     if drift is not None:
         model = np.array(joint.model_covariance)
         mine = np.flatnonzero(joint.view_of_band == 0)
         model[:, mine[:, None], mine] += drift_covariance(drift)
         first = dataclasses.replace(joint.views[0], notes=(*joint.views[0].notes, drift.sentence))
         joint = dataclasses.replace(joint, model_covariance=model, views=(first, *joint.views[1:]))
-    return with_stray_light(joint, glare, ambient)
+    return with_stray_light(joint, errors)
 
 
-def with_stray_light(joint: JointReconstruction, glare: np.ndarray,
-                     ambient: float) -> JointReconstruction:
+def with_stray_light(joint: JointReconstruction, errors: StatedErrors) -> JointReconstruction:
     """The reconstruction with what stray light may have added to each material's signal.
 
     Parameters
     ----------
     joint : JointReconstruction
         Whose own stray light is replaced.
-    glare : (K,) array
-        Standard error, of the mean signal of each band over the picture.
-    ambient : float
-        Standard error, of the brightest irradiance in the picture.
+    errors : StatedErrors
     """
     of_glare, of_ambient = np.zeros((2, *joint.signal.shape))
     for number in np.unique(joint.view_of_band):
@@ -68,10 +80,14 @@ def with_stray_light(joint: JointReconstruction, glare: np.ndarray,
             own, index = _pixels_of(view, name) & lit, joint.materials.index(name)
             if own.any():
                 shown = view.measured[own].mean(axis=0)
-                of_glare[index, bands] = glare * view.measured.mean(axis=(0, 1)) / shown
-                of_ambient[index, bands] = ambient * brightest / irradiance[own].mean()
-    return dataclasses.replace(joint, stray_light=(StrayLight(GLARE, of_glare),
-                                                   StrayLight(STRAY_LIGHT, of_ambient)))
+                of_glare[index, bands] = errors.glare * view.measured.mean(axis=(0, 1)) / shown
+                of_ambient[index, bands] = errors.ambient * brightest / irradiance[own].mean()
+    mirrored = np.array([errors.reflection.get(name, 0.0) for name in joint.materials])[:, None]
+    by_signal = np.divide(mirrored, joint.signal, where=joint.signal > 0,
+                          out=np.zeros_like(joint.signal))
+    return dataclasses.replace(joint, stray_light=(
+        StrayLight(GLARE, of_glare), StrayLight(STRAY_LIGHT, of_ambient),
+        StrayLight(SURFACE_REFLECTION, by_signal)))
 
 
 def _irradiance(view: Reconstruction) -> np.ndarray:

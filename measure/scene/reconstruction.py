@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from spectrabox.capture.photo.binning import bin_image, render_size
-from spectrabox.measure.scene.photo_errors import with_photo_errors
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
     Calibration,
@@ -27,6 +28,7 @@ from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.scene.scene_file import (
     SceneFile,
     check_materials,
+    not_plain_products,
     require_same_shape,
 )
 from spectrabox.reconstruct.settings import InversionSettings
@@ -70,6 +72,7 @@ class SceneEstimate:
 def reconstruct_scene(photo: LinearImage, scene: SceneFile, calibration: Calibration,
                       materials: Mapping[str, np.ndarray | None], options: SceneOptions, *,
                       families: Mapping[str, Sequence[str]] | None = None,
+                      surfaces: Mapping[str, str] | None = None,
                       scale: LightScale | None = None, chart_glare: np.ndarray | float = 0.0,
                       progress: Progress = lambda share, message: None) -> SceneEstimate:
     """Spectra of all materials of a scene from one photo.
@@ -86,6 +89,8 @@ def reconstruct_scene(photo: LinearImage, scene: SceneFile, calibration: Calibra
     options : SceneOptions
     families : mapping, optional
         What surfaces are, by material.
+    surfaces : mapping, optional
+        How much they mirror, of SURFACE_REFLECTIONS, by material.
     scale : LightScale, optional
         From a chart photo. Without it a known material tells the strength of the light; without
         both it is estimated from what the prior expects, with its error.
@@ -115,8 +120,13 @@ def reconstruct_scene(photo: LinearImage, scene: SceneFile, calibration: Calibra
         small = bin_image(photo, *render_size(width, height, min(options.width, COARSE_WIDTH)))
         view = dataclasses.replace(view, light_scale=scale_from_prior(
             dataclasses.replace(view, photo=small), settings, stated, progress))
-    joint = with_photo_errors(reconstruct_views((view,), settings, progress), None,
-                              np.broadcast_to(glare, len(bands)), options.ambient)
+    modelled = not_plain_products(scene)
+    joint = with_photo_errors(
+        reconstruct_views((view,), settings, progress),
+        StatedErrors(None, np.broadcast_to(glare, len(bands)), options.ambient,
+                     {name: SURFACE_REFLECTIONS[(surfaces or {}).get(name)]
+                      for name, known in materials.items()
+                      if known is None and name not in modelled}))
     signals = scene_signals(joint, [calibration])
     return SceneEstimate(joint, signals,
                          sample_surfaces(signals, options.drawing, stated, progress))

@@ -5,10 +5,10 @@ from the truths, the rank of each truth among the draws is uniform if everything
 Here what lies between is this scene's geometry, light, camera, noise and errors. Truths are made
 by the models behind the prior's families, not drawn from the fitted mixture, so that bands can fail
 by the prior too. Reflectances, curves of the camera, the light's readings, scale and repeatability,
-glare and stray light, surfaces that are brighter than the scene says and uneven, and the noise of
-photo and tracing are drawn anew each time; the transport, traced once, carries them to a photo, and
-the code of `measure` takes it from there. What the scene takes as certain is certain here too:
-where the lamp stands, that surfaces are matt. It shows "calibrated here" as far as the stated
+glare and stray light, what surfaces mirror, surfaces that are brighter than the scene says and
+uneven, and the noise of photo and tracing are drawn anew each time; the transport, traced once,
+carries them to a photo, and the code of `measure` takes it from there. What the scene takes as
+certain is certain here too: where the lamp stands. It shows "calibrated here" as far as the stated
 errors are right.
 """
 from __future__ import annotations
@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
-from spectrabox.measure.scene.photo_errors import with_photo_errors
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift, Progress
+from spectrabox.radiometry.records import Calibration, JointReconstruction, Progress
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.fit.traced_view import TracedView
@@ -56,15 +56,6 @@ class MaterialRehearsal:
     def coverage_error(self) -> float:
         """Standard error of the mean coverage; wavelengths of one truth are no separate trials."""
         return float(self.coverage.std(ddof=1) / np.sqrt(self.coverage.size))
-
-
-@dataclass(frozen=True, eq=False)
-class StatedErrors:
-    """What a scene states of its photos beyond noise, camera and light."""
-
-    drift: LightDrift | None    # of the light between the first chart and object photo
-    glare: np.ndarray           # (K,) standard error, of a photo's mean signal
-    ambient: float              # standard error, of the brightest irradiance
 
 
 def prepare_replays(views: Sequence[View], settings: InversionSettings,
@@ -156,14 +147,14 @@ class Replays:
 
     def again(self, number: int, rng: np.random.Generator) -> JointReconstruction:
         """The reconstruction from photos of one truth."""
-        return with_photo_errors(replay(self.stage, self.truth(number, rng), rng),
-                                 self.errors.drift, self.errors.glare, self.errors.ambient)
+        return with_photo_errors(replay(self.stage, self.truth(number, rng), rng), self.errors)
 
     def truth(self, number: int, rng: np.random.Generator) -> Truth:
         """What is photographed in one replay."""
         joint = self.joint
         spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
         spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truths[number])
+                    + self.errors.reflection.get(name, 0.0) * abs(rng.standard_normal())
                     for name, truths in self.truths.items()}
         views = range(len(self.stage.views))
         responses = tuple(self._response(index, self.cameras[number], rng) for index in views)

@@ -172,12 +172,9 @@ def _ground(config: SessionConfig) -> list[str]:
 
 def _scene(config: SessionConfig) -> list[str]:
     """Faults of a session of a scene."""
-    problems = [f"{FILE_NAME}: {key} belongs to regions of a flat sample; leave it out: the scene "
-                "says where its surfaces lie and how they mirror"
-                for key, written in (
-                    ("repeatability.plane", "plane" in config.repeatability.model_fields_set),
-                    ("picture.surface", config.picture is not None
-                     and config.picture.surface is not None)) if written]
+    problems = [f"{FILE_NAME}: repeatability.plane belongs to regions of a flat sample; that of a "
+                "scene is repeatability.scene_level"] if \
+        "plane" in config.repeatability.model_fields_set else []
     if config.needs_chart and config.photos.chart is None:
         problems.append(f"{FILE_NAME}: photos.chart is missing, but sensitivities or scale are to "
                         "come from it; add the photo, or give [sensitivity] from = \"curves.csv\" "
@@ -211,8 +208,9 @@ def _regions(config: SessionConfig) -> list[str]:
                                      ("light.by_id", config.light.by_id),
                                      ("[reconstruct]", "reconstruct" in config.model_fields_set),
                                      ("[scale]", "scale" in config.model_fields_set),
-                                     ("repeatability.lamp_position", "lamp_position"
-                                      in config.repeatability.model_fields_set),
+                                     *((f"repeatability.{name}",
+                                        name in config.repeatability.model_fields_set)
+                                       for name in ("lamp_position", "scene_level")),
                                      ("stray_light.ambient", "ambient"
                                       in config.stray_light.model_fields_set)) if written]
     problems += [f"{FILE_NAME}: views.{name}.scene belongs to a scene; leave it out"

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from spectrabox.radiometry.charts.layout_names import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
-from spectrabox.radiometry.error_model import PLANE_ERROR
+from spectrabox.radiometry.error_model import PLANE_ERROR, SCENE_LEVEL_ERROR
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
@@ -43,8 +43,8 @@ Photo = Files | Annotated[dict[str, Files], Field(min_length=1)]
 RelativeError = Annotated[float, Field(ge=0, le=1)]
 SplineCoefficients = Annotated[int, Field(ge=5, le=40)]
 Surface = Literal["matt", "satin", "glossy"] | None
-SURFACE_FIELD = Field(None, description="of a flat sample: how much its surface mirrors, matt, "
-                      "satin or glossy, in light that no camera tells from its colour")
+SURFACE_FIELD = Field(None, description="how much the surface mirrors, matt, satin or glossy, in "
+                      "light that no camera tells from its colour")
 Quadrilaterals = ListOf[ListOf[ListOf[float]]]
 
 
@@ -142,7 +142,10 @@ class RepeatabilitySection(Table):
                                    "from photo to photo; references of [drift] replace it")
     lamp_position: RelativeError = Field(0.005, description="of the lamp in the chart scene, along "
                                          "each axis, relative to its distance from the chart")
-
+    scene_level: RelativeError = Field(
+        SCENE_LEVEL_ERROR, description="relative: of the light on a scene against that on its "
+        "chart, by the lamp's position and beam and the chart's tilt; [scale] from = \"material\" "
+        "measures it")
     plane: RelativeError = Field(PLANE_ERROR, description="relative: of the light on flat "
                                  "samples, whose plane is not quite the chart's; a white card "
                                  "among them measures it")
@@ -223,6 +226,7 @@ class SurfaceSection(Table):
     family: str | ListOf[str] | None = Field(
         None, description="what the surface is: paint, textile, leaves, skin, white, earth or "
         "animal; bands are then conditional on it")
+    surface: Surface = SURFACE_FIELD
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -249,7 +253,6 @@ class RegionSection(SurfaceSection):
 
     swatch: SpectrumRef | None = Field(None, description="measured reflectance of a swatch of the "
                                        "samples' material; eight or more correct their spectra")
-    surface: Surface = SURFACE_FIELD
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners")
     polygon: ListOf[ListOf[float]] | None = Field(None, description="[[x, y], ...]: three corners "
                                                   "or more, going round")

@@ -60,6 +60,7 @@ scene = "scene/chart.xml"           # light and chart in place; the chart is a r
 # light = {REPEATABILITY.light}
 # shutter = {REPEATABILITY.shutter}
 # lamp_position = {REPEATABILITY.lamp_position}             # in the chart scene, of its distance
+# scene_level = {REPEATABILITY.scene_level}                # on the scene, against the chart's
 # plane = {REPEATABILITY.plane}                      # of the light on flat samples
 
 # [stray_light]                     # in the object photo; a dark room and a lens hood lower it

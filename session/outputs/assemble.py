@@ -80,13 +80,13 @@ def assemble(config: SessionConfig, run: FinishedRun,
         provenance=provenance, input_digests=run.input_digests(config), warnings=warnings,
         stages=[{"name": name, "seconds": stage.seconds, "state": run.states[name]}
                 for name, stage in run.stored.items()],
+        surfaces_stated=all(surface.surface is not None or surface.measured is not None
+                            for surface in config.surfaces.values()),
         picture=picture_of(config, records.picture), swatches=records.sample.swatches)
     if joint is None:
         return FlatResults(
             **vars(common), photos=[_photo_of_regions(config, records, view)
-                                    for view in config.all_views],
-            surfaces_stated=all(region.surface is not None or region.measured is not None
-                                for region in config.regions.values()))
+                                    for view in config.all_views])
     geometry = records.reconstruct.geometry
     views = [ViewResult(view.name, bands, calibration, reconstruction)
              for view, calibration, reconstruction

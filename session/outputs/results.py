@@ -131,6 +131,7 @@ class CommonEvidence:
     other_calibrations: Mapping[str, Calibration] = field(default_factory=dict)
     photo: LinearImage                # at the render's size, or a thumbnail
     materials: list[MaterialResult]
+    surfaces_stated: bool           # matt, satin or glossy, of every surface that is estimated
     picture: PictureOfSpectra | None = None     # where the session asks for one
 
 
@@ -153,7 +154,6 @@ class FlatEvidence(CommonEvidence):
     """What the verdict on a session of flat samples rests on."""
 
     photos: Sequence[LitRegions]
-    surfaces_stated: bool           # matt, satin or glossy, of every region that is estimated
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from spectrabox.measure.pictures.crop import crop_of
 from spectrabox.measure.pictures.scene_light import converge_light
 from spectrabox.measure.pictures.surface_textures import TextureSums
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
+from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
 from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -83,5 +84,5 @@ def traced_photo(task: StageTask) -> TracedPhoto:
         view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
         records.calibrations(config)[0], drift,
         glare_error(config, records) * joint.views[0].measured.mean(axis=(0, 1)),
-        config.stray_light.ambient,
+        config.stray_light.ambient, SURFACE_REFLECTIONS[section.surface],
         float(np.hypot(settings.surface_error, settings.brightness_error)), config.session.seed)

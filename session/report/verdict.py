@@ -9,7 +9,7 @@ import numpy as np
 
 from spectrabox.measure.chart_check import poor_patches
 from spectrabox.measure.white import FAR, LEVEL_DOUBTED
-from spectrabox.radiometry.error_model import REPEATABILITY
+from spectrabox.radiometry.error_model import LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.records import (
     Calibration,
     CalibrationDoubt,
@@ -54,6 +54,14 @@ DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured ca
           CalibrationDoubt.TWO_LIGHTS: "Colour of the light over the chart",
           CalibrationDoubt.VEIL: "Veiling glare on the chart"}
 MAX_NAMED = 3                         # surfaces that the verdict names
+WITHIN = 2                            # standard errors within which a condition is said to hold
+# what is assumed of the light on a scene: criterion, what repeats or agrees, what measures it
+ASSUMED = {
+    REPEATABILITY: ("Light and shutter from chart photo to object photo", "lamp and shutter repeat",
+                    "A grey reference that both photos show ([drift])"),
+    SCENE_LEVEL: ("Light on the scene against that on the chart", "the positions of lamp and chart "
+                  "give the light on the scene", "A material of known spectrum ([scale] from = "
+                  "\"material\")")}
 # of sessions with a picture, whose surfaces may have as many spectra as pixels
 PATTERNS = ("One spectrum for each material does not fit every surface. It cannot fit those with "
             "patterns, and the picture, with a spectrum for every pixel, does not rest on it; of "
@@ -128,11 +136,12 @@ def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
     """Verdict on a session: PASS, WARN or FAIL, the worst of its criteria."""
     if isinstance(evidence, FlatEvidence):
         own = [*_light(evidence), *_known_levels(evidence), *_uneven_regions(evidence)]
-        good = ("The chart fits, and the light on every region is known within the limits. The "
-                f"bands hold if the samples are {_conditions(evidence)}.")
+        good = "The chart fits, and the light on every region is known within the limits."
+        conditions = _flat_conditions(evidence)
     else:
         own, good = _scene_criteria(evidence), \
             "Photo, rendering and calibration agree within the limits."
+        conditions = _scene_conditions(evidence)
     fits = {"": evidence.calibration, **evidence.other_calibrations}
     criteria = (*own, *calibration_doubts(evidence), *_chart_agreement(evidence),
                 *held_out_patches(evidence), _clipped(evidence),
@@ -143,7 +152,7 @@ def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
     if status in (Status.WARN, Status.FAIL):
         reasons = dict.fromkeys(c.sentence for c in criteria if c.status is status)
         return Verdict(status, " ".join(reasons), criteria)
-    return Verdict(status, good, criteria)
+    return Verdict(status, f"{good} The bands hold if {conditions}.", criteria)
 
 
 def _scene_criteria(evidence: SceneEvidence) -> list[Criterion]:
@@ -182,12 +191,32 @@ def _light(evidence: FlatEvidence) -> list[Criterion]:
                              "which is corrected within its error.")]
 
 
-def _conditions(evidence: FlatEvidence) -> str:
+def _flat_conditions(evidence: FlatEvidence) -> str:
     """What no photo shows and the estimates rest on: how the samples must lie."""
     matt = [] if evidence.surfaces_stated else ["matt"]
     card = all(photo.level_misfits for photo in evidence.photos if photo.light)
-    return listed([*matt, "flat", *(["in the white card's plane"] if card else
-                                    ["in the chart's plane", "in no shadow"])])
+    return "the samples are " + listed([*matt, "flat", *(
+        ["in the white card's plane"] if card else ["in the chart's plane", "in no shadow"])])
+
+
+def _scene_conditions(evidence: SceneEvidence) -> str:
+    """The same of a scene: what of the light only the chart photo tells, geometry, surfaces."""
+    scales = [evidence.light_scale, *(view.reconstruction.light_scale for view in evidence.views)]
+
+    def within(*causes: str) -> str:
+        errors = [np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
+                                          if error.cause in causes)]) for scale in scales]
+        return percent(WITHIN * max(errors), 0) if max(errors) else ""
+
+    repeat, light = within(REPEATABILITY), within(SCENE_LEVEL, LAMP_AT_CHART)
+    known = [f"“{material.name}”" for material in evidence.materials if material.summary is None]
+    return listed([
+        *([f"lamp and shutter repeated within {repeat} between chart photo and object photo"]
+          if repeat else []),
+        f"the geometry gives the light on the scene within {light}" if light else
+        "the geometry is right",
+        *([f"the spectrum of {listed(known)} is right"] if known else []),
+        *([] if evidence.surfaces_stated else ["the surfaces are as matt as the scene says"])])
 
 
 def _known_levels(evidence: FlatEvidence) -> list[Criterion]:
@@ -439,20 +468,21 @@ def _samplers(evidence: CommonEvidence) -> list[Criterion]:
 
 
 def _between_photos(evidence: SceneEvidence) -> list[Criterion]:
-    """What it costs that nobody measured the light and the shutter between the photos."""
-    stated = [error.relative for error in evidence.light_scale.common_errors
-              if error.cause == REPEATABILITY]
-    if not stated:
-        return []
-    shares = [material.variance_shares[REPEATABILITY] for material in evidence.materials
-              if REPEATABILITY in material.variance_shares]
-    cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra (up "
-            f"to {percent(max(shares))} of a material's)" if shares else "")
-    return [Criterion("Light and shutter from chart photo to object photo", stated[0],
-                      percent(stated[0]), "stated, not measured", Status.INFO,
-                      f"We assume lamp and shutter repeat to {percent(stated[0])}{cost}. A "
-                      "grey reference that both photos show ([drift]) measures it instead and "
-                      "narrows every band.")]
+    """What it costs that nobody measured the light on the scene itself."""
+    rows = []
+    for cause, (name, assumed, measured_by) in ASSUMED.items():
+        stated = [error.relative for error in evidence.light_scale.common_errors
+                  if error.cause == cause]
+        if not stated:
+            continue
+        shares = [material.variance_shares[cause] for material in evidence.materials
+                  if cause in material.variance_shares]
+        cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra "
+                f"(up to {percent(max(shares))} of a material's)" if shares else "")
+        rows.append(Criterion(name, stated[0], percent(stated[0]), "stated, not measured",
+                              Status.INFO, f"We assume {assumed} to {percent(stated[0])}{cost}. "
+                              f"{measured_by} measures it instead and narrows every band."))
+    return rows
 
 
 def _coverage(evidence: CommonEvidence) -> Criterion:

@@ -6,10 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.measure.scene.draws import require_one_transport
-from spectrabox.measure.scene.photo_errors import with_photo_errors
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
 from spectrabox.measure.scene.reconstruction import learnt_spectra
 from spectrabox.measure.surface_signals import scene_signals
-from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
+from spectrabox.radiometry.error_model import (
+    REPEATABILITY,
+    SCENE_LEVEL,
+    SURFACE_REFLECTIONS,
+    with_common_error,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_after_drift, scale_for_photo
@@ -53,10 +58,26 @@ def invert_photos(task: StageTask) -> ReconstructionRecords:
     _require_picture(config, views)
     joint = reconstruct_views(views, settings_of(config), task.progress,
                               config.results_folder / TRACE)
-    joint = with_photo_errors(joint, drift, glare_error(config, records),
-                              config.stray_light.ambient)
+    joint = with_photo_errors(joint, stated_errors(config, records, views, drift))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(config)), drift,
                                  scene_geometry(config))
+
+
+def stated_errors(config: SessionConfig, records: SessionRecords, views: Sequence[View],
+                  drift: LightDrift | None) -> StatedErrors:
+    """What the session states of its photos; surfaces that the scene says to be glossy mirror what
+    it says.
+
+    Parameters
+    ----------
+    drift : LightDrift or None
+        Of the light between the first view's chart and photo.
+    """
+    modelled = {bsdf for view in views for bsdf in not_plain_products(view.scene_file)}
+    return StatedErrors(drift, glare_error(config, records), config.stray_light.ambient,
+                        {name: SURFACE_REFLECTIONS[material.surface]
+                         for name, material in config.materials.items()
+                         if material.known is None and config.bsdfs[name] not in modelled})
 
 
 def glare_error(config: SessionConfig, records: SessionRecords) -> np.ndarray:
@@ -173,7 +194,7 @@ def scale_of_view(config: SessionConfig, view: ViewInputs, photo: LinearImage,
                   calibration: Calibration, records: SessionRecords,
                   drift: LightDrift | None) -> LightScale | None:
     """Light scale of a photo from the chart under its light, corrected by the drift between them;
-    None leaves it to the materials.
+    None leaves it to the materials, which then tell how strong the light on the scene is.
 
     Parameters
     ----------
@@ -185,12 +206,13 @@ def scale_of_view(config: SessionConfig, view: ViewInputs, photo: LinearImage,
     drift : LightDrift or None
         Of the light between chart and photo.
     """
-    with_chart = view_of_chart(config, view)
+    with_chart = view_of_chart(config, view) if config.scale.source == "chart" else None
     chart = None if with_chart is None else records.chart.charts.get(with_chart.name)
-    if with_chart is None or chart is None or calibration.light_scale is None \
-            or config.scale.source != "chart":
+    if with_chart is None or chart is None or calibration.light_scale is None:
         return None
-    scale = scale_for_photo(calibration.light_scale, chart.thumbnail, photo, drift is not None)
+    scale = with_common_error(
+        scale_for_photo(calibration.light_scale, chart.thumbnail, photo, drift is not None),
+        SCENE_LEVEL, config.repeatability.scene_level)
     if drift is not None:
         return scale_after_drift(scale, drift)
     if with_chart.chart_files == view.photo_files:

@@ -24,6 +24,7 @@ from spectrabox.api.inputs import (
     as_reflectance,
     families_of,
     one_blas_thread,
+    surfaces_of,
 )
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
@@ -53,7 +54,6 @@ from spectrabox.measure.white import (
 )
 from spectrabox.radiometry.chart import Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
@@ -237,7 +237,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     for name in (*(families or {}), *(known or {}), *of_material):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
-    surfaces = _surfaces(surface, regions)
+    surfaces = surfaces_of(surface, regions, "region")
     with progress_steps(progress, "flat") as step:
         step(0.0, "finding the chart")
         reflectances = reference_reflectances(reference, chart, FINE_GRID)
@@ -339,19 +339,6 @@ def _swatches(swatches: Mapping[str, KnownSpectrum] | str | Path | None,
         return {name: spectrum_on_grid(spectrum, FINE_GRID) for name, spectrum
                 in read_swatch_spectra(Path(swatches), regions).items()}
     return {name: as_reflectance(one, name) for name, one in (swatches or {}).items()}
-
-
-def _surfaces(surface: str | Mapping[str, str] | None,
-              regions: Mapping[str, Outline]) -> dict[str, str]:
-    """What is stated of the surface of each region."""
-    stated = {} if surface is None else dict.fromkeys(regions, surface) \
-        if isinstance(surface, str) else dict(surface)
-    for name, word in stated.items():
-        if name not in regions:
-            raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
-        if word not in SURFACE_WORDS:
-            raise InputError(f"a surface is {', '.join(SURFACE_WORDS)}, not {word!r}")
-    return stated
 
 
 def _measured_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,

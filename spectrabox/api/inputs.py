@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeVar, Union
 
@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
 from spectrabox.radiometry.records import Calibration, Filter, Quantity, Spectrum, UnknownLight
@@ -171,6 +172,33 @@ def as_chart(layout: str | Path | Chart | None) -> Chart:
     if isinstance(layout, Chart):
         return layout
     return CLASSIC if layout is None else chart_layout(str(layout))
+
+
+def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],
+                kind: str) -> dict[str, str]:
+    """What is stated of how much each surface mirrors.
+
+    Parameters
+    ----------
+    surface : str or mapping or None
+        Of all, or by name.
+    names : collection of str
+    kind : str
+        What is named, for sentences: region or material.
+
+    Raises
+    ------
+    InputError
+        If there is no such name or statement.
+    """
+    stated = {} if surface is None else dict.fromkeys(names, surface) \
+        if isinstance(surface, str) else dict(surface)
+    for name, word in stated.items():
+        if name not in names:
+            raise InputError(f"there is no {kind} {name!r}; there are {', '.join(names)}")
+        if word not in SURFACE_WORDS:
+            raise InputError(f"a surface is {', '.join(SURFACE_WORDS)}, not {word!r}")
+    return stated
 
 
 def families_of(families: str | Sequence[str] | None) -> tuple[str, ...]:

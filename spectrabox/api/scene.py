@@ -22,6 +22,7 @@ from spectrabox.api.inputs import (
     as_spectrum,
     families_of,
     one_blas_thread,
+    surfaces_of,
 )
 from spectrabox.api.notebook import axes_for
 from spectrabox.api.photo import Photo, open_photo
@@ -31,7 +32,12 @@ from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure.scene.reconstruction import SceneEstimate, SceneOptions
 from spectrabox.measure.scene.reconstruction import reconstruct_scene as reconstruct
 from spectrabox.measure.surface_spectra import DrawOptions
-from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
+from spectrabox.radiometry.error_model import (
+    REPEATABILITY,
+    SCENE_LEVEL,
+    SCENE_LEVEL_ERROR,
+    with_common_error,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_for_photo
@@ -116,6 +122,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
                       light: LightLike,
                       materials: Sequence[str] | Mapping[str, KnownSpectrum | None],
                       families: Mapping[str, str | Sequence[str]] | None = None,
+                      surface: str | Mapping[str, str] | None = None,
                       width: int = 96, draws: int = 4000, seed: int = 1, device: str = "auto",
                       progress: ProgressLike = None) -> SceneSpectra:
     """Spectra of the materials of a scene from one photo, by inverse rendering in Mitsuba 3.
@@ -136,6 +143,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
         (nm, values), None where it is to be estimated. A known one tells the strength of the light.
     families : mapping, optional
         What a surface is, by material: paint, textile, leaves, skin, white, earth or animal.
+    surface : str or mapping, optional
+        How much the surfaces mirror: "matt", "satin" or "glossy"; of all materials, or by material.
     width : int
         Of the rendered view that is compared with the photo, in pixels.
     draws, seed : int
@@ -178,8 +187,9 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     if isinstance(camera, CameraEstimate):
         calibration = replace(camera.calibration, light=spectrum)
         if calibration.light_scale is not None:
-            scale = with_common_error(scale_for_photo(calibration.light_scale, camera.photo,
-                                                      opened.image), REPEATABILITY, REPEATS)
+            scale = scale_for_photo(calibration.light_scale, camera.photo, opened.image)
+            for cause, error in ((REPEATABILITY, REPEATS), (SCENE_LEVEL, SCENE_LEVEL_ERROR)):
+                scale = with_common_error(scale, cause, error)
         glare = certain_glare(camera.fit.chart.prior_fit, camera.photo)
     elif isinstance(camera, Calibration):
         calibration, scale = replace(camera, light=spectrum), camera.light_scale
@@ -197,7 +207,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
                            drawing=DrawOptions(draws=draws, seed=seed))
     with progress_steps(progress, "scene") as step:
         result = reconstruct(opened.image, read_scene(Path(scene)), calibration, known, options,
-                             families=stated, scale=scale, chart_glare=glare, progress=step)
+                             families=stated, surfaces=surfaces_of(surface, known, "material"),
+                             scale=scale, chart_glare=glare, progress=step)
     estimates = [surface_estimate(result.signals, name, result.spectra,
                                   as_prior(None, stated.get(name, ())), rendered=True)
                  for name in result.signals.names]
