@@ -45,7 +45,7 @@ def test_glare_as_stated_and_as_the_chart_shows_are_independent():
 def test_a_photo_without_a_chart_takes_that_under_its_own_light():
     first, same, other, own = views("", "same", "other", "own")
     first.chart, same.chart, other.chart, own.chart = "chart", None, None, "its chart"
-    other.light = own.light = "another lamp"
+    other.same_light = own.same_light = lambda _: False
     config = SimpleNamespace(all_views=(first, same, other, own))
     found = [reconstruct_stage.view_of_chart(config, view) for view in config.all_views]
     assert found == [first, first, None, own]
