@@ -34,6 +34,8 @@ from spectrabox.radiometry.records import SurfaceSignals
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 
+# of the brightest band of a photo: below it the black level and stray light are most of a signal
+DARK_BAND = 0.01
 SAME = 1e-9             # relative: responses closer than this are one
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
 # of white, beyond which a veil is haze; and how far it then differs over a photo: on a real one by
@@ -48,7 +50,8 @@ SHARED_UNDER_ONE_LAMP = {SAMPLE_PLANE: 1.0, SURFACE_REFLECTION: 1.0, LIGHT_FIELD
 def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],
                  families: Mapping[str, Sequence[str]], known: Mapping[str, np.ndarray],
                  bands: Sequence[str], errors: FlatErrors) -> SurfaceSignals:
-    """Signals of all regions in the bands of all photos; photos of one response are averaged.
+    """Signals of all regions in the bands of all photos; photos of one response are averaged, and
+    bands that are dark or saturated on a region are not a number there.
 
     Photos under one lamp, through filters, err alike by what the lamp and the sample's plane do.
 
@@ -75,6 +78,7 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     labels = tuple(f"{photos[number].name}: {band}" if len(photos) > 1 else band
                    for number in distinct for band in bands)
     signal = np.full((len(names), len(labels)), np.nan)
+    silent = np.zeros(signal.shape, bool)
     causes: dict[str, np.ndarray] = {}
     for index, name in enumerate(names):
         lamps = np.full(len(labels), "", dtype=object)
@@ -91,9 +95,11 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
                 whole = causes.setdefault(cause, np.zeros((len(names), *(2 * [len(labels)]))))
                 whole[index, own, own] = covariance
             lamps[own] = photos[number].lamp or f"of {number}"
+            silent[index, own] = np.any([_silent_bands(white, name) for _, white in shown], axis=0)
         for cause, covariance in causes.items():
             covariance[index] += _common_to_photos(cause, covariance[index], signal[index], lamps,
                                                    errors.disagreement)
+    signal[silent] = np.nan
     response = np.vstack([responses[number] for number in distinct])
     spectra = np.array([known[name] if name in known
                         else _expected_spectrum(families[name], response, signal[index])
@@ -143,6 +149,13 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
     zero = np.zeros_like(noise)
     return {PHOTO_NOISE: noise, **{
         cause: np.mean([part.get(cause, zero) for part in parts], axis=0) for cause in causes}}
+
+
+def _silent_bands(white: PhotoWhite, name: str) -> np.ndarray:
+    """Bands (K,) that say nothing of a region: too dark beside the brightest, or saturated."""
+    row, clipped = white.samples.names.index(name), white.samples.clipped
+    dark = white.white[row] < DARK_BAND * white.white[row].max()
+    return np.asarray(dark if clipped is None else dark | clipped[row])
 
 
 def _common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lamps: np.ndarray,

@@ -18,6 +18,7 @@ from spectrabox.radiometry.error_model import (
     scale_covariances,
     sensitivity_covariance,
 )
+from spectrabox.radiometry.independent_bands import independent_bands
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
@@ -25,6 +26,8 @@ from spectrabox.radiometry.records import (
     SpectralMeasurement,
     SurfaceSignals,
 )
+
+FEW_BANDS = 12      # whose signals draws reach one by one
 
 
 def scene_signals(joint: JointReconstruction,
@@ -63,29 +66,47 @@ def with_errors(signals: SurfaceSignals, causes: dict[str, np.ndarray]) -> Surfa
 
 
 def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
-    """Covariance of one surface's signal by cause, in the bands that show it.
+    """Covariance by cause of the signal of ``measurement``; they add up to its noise.
 
     Parameters
     ----------
     index : int
         Of the surface.
     """
-    seen = np.flatnonzero(np.isfinite(signals.signal[index]))
-    return {error.cause: error.covariance[index][np.ix_(seen, seen)] for error in signals.errors}
+    _, _, gain = _independent(signals, index)
+    return {cause: gain @ covariance @ gain.T
+            for cause, covariance in _errors_in_bands(signals, index).items()}
 
 
 def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
-    """What the photos said of one surface, in the bands that show it.
+    """What the photos said of one surface, in bands that show it and do not depend on each other.
 
     Parameters
     ----------
     index : int
         Of the surface.
     """
-    seen = np.isfinite(signals.signal[index])
+    seen, chosen, gain = _independent(signals, index)
     total = np.sum(list(errors_by_cause(signals, index).values()), axis=0)
-    return SpectralMeasurement(signals.grid, signals.response[seen], signals.signal[index][seen],
-                               symmetric(total))
+    return SpectralMeasurement(signals.grid, signals.response[seen][chosen],
+                               gain @ signals.signal[index][seen], symmetric(total))
+
+
+def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Indices of the bands that show a surface, among them of those that do not depend on each
+    other, and the gain that estimates their signals from all; of few bands all.
+    """
+    seen = np.flatnonzero(np.isfinite(signals.signal[index]))
+    if seen.size <= FEW_BANDS:
+        return seen, np.arange(seen.size), np.eye(seen.size)
+    total = np.sum(list(_errors_in_bands(signals, index).values()), axis=0)
+    return seen, *independent_bands(signals.response[seen], symmetric(total))
+
+
+def _errors_in_bands(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+    """Covariance of one surface's signal by cause, in the bands that show it."""
+    seen = np.flatnonzero(np.isfinite(signals.signal[index]))
+    return {error.cause: error.covariance[index][np.ix_(seen, seen)] for error in signals.errors}
 
 
 def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
@@ -98,7 +119,7 @@ def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray
     """
     value = signals.signal[index][np.isfinite(signals.signal[index])]
     return {cause: np.sqrt(np.diag(covariance)) / value
-            for cause, covariance in errors_by_cause(signals, index).items()}
+            for cause, covariance in _errors_in_bands(signals, index).items()}
 
 
 def noise_and_disagreement(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray]:

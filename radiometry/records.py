@@ -212,6 +212,8 @@ class RegionSamples(Record):
     pixels: Annotated[np.ndarray, "R"]
     scatter: Annotated[np.ndarray, "R K"]           # relative, beyond noise and a plane
     points_px: Annotated[np.ndarray, "R Q 2"]       # spread over each region, full resolution
+    # bool: bands of which the mean says nothing, being saturated; None: none is
+    clipped: Annotated[np.ndarray, "R K"] | None = None
 
 
 # ---- calibrate -----------------------------------------------------------------------------------

@@ -33,6 +33,7 @@ from spectrabox.calibrate.trust import fit_notes
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
 from spectrabox.radiometry import light_scale as drift
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.independent_bands import independent_bands
 from spectrabox.radiometry.light_scale import light_drift
 from spectrabox.radiometry.records import (
     ChartDetection,
@@ -46,6 +47,7 @@ from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 from spectrabox.reconstruct.agreement import model_covariance, scene_errors, surface_covariance
 from spectrabox.reconstruct.misfit import SHAPE_ERROR, surface_tests
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 SIGNIFICANCE = 1e-4
 SIGMAS = stats.norm.isf(SIGNIFICANCE / 2)
@@ -323,3 +325,25 @@ def test_derivatives_of_a_chart_photo_are_those_of_differences(with_glare, throu
         ahead, behind = (signal(at + sign * step * unit)[0] for sign in (1, -1))
         np.testing.assert_allclose(estimate[:, index], (ahead - behind) / (2 * step), rtol=1e-6,
                                    atol=1e-8 * np.abs(ahead).max())
+
+
+@pytest.mark.parametrize("rank", [4, 12])
+def test_bands_that_depend_on_each_other_say_what_a_few_of_them_say(rank):
+    rng = np.random.default_rng(4)
+    few = np.abs(np.sin(np.outer(np.arange(1, 5), PRIOR_GRID.nm / 90))) + 0.01
+    sums = rng.uniform(0.2, 1, (8, 4)) @ few
+    many = np.vstack([few, sums if rank == 4 else sums + rng.uniform(0, 1, sums.shape)])
+    many = many / many.sum(axis=1, keepdims=True)
+    factor = rng.standard_normal((12, 12))
+    covariance = 1e-5 * (np.eye(12) + factor @ factor.T)
+    signal = many @ (0.3 + 0.2 * np.sin(PRIOR_GRID.nm / 60))
+    chosen, gain = independent_bands(many, covariance)
+    assert len(chosen) == rank and np.all(np.diff(chosen) > 0)
+    # the information on reflectances, and what was measured of it, are those of all bands
+    left = gain @ covariance @ gain.T
+    for of_all, of_few in ((many.T @ np.linalg.solve(covariance, many),
+                            many[chosen].T @ np.linalg.solve(left, many[chosen])),
+                           (many.T @ np.linalg.solve(covariance, signal),
+                            many[chosen].T @ np.linalg.solve(left, gain @ signal))):
+        # round-off of two solutions with a condition of 1e4
+        np.testing.assert_allclose(of_few, of_all, atol=1e-9 * np.abs(of_all).max())

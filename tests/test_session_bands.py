@@ -9,7 +9,7 @@ from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.image_files import write_linear_exr
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.stages.inputs import read_photo
+from spectrabox.session.stages.inputs import OpenPhotos, read_photo
 
 BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
 EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own
@@ -44,3 +44,24 @@ def test_photos_of_other_bands_are_named(captured):
     with pytest.raises(InputError, match=r"photos\.chart and photos\.object must have the same "
                                          r"bands.*'blue filter'"):
         split_into_bands(captured, {"object": "box"})
+
+
+def test_every_channel_of_every_photo_is_a_band_unless_it_is_dark(captured):
+    text = (captured / "session.toml").read_text(encoding="utf-8")
+    for key, stem in (("object", "box"), ("chart", "chart"), ("flat", "flat")):
+        photo = open_any(captured / "photos" / f"{stem}.dng")
+        for name, gains in (("lamp", (1.0, 1.0, 1.0)), ("blue filter", (0.001, 0.4, 1.0))):
+            gain = np.array(gains, np.float32)
+            write_linear_exr(captured / "photos" / f"{stem} {name}.exr", dataclasses.replace(
+                photo, signal=photo.signal * gain, variance=photo.variance * gain**2))
+        text = re.sub(rf"(?m)^{key} = .*$", f'{key} = {{ lamp = "photos/{stem} lamp.exr", '
+                      f'"blue filter" = "photos/{stem} blue filter.exr" }}', text)
+    (captured / "session.toml").write_text(text, encoding="utf-8")
+    config, photos = read_session(captured), OpenPhotos()
+    image, _ = photos.developed(config, config.all_views[0].photo)
+    assert photos.bands(config, image) == ("lamp R", "lamp G", "lamp B", "blue filter G",
+                                           "blue filter B")
+    one, _ = read_photo(config, {"": ("photos/box lamp.exr",)})
+    # half precision of the files
+    np.testing.assert_allclose(image.signal[..., 3] * 2.5, image.signal[..., 1], rtol=2e-3,
+                               atol=1e-3 * one.signal.max())

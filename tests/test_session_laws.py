@@ -115,7 +115,7 @@ def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(m
             ("band_names", lambda *_: ("R", "G", "B")), ("read_session_scene", lambda *_: None)):
         monkeypatch.setattr(reconstruct_stage, name, replacement)
     measured, names = drift(True), ("", "second", "third")
-    records = SimpleNamespace(photo=SimpleNamespace(photos=dict.fromkeys(names, photo)),
+    records = SimpleNamespace(photo=SimpleNamespace(photos=dict.fromkeys(names, photo), bands=()),
                               calibrations=lambda _: [camera] * 3)
     reconstruct_stage.views_of(SimpleNamespace(all_views=views(*names)), records, measured)
     assert drifts == {"": measured, "second": None, "third": None}

@@ -420,15 +420,26 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
     brighter, by_light = _brighter(mean, designs[0].light, prior.bands)
     curves = prior.curves(mean[:size]) * brighter
     signal = whole @ curves
-    change = np.eye(mean.size)
-    change[:size, :size] -= np.outer(curves, whole) / signal
-    change[:size] /= signal
-    change[np.ix_(exposures, np.arange(size))] = whole / signal
-    change[:, designs[0].light.own] += (change[:, :size] * (curves / brighter)) @ by_light
-    change[:, :size] *= prior.slope(mean[:size]) * brighter
+    # the change of variables is a diagonal and a few columns times rows: no product of whole
+    # matrices, which would grow with the cube of the bands
+    slope = prior.slope(mean[:size]) * brighter
+    diagonal = np.r_[slope / signal, np.ones(mean.size - size)]
+    by_whole = np.r_[-curves / signal, np.zeros(mean.size - size)]
+    by_whole[exposures] = 1
+    per_curve = whole * curves / brighter
+    lights = np.zeros((mean.size, by_light.shape[1]))
+    lights[:size] = (curves / brighter / signal)[:, None] * by_light
+    lights += by_whole[:, None] * (per_curve @ by_light / signal)
+    columns = np.column_stack([by_whole, lights])
+    rows = np.zeros((mean.size, columns.shape[1]))
+    rows[:size, 0] = whole * slope / signal
+    rows[designs[0].light.own, 1:] = np.eye(lights.shape[1])
     moved = np.concatenate([curves / signal, mean[size:]])
     moved[exposures] += np.log(signal)
-    return moved, change @ covariance @ change.T
+    seen = covariance @ rows
+    across = columns @ (diagonal[:, None] * seen).T
+    spread = covariance * np.outer(diagonal, diagonal) + across + across.T
+    return moved, spread + columns @ (rows.T @ seen) @ columns.T
 
 
 def _mixture(candidates: list[Candidate], noises: dict[PatchError, np.ndarray], basis: np.ndarray,

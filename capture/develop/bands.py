@@ -10,6 +10,8 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage
 
 WELL_EXPOSED_PERCENTILE = 99.0
+# of the strongest channel under one filter or lamp: what lies below is mostly glare and black level
+DARK_CHANNEL = 0.03
 
 
 def stack_bands(images: Sequence[LinearImage], names: Sequence[str],
@@ -77,6 +79,34 @@ def _exposure_like(image: LinearImage, first: LinearImage, name: str) -> float:
     return image.exposure_s
 
 
+def only_channels(image: LinearImage, channels: Sequence[int] | None) -> LinearImage:
+    """The photo with some of its channels, in their order; all where none are named.
+
+    Parameters
+    ----------
+    image : LinearImage
+    channels : sequence of int or None
+    """
+    if channels is None or list(channels) == list(range(image.signal.shape[2])):
+        return image
+    chosen = list(channels)
+    return dataclasses.replace(image, signal=image.signal[..., chosen],
+                               variance=image.variance[..., chosen],
+                               saturated=image.saturated[..., chosen])
+
+
+def bright_channels(image: LinearImage) -> tuple[int, ...]:
+    """The channels that see more than ``DARK_CHANNEL`` of what the strongest sees, in order.
+
+    Parameters
+    ----------
+    image : LinearImage
+    """
+    bright = _brightest(image)
+    return tuple(np.flatnonzero(bright > DARK_CHANNEL * bright.max()).tolist()) \
+        or (strongest_channel(image),)
+
+
 def strongest_channel(image: LinearImage) -> int:
     """The channel that sees most light in the bright parts of the photo.
 
@@ -84,6 +114,11 @@ def strongest_channel(image: LinearImage) -> int:
     ----------
     image : LinearImage
     """
+    return int(np.argmax(_brightest(image)))
+
+
+def _brightest(image: LinearImage) -> np.ndarray:
+    """Signal (K,) of each channel in the bright parts of a photo."""
     stride = max(1, int(np.sqrt(image.signal[..., 0].size / 100_000)))
-    return int(np.argmax(np.percentile(image.signal[::stride, ::stride], WELL_EXPOSED_PERCENTILE,
-                                       axis=(0, 1))))
+    return np.asarray(np.percentile(image.signal[::stride, ::stride], WELL_EXPOSED_PERCENTILE,
+                                    axis=(0, 1)))

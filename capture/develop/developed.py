@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.capture.develop.bands import only_channels
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
 from spectrabox.capture.develop.flat_field import divide_by_flat
@@ -20,7 +21,8 @@ NOT_LINEAR = "NOT LINEAR: decoded as sRGB, colour matrix and tone curve remain"
 
 
 def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | None,
-                   not_linear: bool = False) -> tuple[LinearImage, tuple[str, ...]]:
+                   not_linear: bool = False, channels: Sequence[int] | None = None
+                   ) -> tuple[LinearImage, tuple[str, ...]]:
     """One linear image from photos of one scene, and notes on dark frames and exposures.
 
     Dark frames are averaged by exposure and subtracted from the photos of theirs; photos of several
@@ -34,6 +36,8 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         Photo of a white card in the same position.
     not_linear : bool
         As in ``open_any``.
+    channels : sequence of int, optional
+        Of the photos, those that the result has: a flat may be too dark in others. All by default.
 
     Raises
     ------
@@ -68,8 +72,9 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         images.append(dataclasses.replace(mean, variance=mean.variance + left.astype(np.float32)))
         notes += ratios
     merged, ratios = merge_exposures(images)
+    merged = only_channels(merged, channels)
     if flat is not None:
-        merged = divide_by_flat(merged, open_any(flat, not_linear))
+        merged = divide_by_flat(merged, only_channels(open_any(flat, not_linear), channels))
     if not_linear and any(NOT_LINEAR in image.source for image in images):
         notes.append(NOT_LINEAR)
     return merged, (*notes, *ratios)

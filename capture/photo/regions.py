@@ -17,7 +17,8 @@ Outline = Sequence[Sequence[float]]
 POINTS_A_SIDE = 5           # of the grid at which the light on a region is looked up
 
 
-def sample_regions(image: LinearImage, outlines: Mapping[str, Outline]) -> RegionSamples:
+def sample_regions(image: LinearImage, outlines: Mapping[str, Outline], *,
+                   without_clipped: bool = False) -> RegionSamples:
     """Mean signal of each region, its error and its unevenness.
 
     The mean is that of every pixel inside, whatever is painted there; its covariance is that of the
@@ -30,20 +31,23 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, Outline]) -> Regio
     outlines : mapping
         From names to corners [x, y] of a polygon, going round, in pixels of the whole photo; (0, 0)
         is the centre of the first.
+    without_clipped : bool
+        Take a region of which more than 1 % is saturated in some bands: the result names them, and
+        their means say nothing. For photos beside others.
 
     Raises
     ------
     InputError
         If a region leaves the photo or holds fewer than 16 pixels.
     ClippedPhotoError
-        If more than 1 % of a region is saturated.
+        If more than 1 % of a region is saturated, in all bands where some may be.
     """
     one_by_one = [_one_region(image, np.array(corners, dtype=float),
-                              f"photo {image.source}: region {name!r}")
+                              f"photo {image.source}: region {name!r}", without_clipped)
                   for name, corners in outlines.items()]
-    mean, covariance, pixels, scatter, points = (np.array(column)
+    mean, covariance, pixels, scatter, points, clipped = (np.array(column)
                                                  for column in zip(*one_by_one, strict=True))
-    return RegionSamples(tuple(outlines), mean, covariance, pixels, scatter, points)
+    return RegionSamples(tuple(outlines), mean, covariance, pixels, scatter, points, clipped)
 
 
 def pixels_in_polygon(corners: np.ndarray, height: int,
@@ -174,8 +178,16 @@ def _require_readable(saturated: np.ndarray, sensor_step: float, corners_px: np.
                                 f"or {less_light}")
 
 
-def _one_region(image: LinearImage, corners_px: np.ndarray, name: str) -> tuple[np.ndarray, ...]:
-    y, x = region_pixels(image.saturated, image.sensor_step, corners_px, name)
+def _one_region(image: LinearImage, corners_px: np.ndarray, name: str,
+                without_clipped: bool) -> tuple[np.ndarray, ...]:
+    saturated = image.saturated
+    y, x = pixels_in_polygon(image_from_sensor(corners_px, image.sensor_step),
+                             *saturated.shape[:2])
+    clipped = np.zeros(saturated.shape[2], bool)
+    if without_clipped and y.size:
+        clipped = saturated[y, x].mean(axis=0) > CLIPPED_LIMIT
+    y, x = region_pixels(saturated if clipped.all() else saturated[..., ~clipped],
+                         image.sensor_step, corners_px, name)
     signal, variance = image.signal[y, x].astype(float), image.variance[y, x].mean(axis=0)
     mean = signal.mean(axis=0)
     terms = np.column_stack([np.ones(y.size), x - x.mean(), y - y.mean()])
@@ -184,7 +196,7 @@ def _one_region(image: LinearImage, corners_px: np.ndarray, name: str) -> tuple[
     beyond = np.maximum(((signal - plane) ** 2).mean(axis=0) - variance, 0)
     scatter = np.sqrt(beyond) / np.maximum(np.abs(mean), np.finfo(np.float32).tiny)
     points = _points(corners_px)
-    return mean, np.diag(variance / y.size), np.array(y.size), scatter, points
+    return mean, np.diag(variance / y.size), np.array(y.size), scatter, points, clipped
 
 
 def _points(corners_px: np.ndarray) -> np.ndarray:

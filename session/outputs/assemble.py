@@ -11,6 +11,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,
+    RegionSamples,
     Spectrum,
     SurfaceSignals,
     SurfaceSpectrum,
@@ -56,7 +57,7 @@ def assemble(config: SessionConfig, run: FinishedRun,
     calibrations, photo = records.calibrations(config), records.photo.photos[""]
     others = {name: records.calibrate.calibrations[name] for name in records.calibrate.other_charts}
     joint = None if config.flat else records.reconstruct.joint
-    bands = band_names(config, photo.signal.shape[2])
+    bands = band_names(config, records.photo.bands)
     indices = [signals.names.index(name) for name in config.surfaces if name in signals.names]
     materials = [_surface_result(config, records, index,
                                  None if joint is None else joint.spectra[index])
@@ -160,6 +161,9 @@ def _photo_of_regions(config: SessionConfig, records: SessionRecords,
     shown, light = config.regions_in(view), records.flat.light.get(view.name)
     known = [name for name, section in shown.items() if section.known is not None]
     samples = records.photo.regions.get(view.name)
+    fit, registration = records.calibrate.chart, records.photo.registrations.get(view.name)
+    held = records.calibrate.other_charts.get(view.name) if view.name else (
+        None if fit is None else fit.left_out)
     return PhotoOfRegions(
         view.title,
         {} if light is None else {
@@ -172,7 +176,29 @@ def _photo_of_regions(config: SessionConfig, records: SessionRecords,
         (round(width * photo.sensor_step), round(height * photo.sensor_step)),
         {name: np.array(region.outline()) for name, region in shown.items()},
         None if chart is None or view.chart_files != view.photo_files
-        else chart.detection.corners_px, None if light is None else light.over_photo)
+        else chart.detection.corners_px, None if light is None else light.over_photo,
+        _lamp_words(view), None if registration is None else registration.shift_px,
+        None if registration is None else registration.residual_px,
+        _silent_bands(records.signals, config.all_views.index(view), samples),
+        None if held is None else held.means[1])
+
+
+def _lamp_words(view: ViewInputs) -> str:
+    """What lights a photo."""
+    light = view.light.file or view.light.word or f"unknown light of {view.light.cct:g} K"
+    lamp = light if view.lamp == view.title else f"the lamp of {view.lamp!r}"
+    if view.filter is None:
+        return f"light: {lamp}"
+    return f"light: {lamp} through {view.filter.file or 'an unknown filter'}"
+
+
+def _silent_bands(signals: SurfaceSignals, number: int,
+                  samples: RegionSamples | None) -> tuple[str, ...]:
+    """Bands of a photo, by its number, that say nothing of any region that it shows."""
+    rows = [] if samples is None else [signals.names.index(name) for name in samples.names]
+    return tuple(band for index, band in enumerate(signals.bands)
+                 if rows and signals.view_of_band[index] == number
+                 and np.isnan(signals.signal[rows, index]).all())
 
 
 def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:

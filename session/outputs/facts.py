@@ -45,6 +45,9 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
         return facts | {
             "swatches": results.swatches or None,
             "regions": [_region_facts(region, results) for region in results.materials],
+            "photos": [{"name": photo.name, "says": photo.sentence, "shift_px": photo.shift_px,
+                        "residual_px": photo.residual_px, "left_out_bands": photo.silent_bands,
+                        "chart_held": photo.chart_held} for photo in results.photos],
             "seconds": float(sum(stage["seconds"] for stage in results.stages
                                  if stage["state"] == "run"))}
     agreement, scale = results.reconstruction.agreement, results.light_scale
@@ -118,6 +121,8 @@ def run_text(results: SessionResults) -> str:
         lines += results.picture.notes if isinstance(results, SceneResults) else ()
     if results.swatches:
         lines.append(results.swatches)
+    if isinstance(results, FlatResults) and len(results.photos) > 1:
+        lines += [f"photo {photo.name}: {photo.sentence}" for photo in results.photos]
     lines += [f"warning: {sentence}" for sentence in results.warnings]
     return "\n".join([*lines, f"verdict: {verdict.status.name}. {verdict.sentence}"])
 

@@ -118,6 +118,25 @@ class PhotoOfRegions(LitRegions):
     chart_px: np.ndarray | None         # (I, 4, 2) patches, where the chart lies in this photo
     # over the photo: light and its relative error, (2, h, w); None where it shows no region
     light_map: np.ndarray | None
+    lamp: str = ""                      # what lights it, in words
+    shift_px: float | None = None       # against the first photo; None: not compared
+    residual_px: float | None = None    # what the registration left
+    silent_bands: tuple[str, ...] = ()  # too dark or saturated on all its regions
+    # of a chart with a fit of its own: mean share of the bands of left-out patches that hold
+    chart_held: float | None = None
+
+    @property
+    def sentence(self) -> str:
+        """Its light, its chart, how it was registered and what it does not tell."""
+        said = [self.lamp]
+        if self.chart_held is not None:
+            said.append(f"bands of its chart's left-out patches hold {self.chart_held:.0%}")
+        if self.shift_px is not None:
+            left = "" if self.residual_px is None else f", within {self.residual_px:.1f}"
+            said.append(f"shifted by {self.shift_px:.1f} pixels against the first photo{left}")
+        if self.silent_bands:
+            said.append(f"too dark or saturated and left out: {', '.join(self.silent_bands)}")
+        return "; ".join(said)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -172,7 +172,7 @@ def _flat_content(results: FlatResults) -> dict[str, Any]:
     """What only the page of flat samples shows: its photos, with regions and light."""
     return {
         "geometry": None,
-        "photos": [{"name": photo.name, "regions": photo.light,
+        "photos": [{"name": photo.name, "says": photo.sentence, "regions": photo.light,
                     "figure": flat_figures.photo_figure(f"photo-{number}", photo),
                     "light": flat_figures.light_figure(f"light-map-{number}", photo),
                     "whiskers": field_whiskers(photo.light)}

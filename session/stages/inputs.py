@@ -2,10 +2,11 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
-from spectrabox.capture.develop.bands import stack_bands, strongest_channel
+from spectrabox.capture.develop.bands import bright_channels, stack_bands, strongest_channel
 from spectrabox.capture.develop.developed import develop_photos, open_any
 from spectrabox.capture.photo.image_files import stated_bands
 from spectrabox.radiometry.chart import excluded_patches as patches_by_number
@@ -36,6 +37,7 @@ from spectrabox.session.config.session_schema import ONE_PHOTO, SessionConfig, V
 
 MAX_CLIPPED = 0.5               # of the object photo
 LETTERED = ({*"RGB"}, {*"XYZ"})     # bands of which one cannot be another
+Channels = tuple[tuple[int, ...], ...]      # of each photo of a table
 LETTERS = {"RED": "R", "GREEN": "G", "BLUE": "B"}       # of bands, by their names
 
 
@@ -212,8 +214,8 @@ def chart_corners(config: SessionConfig, view: ViewInputs) -> np.ndarray | None:
     return None if given is None or view.name else np.array(given)
 
 
-def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tuple[LinearImage,
-                                                                                  tuple[str, ...]]:
+def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]],
+               channels: Channels | None = None) -> tuple[LinearImage, tuple[str, ...]]:
     """A photo as linear signal, without dark signal and flat-fielded where the session has the
     frames.
 
@@ -226,6 +228,8 @@ def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tupl
     photo : dict
         Files by band; under ``ONE_PHOTO`` those of a colour camera. Several files are an exposure
         bracket.
+    channels : tuple of tuple of int, optional
+        As of ``channels_of_photos``, where they were looked up before.
 
     Returns
     -------
@@ -234,31 +238,44 @@ def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]]) -> tupl
     """
     darks, flats = [config.path(name) for name in config.photos.dark_files], config.photos.flats
     images, notes = [], []
-    for band, files in photo.items():
+    several = ONE_PHOTO not in photo
+    channels = (channels_of_photos(config) if channels is None else channels) if several else ()
+    for number, (band, files) in enumerate(photo.items()):
         flat = flats.get(band, flats.get(ONE_PHOTO))
         image, said = develop_photos([config.path(name) for name in files], darks,
                                      None if flat is None else config.path(flat),
-                                     config.photos.not_linear)
+                                     config.photos.not_linear,
+                                     channels[number] if several else None)
         images.append(image)
         notes += [note for note in said if note not in notes]
-    if ONE_PHOTO in photo:
+    if not several:
         return images[0], tuple(notes)
     exposures = [image.exposure_s for image in images]
     shortest = None if None in exposures else min(exposure for exposure in exposures
                                                   if exposure is not None)
-    stacked = stack_bands(images, list(photo), _channels(config),
-                          exposures_s=None if shortest is None else [shortest] * len(images))
+    every = [(image, channel) for image in images for channel in range(image.signal.shape[2])]
+    stacked = stack_bands([image for image, _ in every], _names_of_channels(photo, channels),
+                          [channel for _, channel in every],
+                          None if shortest is None else [shortest] * len(every))
     return dataclasses.replace(stacked, exposure_s=shortest), tuple(notes)
 
 
-def _channels(config: SessionConfig) -> list[int]:
-    """Channel of each band, the same in all photos: a scene of other colours may tip the balance
-    between two.
+def channels_of_photos(config: SessionConfig) -> Channels:
+    """Channels of each photo of a table that see its filter's or lamp's light, the same in all
+    photos: a scene of other colours may tip the balance between two. Where curves are stated, one
+    for each photo, that is the strongest.
     """
     charts = [view.chart for view in config.views_with_chart]
     first = charts[0] if charts else config.all_views[0].photo
-    return [strongest_channel(open_any(config.path(files[0]), config.photos.not_linear))
-            for files in first.values()]
+    images = (open_any(config.path(files[0]), config.photos.not_linear) for files in first.values())
+    return tuple(bright_channels(image) if config.sensitivity.from_chart
+                 else (strongest_channel(image),) for image in images)
+
+
+def _names_of_channels(photo: Mapping[str, object], channels: Channels) -> list[str]:
+    """Names of the bands of a table of photos: a photo's, with the channel where it has several."""
+    return [f"{name} {'RGB'[channel]}" if len(chosen) > 1 else name
+            for name, chosen in zip(photo, channels, strict=True) for channel in chosen]
 
 
 def require_exposed(photo: LinearImage, name: str) -> None:
@@ -280,29 +297,27 @@ def require_exposed(photo: LinearImage, name: str) -> None:
                                 "exposure until the surfaces are not, the light itself may be")
 
 
-def band_names(config: SessionConfig, bands: int) -> tuple[str, ...]:
+def band_names(config: SessionConfig, photographed: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the camera's bands.
 
     Parameters
     ----------
-    bands : int
-        Of the photo.
+    photographed : tuple of str
+        Names of the photo's bands.
 
     Raises
     ------
     InputError
         If the photo and the measured curves differ in the number of bands.
     """
-    photographed = tuple(config.all_views[0].photo)
-    names = photographed if any(photographed) else default_band_names(bands)
     if config.sensitivity.from_chart:
-        return names
+        return photographed
     curves = read_sensitivities(config)[0]
-    if len(curves) != bands:
+    if len(curves) != len(photographed):
         raise InputError(f"{config.sensitivity.source.words} holds {len(curves)} curves, but the "
-                         f"photo has {bands} bands ({', '.join(names)}): give one curve for each, "
-                         "in this order")
-    return names if any(photographed) else curves
+                         f"photo has {len(photographed)} bands ({', '.join(photographed)}): give "
+                         "one curve for each, in this order")
+    return curves if ONE_PHOTO in config.all_views[0].photo else photographed
 
 
 class OpenPhotos:
@@ -310,11 +325,25 @@ class OpenPhotos:
 
     def __init__(self) -> None:
         self._last: tuple[dict[str, tuple[str, ...]], LinearImage, tuple[str, ...]] | None = None
+        self._channels: Channels | None = None
 
     def developed(self, config: SessionConfig,
                   photo: dict[str, tuple[str, ...]]) -> tuple[LinearImage, tuple[str, ...]]:
         """As ``read_photo``."""
         if self._last is None or self._last[0] != photo:
             self._last = None           # its memory is needed for the next
-            self._last = (photo, *read_photo(config, photo))
+            self._last = (photo, *read_photo(config, photo, self.channels(config)))
         return self._last[1:]
+
+    def channels(self, config: SessionConfig) -> Channels:
+        """As ``channels_of_photos``; none of a colour camera's photos."""
+        if self._channels is None:
+            self._channels = () if ONE_PHOTO in config.all_views[0].photo else \
+                channels_of_photos(config)
+        return self._channels
+
+    def bands(self, config: SessionConfig, photo: LinearImage) -> tuple[str, ...]:
+        """Names of the bands of the session's photos, of which one is given."""
+        shown = config.all_views[0].photo
+        return default_band_names(photo.signal.shape[2]) if ONE_PHOTO in shown else \
+            tuple(_names_of_channels(shown, self.channels(config)))

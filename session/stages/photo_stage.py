@@ -78,7 +78,8 @@ def measure_photos(task: StageTask) -> PhotoRecords:
                                                               config.reconstruct.width))
             preview = signal_rgb8(photo.signal)
         write_png(task.folder / f"{view.label('preview')}.png", preview)
-    return PhotoRecords(photos, regions, references, registrations, notes)
+    return PhotoRecords(photos, regions, references, registrations,
+                        task.photos.bands(config, photo), notes)
 
 
 def _as_rendered(config: SessionConfig, view: ViewInputs, photo: LinearImage) -> LinearImage:
@@ -128,7 +129,7 @@ def _regions(config: SessionConfig, view: ViewInputs, photo: LinearImage,
     shown = {name: section.outline() if registration is None or name not in outlined
              else registration.moved(np.array(section.outline())).tolist()
              for name, section in config.regions_in(view).items()}
-    return sample_regions(photo, shown) if shown else None
+    return sample_regions(photo, shown, without_clipped=bool(config.views)) if shown else None
 
 
 def _uneven_notes(samples: RegionSamples) -> tuple[str, ...]:

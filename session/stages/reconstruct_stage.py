@@ -142,7 +142,7 @@ def views_of(config: SessionConfig, records: SessionRecords,
         If scene and session do not name the same materials, or an input cannot be read.
     """
     photos = records.photo.photos
-    bands = band_names(config, photos[""].signal.shape[2])
+    bands = band_names(config, records.photo.bands)
     views: list[View] = []
     for inputs, calibration in zip(config.all_views, records.calibrations(config), strict=True):
         scene, photo = read_session_scene(config, inputs), photos[inputs.name]

@@ -57,6 +57,7 @@ class PhotoRecords(Record):
     regions: dict[str, RegionSamples]           # of flat samples, by view, where some are shown
     references: Annotated[np.ndarray, "Q K"] | None     # signals in the first photo
     registrations: dict[str, Registration]      # by view, of flat samples that the first shows too
+    bands: tuple[str, ...]                      # names, of every photo
     notes: tuple[str, ...]
 
 

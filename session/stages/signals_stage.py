@@ -56,7 +56,7 @@ def find_signals(task: StageTask) -> SignalRecords:
     swatches = {name: spectrum_on_grid(read_reflectance(config, region.swatch), FINE_GRID)
                 for name, region in config.regions.items() if region.swatch is not None}
     signals = flat_signals(photos, whites, families, known | swatches,
-                           band_names(config, len(photos[0].response)), errors)
+                           band_names(config, task.records.photo.bands), errors)
     drift = photos[0].drift
     return SignalRecords(signals, lights, drift,
                          notes if drift is None else (*notes, drift.sentence))
