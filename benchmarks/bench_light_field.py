@@ -43,18 +43,22 @@ from benchmarks.bench_unknown_makers import makers_of, prior_without
 SIZE, CHART, POINTS = (200, 300), 0.22, 15      # rows, columns; the chart's share of the width
 CORNER = np.array([0.05, 0.26])                 # of the chart, in widths of the picture
 PATCH_ERROR, NORMAL_95 = 0.008, 1.96
-NEAR = 0.15, 1.0                                # heights of two lamps whose colours differ
 DISTANCES = (0.0, 0.5, 1.0, 1.6, 2.6)           # from the chart, in its widths
 DRIFTS = (0.0, 0.01, 0.02, 0.04, 0.08, np.inf)
 GRID = visible_grid()
 
 
-def field(lamps: int, rng: np.random.Generator,
-          heights: tuple[float, float] = (0.8, 3.0)) -> np.ndarray:
-    """Light (H, W) over a picture of lamps that far above it, in its widths."""
-    places = [(*rng.uniform(-0.6, 1.6, 2), rng.uniform(*heights), strength)
+def field(lamps: int, rng: np.random.Generator) -> np.ndarray:
+    """Light (H, W) over a picture."""
+    places = [(*rng.uniform(-0.6, 1.6, 2), rng.uniform(0.8, 3.0), strength)
               for strength in [1.0, rng.uniform(0.3, 1.0)][:lamps]]
     return lamplight(SIZE, places, rng.uniform(0, 0.3)) * vignetting(SIZE, rng.uniform(0.7, 1))
+
+
+def from_side(side: int, rng: np.random.Generator) -> np.ndarray:
+    """Light (H, W) of a small lamp at one side of the chart, 0.15 to 1 picture widths above it."""
+    x, y = CORNER + CHART * np.array([0.5 + side * rng.uniform(0.2, 2.0), rng.uniform(-0.5, 1.2)])
+    return lamplight(SIZE, [(x, y, rng.uniform(0.15, 1.0), 1.0)])
 
 
 def points_of(places: np.ndarray) -> PicturePoints:
@@ -111,7 +115,7 @@ def named(data: Path, cases: int, rng: np.random.Generator) -> np.ndarray:
     for case in range(cases):
         camera, lamps = rng.integers(len(makers)), spectra[rng.choice(len(spectra), 2, False)]
         curves = on_grid(database.nm, database.curves[camera], GRID, database.names[camera])
-        lights = [np.exp(read_at(field(1, rng, NEAR), patches)) for _ in lamps]
+        lights = [np.exp(read_at(from_side(side, rng), patches)) for side in (-1, 1)]
         share = rng.uniform(0, 1) if case % 2 else 0.0
         signal = sum(part * light[:, None] * (reflectances @ (curves * lamp * GRID.weights_nm).T)
                      for part, light, lamp in zip((1 - share, share), lights, lamps, strict=True))
