@@ -89,6 +89,11 @@ class ChartEquations(Record):
     number: Annotated[np.ndarray, "I"] | None = None
 
     @property
+    def filter_errors(self) -> int:
+        """Number E of unknown errors of the filter."""
+        return 0 if self.filter is None else int(self.filter.modes.shape[1])
+
+    @property
     def light_power(self) -> np.ndarray:
         """Light x integration weight (P,), before the filter."""
         return self.power if self.filter is None else self.power / self.filter.transmittance
@@ -195,8 +200,8 @@ def nuisance_sd(photo: ChartEquations) -> np.ndarray:
     photo : ChartEquations
     """
     glare = photo.glare_sd * photo.signal.max(axis=0) if photo.glare else np.zeros(0)
-    errors = 0 if photo.filter is None else photo.filter.modes.shape[1]
-    return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare, np.ones(errors)])
+    return np.concatenate([np.full(photo.field_terms.shape[1], FIELD_SD), glare,
+                           np.ones(photo.filter_errors)])
 
 
 def nuisance_starts(photos: Sequence[ChartEquations]) -> np.ndarray:

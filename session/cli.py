@@ -16,6 +16,7 @@ from spectrabox.session.commands import (
     batch,
     camera,
     capture,
+    filters,
     finished,
     flat,
     geometry,
@@ -38,7 +39,7 @@ app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
                   pretty_exceptions_enable=False, rich_markup_mode=None,
                   context_settings={"help_option_names": ["-h", "--help"]})
 for subject in (session, batch, flat, finished, capture, geometry, camera, sampling, meter,
-                spectrum):
+                spectrum, filters):
     subject.register(app)
 
 

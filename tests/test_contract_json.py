@@ -117,6 +117,9 @@ def folder(tmp_path_factory):
     grey = 0.4 + np.random.default_rng(2).normal(0, 0.01, (240, 320, 3))
     write_exr(folder / "grey.exr", grey.astype(np.float32), ["R", "G", "B"])
     write_exr(folder / "p.exr", np.full((3, 4, 3), 0.3, np.float32), ["R", "G", "B"])
+    for name, end in (("lamp", 1.0), ("gel", 0.3)):
+        (folder / f"{name}.csv").write_text(f"wavelength_nm,value\n400,1\n550,1\n700,{end}\n",
+                                            encoding="utf-8")
     (folder / "signals.csv").write_text("R,G,B\n0.2,0.3,0.15\n0.52,0.5,0.41\n", encoding="utf-8")
     return folder
 
@@ -145,6 +148,7 @@ CALLS = {
     "camera names": [()],
     "camera preflight": [("--light", "FL11", "--curves", "DIR/curves.csv", "--surfaces", "1",
                           "--lamps", "D65,A")],
+    "filter fit": [("DIR/lamp.csv", "DIR/gel.csv", "--readings", "--out", "DIR/filter.csv")],
     "draws": [("DIR/flat", "-o", "DIR/draws.npz")],
     "sample": [(*CAMERA, *SIGNAL, "--out", "DIR/one.npz", "--truth", "DIR/truth.csv", "--column",
                 "a", "--baseline"),

@@ -7,9 +7,12 @@ from calibrate_cameras import GRID, reflectances
 from calibrate_cameras import cameras as made_cameras
 from calibrate_cameras import prior as simulated_prior
 from test_calibrate_products import shot, simulated_lamps
+from typer.testing import CliRunner
 
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
 from spectrabox.calibrate.chart_equations import PatchError, noise_of_photos, rows_of_patch
 from spectrabox.calibrate.sensitivity import fit_with_prior
+from spectrabox.measure.filter_fit import filter_from_charts
 from spectrabox.measure.second_photo import (
     TO_FINE,
     KnownSurface,
@@ -22,17 +25,24 @@ from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.error_model import curve_errors, filter_errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Calibration, Quantity, SpectralMeasurement, Spectrum
+from spectrabox.radiometry.records import (
+    Calibration,
+    PatchSamples,
+    Quantity,
+    SpectralMeasurement,
+    Spectrum,
+)
+from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.filters import (
     filters_at_hand,
     read_filter,
     stated_filter,
     unknown_filter,
 )
-from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 from spectrabox.sampling.prior.signal_posterior import sample_prior
+from spectrabox.session.cli import app
 
 CAMERA, LAMP = made_cameras(1, 8)[0], simulated_lamps(4, 9).spectra[3]
 ORANGE = 0.02 + 0.88 / (1 + np.exp((560 - GRID.nm) / 12))
@@ -152,9 +162,10 @@ def test_a_grey_filter_leaves_the_colour_of_white():
 def test_forecasts_are_the_errors_that_further_photos_then_have():
     """With all but noise known, over test colours; within a fifth: 60 of them vary by a tenth."""
     prior, rng = load_prior(), np.random.default_rng(3)
-    truths = np.vstack([rows[::6] for name, rows in test_reflectances(PRIOR_GRID).items()
+    truths = np.vstack([rows[::6] for name, rows in named_spectra.test_reflectances(
+        PRIOR_GRID).items()
                         if name not in REFERENCES])[:60] @ TO_FINE.T
-    bare = relative_response("Nikon 5100 (NPL)", "D65", FINE_GRID)
+    bare = named_spectra.relative_response("Nikon 5100 (NPL)", "D65", FINE_GRID)
     photo = photos_at_hand(bare, np.ones(301), LampsAtHand({}, {"f": stated_filter("f", ORANGE)}))
     white = white_of_bands(bare, np.ones(301))
     forecast, after = [], []
@@ -169,3 +180,37 @@ def test_forecasts_are_the_errors_that_further_photos_then_have():
         mean = mean_and_spread(posterior(prior, both @ TO_FINE, noisy[None], np.diag(error**2)))[0]
         after.append(np.sqrt(np.mean((mean[0] @ TO_FINE.T - truth) ** 2)))
     assert np.mean(forecast) == pytest.approx(np.mean(after), rel=0.2)
+
+
+def test_the_transmittance_of_a_gel_comes_from_two_readings(tmp_path):
+    lamp = np.linspace(0.2, 1.4, 301)
+    for name, values in (("lamp", lamp), ("gel", lamp * ORANGE)):
+        (tmp_path / f"{name}.csv").write_text("wavelength_nm,value\n" + "".join(
+            f"{nm:g},{value}\n" for nm, value in zip(GRID.nm, values, strict=True)))
+    words = ["filter", "fit", *(str(tmp_path / f"{name}.csv") for name in ("lamp", "gel")),
+             "--readings", "--out", str(tmp_path / "orange.csv")]
+    outcome = CliRunner().invoke(app, words)
+    assert outcome.exit_code == 0, outcome.output
+    known = read_filter(tmp_path / "orange.csv", "transmittance")
+    np.testing.assert_allclose(known.transmittance, ORANGE, rtol=1e-6)
+    # two readings of 0.5 %, and the shift and stray light that every file may have
+    assert 0.005 * np.sqrt(2) < np.sqrt(np.sum(known.modes[-1]**2)) < 0.012
+    swapped = CliRunner().invoke(app, [*words[:2], words[3], words[2], *words[4:]])
+    assert swapped.exit_code == 3 and "without the filter first" in swapped.output
+
+
+def test_two_chart_photos_measure_a_filter_within_its_standard_error():
+    grid = FINE_GRID.nm
+    layouts = [ChartPhoto(PatchSamples(photo.signal, photo.covariance, np.ones(24),
+                                       0 * photo.signal, 0 * photo.signal),
+                          photo.reflectances, Spectrum(GRID, LAMP, Quantity.RELATIVE, "lamp"),
+                          filter=through)
+               for photo, through in ((bare(0.003), None), (through(ORANGE, stated_filter(
+                   "true", ORANGE), 0.003), unknown_filter()))]
+    known = filter_from_charts(*layouts, None, CalibrationOptions(prior=simulated_prior()))
+    seen = (grid > 430) & (grid < 660)
+    off = np.log(known.transmittance / ORANGE)
+    off -= off[seen].mean()
+    relative = known.standard_error / known.transmittance
+    assert np.sqrt(np.mean(off[seen] ** 2)) < 0.4
+    assert np.sqrt(np.mean((off[seen] / relative[seen]) ** 2)) < 2.5

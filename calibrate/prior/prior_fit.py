@@ -323,10 +323,12 @@ def _linearise(photos: list[ChartEquations], designs: list[Design], start: np.nd
     noise = noise_of_photos(photos, PatchError(LINEARISED_AT))
     sigma = np.sqrt(np.diag(noise))
     state, size = start if guess is None else guess, prior.means.shape[1]
-    # exposures and field terms are logarithms, glare is in the unit of the signals
+    # exposures and field terms are logarithms, errors of filters are relative, glare is in the unit
+    # of the signals
     logarithms = np.concatenate([
-        np.arange(start, start + 1 + photo.field_terms.shape[1])
-        for start, photo in zip(size + nuisance_starts(photos), photos, strict=False)])
+        np.r_[start:start + 1 + photo.field_terms.shape[1], stop - photo.filter_errors:stop]
+        for (start, stop), photo in zip(pairwise(size + nuisance_starts(photos)), photos,
+                                        strict=True)])
     for _ in range(MAX_ITERATIONS):
         predicted, jacobian = _equations(photos, designs, state, prior)
         linear = measured - predicted + jacobian @ state

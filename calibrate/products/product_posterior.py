@@ -42,6 +42,7 @@ from spectrabox.radiometry.shaped import Record
 WIDTHS = ((0.01, 0.2), (0.03, 0.3), (0.1, 0.3), (0.4, 0.2))     # h^2 and its share
 ERRORS = (0.002, 0.004, 0.008, 0.016, 0.032, 0.064)             # of patches against the model
 STEPS = 4                   # of the linearisation
+FILTER_STEPS, MAX_FILTER_STEP = 12, 0.7     # with filters: of a standard deviation of an error
 NEGLIGIBLE = 1e-3           # share of a hypothesis below which it is left out
 MAX_COMPONENTS, FAINT = 1000, 1e-4  # that carry the moments; weight of the last over the first
 
@@ -136,7 +137,8 @@ def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> Linear
         best[1][start] = np.log(photo.signal.sum() / unexposed.sum())
     before = best[1].copy()
     ends = np.cumsum([prior.components.shape[1], best[1].size])
-    for _ in range(STEPS):
+    filtered = any(photo.filter is not None for photo in photos)
+    for _ in range(FILTER_STEPS if filtered else STEPS):
         chart = linearised(photos, prior, *best, before)
         posterior = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], GAINS[1:2],
                                             (LINEARISED_AT,)))
@@ -144,7 +146,10 @@ def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> Linear
         chosen = np.argsort(-hypothesis.weights)[:MAX_COMPONENTS]
         weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
         mean = weights @ states_of_components(posterior, hypothesis, chosen)
-        best = (mean[:ends[0]], mean[ends[0]:ends[1]], mean[ends[1]:])
+        nuisance = mean[ends[0]:ends[1]]
+        if filtered:        # exp() of a whole step to a filter that nobody measured runs away
+            nuisance = best[1] + np.clip(nuisance - best[1], -MAX_FILTER_STEP, MAX_FILTER_STEP)
+        best = (mean[:ends[0]], nuisance, mean[ends[1]:])
     return linearised(photos, prior, *best, before)
 
 

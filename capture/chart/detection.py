@@ -155,7 +155,8 @@ def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDet
     """
     brightest = np.percentile(image.signal, BRIGHT_PERCENTILE, axis=(0, 1))
     bright = brightest >= DARK_BAND * brightest.max()
-    seen = replace(image, signal=image.signal[..., bright], variance=image.variance[..., bright])
+    seen = replace(image, signal=image.signal[..., bright], variance=image.variance[..., bright],
+                   saturated=image.saturated[..., bright])
     agreement = chart_agreement(seen, before.corners_px, reference[:, bright], chart)
     if agreement.residual <= ACCEPTED_RESIDUAL and np.array_equal(
             agreement.order, np.arange(len(chart.names))):
