@@ -20,8 +20,8 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.measure.planning import PAIRED
-from spectrabox.measure.second_photo import (
+from spectrabox.measure.more_bands.planning import PAIRED
+from spectrabox.measure.more_bands.second_photo import (
     DARK_BAND,
     LEAST_SIGNAL,
     FurtherPhoto,

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
 from spectrabox.calibrate.chart_equations import PatchError, noise_of_photos, rows_of_patch
 from spectrabox.calibrate.sensitivity import fit_with_prior
-from spectrabox.measure.filter_fit import filter_from_charts
-from spectrabox.measure.second_photo import (
+from spectrabox.measure.more_bands.filter_fit import filter_from_charts
+from spectrabox.measure.more_bands.second_photo import (
     TO_FINE,
     KnownSurface,
     LampsAtHand,

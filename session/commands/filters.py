@@ -18,7 +18,7 @@ from spectrabox.session.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.measure.filter_fit import MeasuredFilter
+    from spectrabox.measure.more_bands.filter_fit import MeasuredFilter
 
 WRITTEN = {".csv": "the transmittance with its standard error"}
 
@@ -83,7 +83,7 @@ def fit(request: FilterFitRequest) -> Answer:
 
 
 def _of_readings(without: Path, through: Path) -> MeasuredFilter:
-    from spectrabox.measure.filter_fit import filter_from_readings
+    from spectrabox.measure.more_bands.filter_fit import filter_from_readings
     from spectrabox.radiometry.records import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
     return filter_from_readings(*(read_spectrum(path, role=Quantity.RELATIVE)
@@ -98,7 +98,7 @@ def _of_charts(request: FilterFitRequest) -> MeasuredFilter:
     from spectrabox.capture.chart.patches import require_unclipped, sample_patches
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.measure.camera import chart_signals
-    from spectrabox.measure.filter_fit import filter_from_charts
+    from spectrabox.measure.more_bands.filter_fit import filter_from_charts
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.errors import InputError
     from spectrabox.radiometry.grid import FINE_GRID

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.planning import (
+from spectrabox.measure.more_bands.planning import (
     next_reading_candidates,
     plan_signal,
     rank_photos,
 )
-from spectrabox.measure.second_photo import (
+from spectrabox.measure.more_bands.second_photo import (
     KnownSurface,
     LampsAtHand,
     SecondPhoto,

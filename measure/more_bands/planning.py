@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.measure.second_photo import (
+from spectrabox.measure.more_bands.second_photo import (
     FurtherPhoto,
     KnownSurface,
     SecondPhoto,

@@ -1,0 +1,1 @@
+"""Further photos through filters or under lamps: what they would bring, and a filter measured."""
