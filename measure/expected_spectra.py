@@ -20,9 +20,9 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.measure.flat import DARK_BAND
 from spectrabox.measure.more_bands.planning import PAIRED
 from spectrabox.measure.more_bands.second_photo import (
-    DARK_BAND,
     LEAST_SIGNAL,
     FurtherPhoto,
     LampsAtHand,

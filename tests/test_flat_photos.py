@@ -8,6 +8,7 @@ import pytest
 from flat_example import CHART, HEAD, PAINTS, picture, rect_of, regions_toml, write_flat
 from typer.testing import CliRunner
 
+import spectrabox
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.fixtures import lamp
@@ -277,3 +278,31 @@ def test_photos_that_moved_are_measured_where_they_show_the_regions(tmp_path):
     assert signals.signal.shape == (len(PAINTS), 9)
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4    # as above
+
+
+@pytest.mark.parametrize("said", ["spectra/filter.csv", "unknown"])
+def test_a_filter_adds_three_bands_under_a_light_that_nobody_knows(tmp_path, said):
+    folder = write_unknown(tmp_path / "session", {})
+    one = run(folder).records.sample.spectra
+    second_photo(folder, "glass", "unknown")
+    (folder / "spectra" / "filter.csv").write_text(table_text(
+        NM, {"value": 100 * FILTER}, quantity=Quantity.RELATIVE, source="glass"), encoding="utf-8")
+    with (folder / "session.toml").open("a", encoding="utf-8") as text:
+        text.write(f'[views.glass]\nphoto = "photos/glass.dng"\nfilter = "{said}"\n')
+    records = run(folder).records
+    off = (records.signals.signal - true_signals(records.signals)) / errors_of(records.signals)
+    # 24 signals of which those of one region are nearly one: 4 sigma
+    assert np.abs(off[np.isfinite(off)]).max() < 4
+    width, before = (np.mean([spectra[name].summary.upper - spectra[name].summary.lower
+                              for name in PAINTS]) for spectra in (records.sample.spectra, one))
+    assert width < before
+    if said == "unknown":
+        return
+    seen = spectrabox.flat(folder / "photos" / "sample.dng",
+                           {name: rect_of(name) for name in PAINTS}, draws=1000,
+                           filtered={folder / "photos" / "glass.dng": folder / said})
+    # one computation: other regions' edges and seeds
+    np.testing.assert_allclose(seen.signals.signal, records.signals.signal, rtol=0.02)
+    with pytest.raises(InputError, match="is the photo without the filter"):
+        spectrabox.flat(folder / "photos" / "glass.dng", {"a": rect_of("cube")},
+                        filtered={folder / "photos" / "glass.dng": folder / said})

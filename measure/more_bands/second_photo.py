@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.measure.flat import SHARED_UNDER_ONE_LAMP
+from spectrabox.measure.flat import DARK_BAND, SHARED_UNDER_ONE_LAMP
 from spectrabox.measure.surface_signals import errors_by_cause
 from spectrabox.radiometry.covariance import error_patterns, symmetric
 from spectrabox.radiometry.error_model import (
@@ -52,7 +52,6 @@ from spectrabox.sampling.prior.mixture_posterior import (
 )
 
 DARK = 1e-3             # of the brightest: no curve is divided by a light below it
-DARK_BAND = 0.01        # of the brightest band's white: a band that tells nothing
 DARK_PATCH = 0.03       # of white: darker patches err as this
 LEAST_SIGNAL = 0.02     # of white: below it noise is that of reading out
 LEVEL = 0.95
