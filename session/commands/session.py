@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -118,6 +119,8 @@ class RunRequest(SessionOptions):
 
     only: Annotated[str | None, typer.Option(
         metavar="STAGE,...", help=f"These stages alone: {STAGE_NAMES}.")] = None
+    until: Annotated[str | None, typer.Option(
+        metavar="STAGE", help="Run up to this stage, and write no report.")] = None
     force: Annotated[bool, typer.Option("--force", help="Run also what is up to date.")] = False
     device: Device = "auto"
     quiet: Quiet = False
@@ -151,7 +154,10 @@ def status(request: SessionOptions) -> Answer:
 class OpenRequest(DebugOption):
     """Options of ``spectrabox open``."""
 
-    folder: Folder
+    paths: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="[DIR|PHOTO...]", show_default=False, help="A session folder; or photos of flat "
+        "samples with a colour chart among them, further ones as of 'spectrabox flat', whose "
+        "session is made beside the first.")]
     watch: Annotated[Path | None, typer.Option(
         metavar="DIR", show_default=False, help="Judge each new photo that comes into this folder, "
         "as when shooting tethered.")] = None
@@ -163,7 +169,7 @@ class OpenRequest(DebugOption):
 
 @command
 def open_page(request: OpenRequest) -> None:
-    """Open a session's page on this machine: mark photos, run, read the report, judge new shots."""
+    """Open a photo's or session's page on this machine: point at colours, mark, run, read."""
     import webbrowser
 
     from spectrabox.session.page.server import SessionPage, serve
@@ -172,8 +178,32 @@ def open_page(request: OpenRequest) -> None:
         print(address, flush=True)
         tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
              "session from this machine.")
-    serve(SessionPage(request.folder, request.watch, request.allow_outside), request.port, say,
-          webbrowser.open if request.browser else None)
+    serve(SessionPage(_folder_to_open(request.paths), request.watch, request.allow_outside),
+          request.port, say, webbrowser.open if request.browser else None)
+
+
+def _folder_to_open(paths: tuple[Path, ...]) -> Path:
+    """The session folder that is named, or that of photos, made where it is missing."""
+    from spectrabox.session.config.session_schema import FILE_NAME
+    from spectrabox.session.flat.new_session import (
+        FlatOrder,
+        FurtherPhoto,
+        folder_beside,
+        session_of,
+    )
+    first, *others = paths
+    if first.is_file() and first.name != FILE_NAME:
+        if not (folder_beside(first) / FILE_NAME).is_file():
+            with session_of(FlatOrder(first, {}, further=[*map(FurtherPhoto, others)]), None):
+                pass
+        return folder_beside(first)
+    if others:
+        raise InputError(f"{first} is no photo; give one session folder, or photos of one sample")
+    if not first.is_file() and not (first / FILE_NAME).is_file():
+        raise InputError(f"{first} is no session; to start from a photo: spectrabox open PHOTO"
+                         if first.exists() else f"{first} is missing; give a session folder, or a "
+                         "photo that shows a colour chart")
+    return first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,25 +277,32 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 
     config = read_session(request.folder, request.allow_outside)
-    wanted = stages_in_order(request.only, list(stages_of(config)))
+    order = list(stages_of(config))
+    wanted = stages_in_order(request.only, order)
+    if request.until is not None and (request.only is not None or request.until not in order):
+        raise InputError(f"--until {request.until}: one of the stages {', '.join(order)} is needed, "
+                         "without --only")
+    after = None if request.until is None else dict(pairwise([*order, None]))[request.until]
     words = words or ["spectrabox", "run", request.folder.name, "--device", request.device,
                       *(["--force"] if request.force else []),
-                      *(["--only", request.only] if request.only else [])]
+                      *(["--only", request.only] if request.only else []),
+                      *(["--until", request.until] if request.until else [])]
     with only_writer(config.folder, " ".join(words[:2])), \
             progress_display(request.quiet) as show:
         progress = with_time_left(show)
         for stage in wanted:
             finished = run_stages(config, device=request.device, only=stage, force=request.force,
-                                  progress=progress)
-        if wanted[-1] not in (None, "sample"):
-            seconds = {stage: finished.stored[stage].seconds for stage in wanted if stage}
+                                  progress=progress, before=after)
+        if wanted[-1] not in (None, "sample") or after is not None:
+            seconds = {stage: finished.stored[stage].seconds
+                       for stage in (wanted if after is None else finished.stored) if stage}
             return Answer(
                 {"stages": [{"name": stage, "seconds": taken, "state": "run"}
                             for stage, taken in seconds.items()],
                  "report": None, "materials": []},
                 "\n".join([*(f"stage {stage} took {taken:.1f} s"
                              for stage, taken in seconds.items()),
-                           "run without --only for the report"]))
+                           "run without --only and --until for the report"]))
         finished = load_finished(config) if request.only is not None else finished
         outputs = outputs_of_run(config, finished, words, request.device, progress)
     return Answer(outputs.facts, outputs.text)

@@ -30,9 +30,8 @@ def inconsistencies(config: SessionConfig) -> list[str]:
                         "prior alone; set sampling.method = \"prior\" in place of "
                         f"{config.sampling.method!r}")
     kind = "regions" if config.flat else "materials"
-    if config.surfaces and all(surface.measured for surface in config.surfaces.values()):
-        problems.append(f"{FILE_NAME}: every {kind[:-1]} is known, so there is nothing to find; "
-                        "leave out one 'known'")
+    if not config.flat:
+        problems += nothing_to_measure(config)
     for name, surface in config.surfaces.items():
         if (wrong := unknown_families(surface.families)) is not None:
             problems.append(f"{FILE_NAME}: {kind}.{name}.family: {wrong}")
@@ -45,6 +44,20 @@ def inconsistencies(config: SessionConfig) -> list[str]:
                         "nothing of this session comes from a chart photo; leave it out")
     return (problems + _names(config) + _views(config) + _bands(config) + _unknown_lights(config)
             + _patches(config) + _picture(config))
+
+
+def nothing_to_measure(config: SessionConfig) -> list[str]:
+    """A sentence where no surface is left to estimate; a flat sample can be calibrated all the
+    same.
+    """
+    if config.flat and not config.regions:
+        return [f"{FILE_NAME}: no region is outlined yet; outline one on the page ('spectrabox "
+                "open'), or add [regions.NAME] with rect = [x0, y0, x1, y1]"]
+    if config.surfaces and all(surface.measured for surface in config.surfaces.values()):
+        kind = "region" if config.flat else "material"
+        return [f"{FILE_NAME}: every {kind} is known, so there is nothing to find; leave out one "
+                "'known'"]
+    return []
 
 
 def unpaired_references(config: SessionConfig) -> list[str]:
@@ -119,7 +132,7 @@ def _picture(config: SessionConfig) -> list[str]:
         problems.append(f"{place}.family: {wrong}")
     if not config.flat:
         return problems + _scene_picture(config)
-    if not config.regions_in(config.all_views[0]):
+    if config.regions and not config.regions_in(config.all_views[0]):
         problems.append(f"{FILE_NAME}: [picture] shows the photo of [photos], in which no region "
                         "lies; outline one there")
     return problems
@@ -162,7 +175,7 @@ def _ground(config: SessionConfig) -> list[str]:
     if config.regions and both:
         return [f"{FILE_NAME}: [regions] and {' and '.join(both)} stand together; a session "
                 "measures the materials of a scene or the regions of a flat sample: leave one out"]
-    if config.regions or len(both) == 2:
+    if config.flat or len(both) == 2:
         return []
     lacking = "the table [materials.NAME] is missing" if config.scene else \
         "the table [scene] is missing"

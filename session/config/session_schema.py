@@ -455,8 +455,11 @@ class SessionConfig(SessionTables):
 
     @property
     def flat(self) -> bool:
-        """Whether it measures regions of flat samples, without a scene."""
-        return bool(self.regions)
+        """Whether it measures regions of flat samples, without a scene; an empty [regions] says so
+        before one is outlined.
+        """
+        return "regions" in self.model_fields_set and (
+            bool(self.regions) or not (self.scene or self.materials))
 
     @property
     def surfaces(self) -> Mapping[str, SurfaceSection]:

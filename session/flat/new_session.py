@@ -56,7 +56,7 @@ class FlatOrder:
     """What the command was asked for."""
 
     photo: Path                                 # in which the regions are outlined
-    regions: Mapping[str, Sequence[float]]      # [x0, y0, x1, y1] by name
+    regions: Mapping[str, Sequence[float]]      # [x0, y0, x1, y1] by name; none yet for the page
     light: str = "unknown"
     chart: Path | None = None
     flat_field: Path | None = None
@@ -89,7 +89,7 @@ def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
     InputError
         If a file is missing, or the folder holds another session or an edited one.
     """
-    folder = folder or order.photo.with_name(f"{order.photo.stem}{SUFFIX}")
+    folder = folder or folder_beside(order.photo)
     for path in (order.photo, order.chart, order.flat_field,
                  *(further.photo for further in order.further)):
         if path is not None and not path.is_file():
@@ -107,6 +107,16 @@ def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
         if made:
             shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def folder_beside(photo: Path) -> Path:
+    """The session folder of a photo: beside it and named after it.
+
+    Parameters
+    ----------
+    photo : Path
+    """
+    return photo.with_name(f"{photo.stem}{SUFFIX}")
 
 
 def _name(photo: Path) -> str:
@@ -165,6 +175,8 @@ def _write(order: FlatOrder, folder: Path) -> None:
                     else [f"filter = {_quoted(_spectrum(further.filter, folder))}"]), ""]
     swatches = () if order.swatches is None else read_swatch_spectra(order.swatches,
                                                                      order.regions)
+    if not order.regions:       # a flat sample, before anything is outlined on it
+        lines += ["[regions]", ""]
     for name, rect in order.regions.items():
         lines += [f"[regions.{_quoted(name)}]", f"rect = {json.dumps(list(rect))}"]
         if name in order.known:

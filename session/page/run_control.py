@@ -37,6 +37,8 @@ class RunControl:
         self._code: int | None = None
         self._started = self._ended = 0.0
         self._stopped = False           # asked to end
+        self._until: str | None = None  # the stage after which this run ends; None for all
+        self._all_wanted = False        # once this run has ended
         self._lock = threading.Lock()
 
     @property
@@ -44,8 +46,13 @@ class RunControl:
         """Whether a run is going on."""
         return self._process is not None and self._code is None
 
-    def start(self) -> None:
-        """Begin a run.
+    def start(self, until: str | None = None) -> None:
+        """Begin a run; one of all stages begins as soon as a shorter one has ended.
+
+        Parameters
+        ----------
+        until : str, optional
+            The stage after which it ends.
 
         Raises
         ------
@@ -55,17 +62,21 @@ class RunControl:
             If the system starts no further process.
         """
         with self._lock:
+            if self.running and until is None and self._until is not None:
+                self._all_wanted = True
+                return
             if self.running:
                 raise CheckError("a run is going on; stop it first, or wait for its end")
             self._lines.clear()
             self._answer, self._code, self._started = None, None, time.monotonic()
-            self._stopped = False
+            self._stopped, self._until, self._all_wanted = False, until, False
+            options = [] if until is None else ["--until", until]
             # A group of its own: Ctrl-C at the page's terminal stops it through ``stop``.
             try:
                 self._process = subprocess.Popen(
-                    [*self._holder, *self._command], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                    stderr=subprocess.PIPE, text=True, errors="backslashreplace",
-                    start_new_session=True)
+                    [*self._holder, *self._command, *options], stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                    errors="backslashreplace", start_new_session=True)
             except OSError as error:
                 raise EnvironmentProblem(f"no run can be started ({error.strerror}): close other "
                                          "programs, and try again") from None
@@ -77,7 +88,7 @@ class RunControl:
         process = self._process
         if process is None or not self.running:
             return
-        self._stopped = True
+        self._stopped, self._all_wanted = True, False
         assert process.stdin is not None
         process.stdin.close()
 
@@ -93,15 +104,16 @@ class RunControl:
             kill_group(self._process.pid)
 
     def state(self) -> dict[str, Any]:
-        """What the page shows: ``running``, ``seconds``, ``lines``, ``exit_code``, ``stopped``,
-        ``verdict``, ``error``.
+        """What the page shows: ``running``, ``until``, ``waiting``, ``seconds``, ``lines``,
+        ``exit_code``, ``stopped``, ``verdict``, ``reasons``, ``error``.
         """
         answer = self._answer or {}
         until = time.monotonic() if self.running else self._ended
-        return {"running": self.running, "lines": list(self._lines), "exit_code": self._code,
+        return {"running": self.running, "until": self._until, "waiting": self._all_wanted,
+                "reasons": answer.get("reasons", []), "lines": list(self._lines), "exit_code": self._code,
                 "seconds": max(until - self._started, 0.0) if self._process else 0.0,
                 "stopped": self._stopped and self._code != 0, "verdict": answer.get("verdict"),
-                 "error": answer.get("error")}
+                "error": answer.get("error")}
 
     def _follow(self, process: subprocess.Popen[str]) -> None:
         assert process.stderr is not None
@@ -122,3 +134,5 @@ class RunControl:
             self._answer = None
         self._ended = time.monotonic()
         self._code = code
+        if self._all_wanted and code == 0:
+            self.start()

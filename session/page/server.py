@@ -26,6 +26,7 @@ from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import session_of_text, text_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.page.access import Access, Receive, RedirectFile, Scope, Send
+from spectrabox.session.page.live import LiveSample
 from spectrabox.session.page.marks import (
     MAX_PX,
     MarkedSession,
@@ -67,13 +68,22 @@ class SessionPage:
         self.marks = MarkedSession(self.folder, self.photos, allow_outside)
         self.marks.read()
         self.run = RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
+        self.live = LiveSample(self.run)
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
         self._states: tuple[Any, list[dict[str, Any]]] = (None, [])
         self._states_lock = threading.Lock()
 
+    def start(self) -> None:
+        """Begin what goes on beside the answers."""
+        self.live.start()
+        if self.shooting is not None:
+            self.shooting.start()
+        self.state()
+
     def close(self) -> None:
         """Watch no longer, and stop a run that goes on."""
+        self.live.end()
         if self.shooting is not None:
             self.shooting.end()
         self.run.end()
@@ -88,6 +98,7 @@ class SessionPage:
         else:
             config, problems = session_of_text(text_of(text.encode()), self.folder,
                                                self._allow_outside)
+        self.live.follow(config)
         written = _toml_of(text)
         photos = [{"role": role, "file": name, "there": path.is_file()}
                   for role, name in photos_of(written).items()
@@ -96,7 +107,7 @@ class SessionPage:
                 "photos": photos, "undo": self.marks.can_undo(text), "marks": marks_of(written),
                 "corner_names": corner_names(written),
                 "stages": self._stages(text, config), "run": self.run.state(),
-                "report": self._report_stamp(),
+                "live": self.live.state(), "report": self._report_stamp(),
                 "shooting": None if self.shooting is None else self.shooting.state()}
 
     def photo_path(self, role: str) -> Path:
@@ -224,6 +235,9 @@ def page_app(page: SessionPage, token: str,
             path, *(_pixels(asked, name) for name in ("left", "top", "side")))))),
         Route("/api/value", answered(of_photo(lambda path, asked: page.photos.value(
             path, _pixels(asked, "x"), _pixels(asked, "y"))))),
+        Route("/api/spectrum", answered(lambda asked: page.live.point(
+            asked["role"], [_pixels(asked, name) for name in ("x0", "y0", "x1", "y1")]))),
+        Route("/api/region", answered(lambda asked: page.live.region(asked["name"]))),
         Route("/api/mark", answered(changed(
             lambda asked: page.marks.apply(asked["mark"], asked["digest"]))), methods=["POST"]),
         Route("/api/undo", answered(changed(
@@ -235,8 +249,7 @@ def page_app(page: SessionPage, token: str,
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        if page.shooting is not None:
-            page.shooting.start()
+        await run_in_threadpool(page.start)
         yield
         await run_in_threadpool(page.close)
 

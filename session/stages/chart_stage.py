@@ -67,7 +67,8 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         if config.drift.chart_px and not view.name:
             references = region_signals(photo, config.drift.chart_px)
         charts[view.name] = MeasuredChart(detection, verdict.samples,
-                                          thumbnail(photo, THUMBNAIL_WIDTH), verdict.light)
+                                          thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
+                                          tuple(verdict.reasons))
     return ChartRecords(charts, references, notes)
 
 

@@ -38,6 +38,7 @@ class MeasuredChart(Record):
     samples: PatchSamples
     thumbnail: LinearImage                      # of the photo, for its exposure and source
     light: Annotated[np.ndarray, "I"]           # on the patches, as it changes evenly over them
+    reasons: tuple[str, ...] = ()               # to shoot the photo again
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,11 @@ from spectrabox.measure.white import (
     light_map,
     white_at_regions,
 )
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_chart import session_chart
+from spectrabox.session.config.session_rules import nothing_to_measure
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.stages.inputs import band_names, read_reflectance
 from spectrabox.session.stages.records import RegionLight, SessionRecords, SignalRecords
@@ -32,11 +34,14 @@ def find_signals(task: StageTask) -> SignalRecords:
     Raises
     ------
     InputError
-        If chart and samples were exposed differently and do not say how.
+        If there is no region to estimate, or chart and samples were exposed differently and do not
+        say how.
     CheckError
         If a region of known spectrum shows another light than the chart.
     """
     config = task.config
+    if problems := nothing_to_measure(config):
+        raise InputError("\n".join(problems))
     photos, known, errors = flat_photos(config, task.records), known_spectra(config), \
         flat_errors(config, task.records)
     notes: tuple[str, ...] = ()

@@ -1,0 +1,365 @@
+"""A flat session in memory: chart and calibration while the operator looks, then spectra at once.
+
+A run in the background makes the stages up to the calibration. Beside it the photos are decoded;
+from then on the spectrum of any part of them takes a twentieth of a second, by the very functions
+of the stages that follow.
+"""
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from spectrabox.capture.photo.binning import thumbnail
+from spectrabox.capture.photo.regions import sample_regions
+from spectrabox.measure.flat_region import RegionEstimate, estimate_region
+from spectrabox.measure.surface_spectra import DrawOptions
+from spectrabox.measure.white import FlatErrors, FlatPhoto
+from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
+from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import LinearImage, RegionSamples
+from spectrabox.radiometry.system.words import shortened
+from spectrabox.session.config.session_schema import RegionSection, SessionConfig, ViewInputs
+from spectrabox.session.keys import stage_keys
+from spectrabox.session.page.run_control import RunControl
+from spectrabox.session.stages.inputs import band_names, read_photo
+from spectrabox.session.stages.photo_stage import THUMBNAIL_WIDTH
+from spectrabox.session.stages.records import ChartRecords, PhotoRecords, SessionRecords
+from spectrabox.session.stages.signals_stage import flat_errors, flat_photos, known_spectra
+from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.store import fingerprint, load_stage
+
+CHART, CALIBRATE = "chart", "calibrate"
+POINTED_DRAWS = 1000    # behind the spectrum under the pointer; those of a region are the session's
+MENTIONED = 0.02        # share of a family or cause that is listed
+MAX_KEPT = 500          # estimates of regions
+UNEVEN = 0.05           # scatter within a region, above which its card says so
+Outline = Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """Photos and calibration of a flat session, without its regions."""
+
+    key: str
+    photos: list[FlatPhoto]
+    images: dict[str, LinearImage]          # whole, by view
+    records: SessionRecords
+    bands: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What a session.toml says of the regions of calibrated photos."""
+
+    calibrated: Calibrated
+    config: SessionConfig
+
+    @cached_property
+    def known(self) -> dict[str, np.ndarray]:
+        """Reflectances (P,) of regions of known spectrum."""
+        return known_spectra(self.config)
+
+    @cached_property
+    def errors(self) -> FlatErrors:
+        return flat_errors(self.config, self.calibrated.records)
+
+    @cached_property
+    def known_samples(self) -> dict[str, RegionSamples | None]:
+        """Of each view: its regions of known spectrum."""
+        return {view.name: self._sampled(view, {
+            name: region.outline() for name, region in self.config.regions_in(view).items()
+            if name in self.known}) for view in self.config.all_views}
+
+    def _sampled(self, view: ViewInputs, outlines: Mapping[str, Outline]) -> RegionSamples | None:
+        return sample_regions(self.calibrated.images[view.name], outlines) if outlines else None
+
+    def estimate(self, name: str, outline: Outline, region: RegionSection, index: int,
+                 draws: int) -> RegionEstimate:
+        """The spectrum of what an outline holds, as a region of a name and an index.
+
+        Parameters
+        ----------
+        name : str
+        outline : sequence of [x, y]
+        region : RegionSection
+            What is stated of it: photos, families, surface.
+        index : int
+            Among the regions of the session.
+        draws : int
+        """
+        config, samples = self.config, []
+        for view in config.all_views:
+            shown = not region.photos or view.title in region.photos
+            own = self._sampled(view, {name: outline}) if shown else None
+            samples.append(joined(own, self.known_samples[view.name]))
+        chosen = config.sampling
+        errors = replace(self.errors, surfaces={name: region.surface} if region.surface else {})
+        return estimate_region(
+            self.calibrated.photos, samples, region.families, self.known, self.calibrated.bands,
+            errors, DrawOptions(chosen.method, draws, chosen.coefficients, chosen.level,
+                                config.session.seed + index))
+
+
+class LiveSample:
+    """What a flat session's page knows while it is open.
+
+    Parameters
+    ----------
+    run : RunControl
+        Of the session, which also makes the calibration.
+    """
+
+    def __init__(self, run: RunControl) -> None:
+        self._run = run
+        self._config: SessionConfig | None = None
+        self._conditions: Conditions | None = None
+        self._kept: dict[str, dict[str, Any]] = {}      # answers by what they depend on
+        self._tried: set[str] = set()                   # keys that a run was started for
+        self._images: tuple[str, dict[str, LinearImage]] = ("", {})
+        self._chart: tuple[str, dict[str, Any]] = ("", {})
+        self._error = ""
+        self._seen: Any = None
+        self._lock, self._wanted = threading.Lock(), threading.Event()
+        self._ended = False
+        self._thread = threading.Thread(target=self._work, daemon=True)
+
+    def start(self) -> None:
+        """Begin to work in the background."""
+        self._thread.start()
+
+    def end(self) -> None:
+        """Work no longer."""
+        self._ended = True
+        self._wanted.set()
+
+    def follow(self, config: SessionConfig | None) -> None:
+        """Look at a session as it is now; returns at once.
+
+        Parameters
+        ----------
+        config : SessionConfig or None
+            None of a session with faults.
+        """
+        flat = config if config is not None and config.flat else None
+        now = (None if flat is None else flat.model_dump_json(), self._run.running,
+               self._run.state()["lines"][-1:])
+        with self._lock:
+            self._config = flat
+            changed, self._seen = now != self._seen, now
+        if changed:
+            self._wanted.set()
+
+    def state(self) -> dict[str, Any] | None:
+        """What the page shows of it; None of a session that is not flat."""
+        config, conditions = self._config, self._conditions
+        if config is None and conditions is None:
+            return None
+        return {"ready": conditions is not None, "error": self._error, "charts": self._chart[1]}
+
+    def point(self, role: str, rect: Sequence[float]) -> dict[str, Any]:
+        """The spectrum of a rectangle of a photo that is no region yet.
+
+        Parameters
+        ----------
+        role : str
+            Title of the photo.
+        rect : (x0, y0, x1, y1)
+            In its pixels.
+
+        Raises
+        ------
+        CheckError
+            Before the calibration is there.
+        """
+        conditions = self._require_ready()
+        titles = [view.title for view in conditions.config.all_views]
+        if role not in titles:
+            return {"refused": "a photo of the samples is needed"}
+        x0, y0, x1, y1 = rect
+        region = RegionSection(rect=(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),
+                               photo=role if len(titles) > 1 else None)
+        return self._answer(conditions, "pointer", region, len(conditions.config.regions),
+                            POINTED_DRAWS)
+
+    def region(self, name: str) -> dict[str, Any]:
+        """The spectrum of a region of the session, which is the one of its report.
+
+        Parameters
+        ----------
+        name : str
+
+        Raises
+        ------
+        CheckError
+            Before the calibration is there.
+        InputError
+            If there is no such region.
+        """
+        conditions = self._require_ready()
+        config = conditions.config
+        if name not in config.regions:
+            raise InputError(f"there is no region {shortened(name)}")
+        region, index = config.regions[name], list(config.regions).index(name)
+        if name in conditions.known:
+            return described_spectrum(FINE_GRID.nm, conditions.known[name]) | {"given": True}
+        depends = repr((conditions.calibrated.key, name, index, region, [
+            (other, config.regions[other]) for other in conditions.known], config.sampling,
+            config.repeatability, config.stray_light))
+        if depends not in self._kept:
+            answer = self._answer(conditions, name, region, index, config.sampling.draws)
+            with self._lock:
+                for old in list(self._kept)[:-MAX_KEPT]:
+                    del self._kept[old]
+                self._kept[depends] = answer
+        return self._kept[depends]
+
+    def _require_ready(self) -> Conditions:
+        if self._conditions is None:
+            raise CheckError("chart and camera are still being calibrated")
+        return self._conditions
+
+    def _answer(self, conditions: Conditions, name: str, region: RegionSection, index: int,
+                draws: int) -> dict[str, Any]:
+        """An estimate for the page, or why there is none: pixels that are clipped, say."""
+        try:
+            return described(conditions.estimate(name, region.outline(), region, index, draws))
+        except SpectraboxError as error:
+            return {"refused": str(error)}
+
+    def _work(self) -> None:
+        while self._wanted.wait() and not self._ended:
+            self._wanted.clear()
+            config = self._config
+            try:
+                self._update(config)
+            except (SpectraboxError, OSError, MemoryError) as error:
+                self._error, self._conditions = str(error), None
+
+    def _update(self, config: SessionConfig | None) -> None:
+        """Bring what is known up to a session, or have a run begin that will."""
+        if config is None:
+            return              # a fault that is being mended: what was known stays
+        keys = stage_keys(config, InputFiles(config))
+        stored = {name: load_stage(config.results_folder, name) for name in (CHART, CALIBRATE)}
+        done = {name: stage for name, stage in stored.items()
+                if stage is not None and not stage.fault and stage.key == keys[name]}
+        if CHART in done and self._chart[0] != fingerprint(keys[CHART]):
+            self._chart = (fingerprint(keys[CHART]),
+                           described_charts(config, done[CHART].read(ChartRecords)))
+        if CHART not in done:
+            self._chart = ("", {})
+        wanted = fingerprint(keys[CALIBRATE])
+        if CALIBRATE not in done or CHART not in done:
+            self._conditions = None
+            self._begin(wanted)
+        shown = fingerprint({part: keys["photo"][part] for part in ("files",)}
+                            | {"photos": keys["photo"]["settings"]["photos"]})
+        if self._images[0] != shown:
+            self._images = (shown, {view.name: read_photo(config, view.photo)[0]
+                                    for view in config.all_views})
+        if len(done) == 2:
+            key = wanted + shown
+            current = self._conditions
+            calibrated = current.calibrated if current is not None \
+                and current.calibrated.key == key else calibrated_of(
+                    key, config, SessionRecords(done), self._images[1])
+            self._error, self._conditions = "", Conditions(calibrated, config)
+
+    def _begin(self, key: str) -> None:
+        """Have the calibration made, once for each key; a run that failed says why."""
+        if self._run.running:
+            return
+        if key not in self._tried:
+            self._tried.add(key)
+            self._error = ""
+            with contextlib.suppress(CheckError):       # one has just begun
+                self._run.start(CALIBRATE)
+        else:
+            run = self._run.state()
+            self._error = str(run["error"] or "") or (
+                "stopped before the calibration was made" if run["stopped"] else "")
+
+
+def joined(own: RegionSamples | None, known: RegionSamples | None) -> RegionSamples | None:
+    """A region's samples, and after them those of regions of known spectrum."""
+    if own is None or known is None:
+        return own
+    return RegionSamples((*own.names, *known.names), *(
+        np.concatenate([getattr(own, name), getattr(known, name)])
+        for name in ("mean", "covariance_of_mean", "pixels", "scatter", "points_px")))
+
+
+def calibrated_of(key: str, config: SessionConfig, records: SessionRecords,
+                  images: Mapping[str, LinearImage]) -> Calibrated:
+    """What stored stages and photos give.
+
+    Parameters
+    ----------
+    key : str
+    config : SessionConfig
+    records : SessionRecords
+        Of chart and calibration.
+    images : mapping
+        Photos by view.
+    """
+    if config.drift.object_px:
+        raise InputError("with references of [drift] the page shows no spectra while you point; "
+                         "the report has them")
+    records.photo = PhotoRecords({name: thumbnail(image, THUMBNAIL_WIDTH)
+                                  for name, image in images.items()}, {}, None, ())
+    photos = flat_photos(config, records)
+    return Calibrated(key, photos, dict(images), records,
+                      band_names(config, len(photos[0].response)))
+
+
+def described_charts(config: SessionConfig, records: ChartRecords) -> dict[str, Any]:
+    """Of each photo with a chart, by the title of its role: patches, and whether to use it."""
+    charts = {}
+    for view in config.views_with_chart:
+        chart = records.charts[view.name]
+        in_photo = view.chart_files == view.photo_files
+        role = view.title if in_photo else f"{view.name} chart".strip()
+        charts[role] = {"patches": np.round(chart.detection.corners_px, 1).tolist(),
+                        "verdict": "RE-SHOOT" if chart.reasons else "GOOD",
+                        "reasons": list(chart.reasons)}
+    return charts
+
+
+def described(estimate: RegionEstimate) -> dict[str, Any]:
+    """An estimate as the page shows it."""
+    spectrum, summary = estimate.spectrum, estimate.spectrum.summary
+    draws = spectrum.samples
+    notes = []
+    if estimate.scatter > UNEVEN:
+        notes.append(f"uneven: its pixels differ by {estimate.scatter:.0%}; outline one colour")
+    return described_spectrum(summary.grid.nm, summary.mean) | {
+        "lower": _rounded(summary.lower), "upper": _rounded(summary.upper),
+        "lab_error": _rounded(reflectance_to_lab(draws.grid.nm, draws.spectra).std(axis=0), 2),
+        "families": _largest(spectrum.family_shares), "causes": _largest(spectrum.variance_shares),
+        "light": list(estimate.light), "outcome": draws.sentence, "notes": notes,
+        "next_nm": summary.next_measurement_nm}
+
+
+def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:
+    """A reflectance (P,) and its colour under D65."""
+    srgb = reflectance_to_srgb(nm, reflectance)
+    return {"nm": nm.tolist(), "mean": _rounded(reflectance),
+            "lab": _rounded(reflectance_to_lab(nm, reflectance), 2),
+            "hex": "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)}
+
+
+def _largest(shares: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Shares that are large enough to be listed, the largest first."""
+    return sorted(((name, round(share, 3)) for name, share in shares.items()
+                   if share >= MENTIONED), key=lambda each: -each[1])
+
+
+def _rounded(values: np.ndarray, decimals: int = 5) -> list[float]:
+    return [round(float(value), decimals) for value in values]
