@@ -191,7 +191,7 @@ def _of_distance(distance: float, patches: PicturePoints, regions: list[PictureP
     """Log fields (A, I) at the patches and (A, R) at the regions, of lamps at about a distance."""
     points = [patches, *regions]
     plane = np.vstack([each.plane for each in points])
-    field = _lamplight(plane, patches.plane.mean(axis=0), distance, rng)
+    field = _lamplight(plane, len(patches.plane), distance, rng)
     if not flat_field:
         squared = np.sum(np.vstack([each.picture for each in points]) ** 2, axis=1)
         corner = 1 - MAX_CORNER_LOSS * rng.uniform(size=(ARRANGEMENTS, 1)) ** 2
@@ -208,10 +208,14 @@ def _nearly_even(patches: PicturePoints, regions: list[PicturePoints],
     return _relative(EVEN_SD * rng.standard_normal((ARRANGEMENTS, 5)) @ terms.T, points)
 
 
-def _lamplight(plane: np.ndarray, middle: np.ndarray, distance: float,
+def _lamplight(plane: np.ndarray, patches: int, distance: float,
                rng: np.random.Generator) -> np.ndarray:
-    """Log irradiance (A, N) at points of the plane from one or two lamps and from all sides."""
-    total = np.zeros((ARRANGEMENTS, len(plane)))
+    """Log irradiance (A, N) at points of the plane from one or two lamps and from all sides.
+
+    The first points are those of the ``patches``. Lamps are compared there alone: what light a
+    point has does not depend on which other points are asked for.
+    """
+    total, middle = np.zeros((ARRANGEMENTS, len(plane))), plane[:patches].mean(axis=0)
     second = rng.uniform(size=(ARRANGEMENTS, 1)) * (rng.uniform(size=(ARRANGEMENTS, 1)) < 0.5)
     for strength in (np.ones((ARRANGEMENTS, 1)), second):
         away = distance * np.exp(DISTANCE_SPREAD * rng.standard_normal(ARRANGEMENTS))
@@ -228,9 +232,9 @@ def _lamplight(plane: np.ndarray, middle: np.ndarray, distance: float,
         directed = MAX_DIRECTED * rng.uniform(size=(ARRANGEMENTS, 1))
         cosine = np.maximum(along / np.sqrt(squared), 1e-3)
         irradiance = lamp[:, 2:] / squared**1.5 * cosine**directed
-        total += strength * irradiance / irradiance.mean(axis=1, keepdims=True)
+        total += strength * irradiance / irradiance[:, :patches].mean(axis=1, keepdims=True)
     ambient = MAX_AMBIENT * rng.uniform(size=(ARRANGEMENTS, 1))
-    return np.asarray(np.log(total + ambient * total.mean(axis=1, keepdims=True)))
+    return np.asarray(np.log(total + ambient * total[:, :patches].mean(axis=1, keepdims=True)))
 
 
 def _relative(field: np.ndarray, points: list[PicturePoints]) -> tuple[np.ndarray, np.ndarray]:

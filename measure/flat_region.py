@@ -12,26 +12,37 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.measure.flat import flat_signals
+from spectrabox.measure.surface_signals import measurement
 from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.measure.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry.records import RegionSamples, SurfaceSignals, SurfaceSpectrum
+from spectrabox.sampling.prior.mixture import load_prior, of_families
+from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 
 
 @dataclass(frozen=True, eq=False)
-class RegionEstimate:
+class RegionSignal:
     """What the photos tell of one region."""
 
     signals: SurfaceSignals         # of the region alone
-    spectrum: SurfaceSpectrum
     light: tuple[float, float]      # relative to the chart's mean, and its relative standard error
     scatter: float                  # of pixels beyond noise and even light, in the worst band
 
+    def posterior(self, families: Sequence[str]) -> SignalPosterior:
+        """Every spectrum behind it in closed form, for a surface that is said to be of families."""
+        return solve_posterior(of_families(load_prior(), families), measurement(self.signals, 0))
 
-def estimate_region(photos: Sequence[FlatPhoto], samples: Sequence[RegionSamples | None],
-                    families: Sequence[str], known: Mapping[str, np.ndarray],
-                    bands: Sequence[str], errors: FlatErrors,
-                    options: DrawOptions) -> RegionEstimate:
-    """The spectrum of one region, as the stages of a run estimate it among all regions.
+    def spectrum(self, families: Sequence[str], options: DrawOptions) -> SurfaceSpectrum:
+        """The spectrum as a run draws it, whose seed is that of the run plus the region's index."""
+        name = self.signals.names[0]
+        return sample_surfaces(self.signals, options, {name: families},
+                               lambda done, what: None)[name]
+
+
+def signal_of_region(photos: Sequence[FlatPhoto], samples: Sequence[RegionSamples | None],
+                     families: Sequence[str], known: Mapping[str, np.ndarray],
+                     bands: Sequence[str], errors: FlatErrors) -> RegionSignal:
+    """The signal of one region with its errors, as a run has it among all regions.
 
     Parameters
     ----------
@@ -47,20 +58,16 @@ def estimate_region(photos: Sequence[FlatPhoto], samples: Sequence[RegionSamples
     bands : sequence of K str
         Names of the camera's bands.
     errors : FlatErrors
-    options : DrawOptions
-        Its seed is that of a run plus the index of the region.
 
     Raises
     ------
     InputError, CheckError
-        As ``white.white_at_regions`` and ``surface_spectra.sample_surfaces``.
+        As ``white.white_at_regions``.
     """
     whites = [white_at_regions(dataclasses.replace(photo, samples=own), known, errors)
               for photo, own in zip(photos, samples, strict=True)]
     first = next(white for white in whites if white is not None)
     name = first.samples.names[0]
     signals = flat_signals(photos, whites, {name: families}, {}, bands, errors)
-    spectra = sample_surfaces(signals, options, {name: families}, lambda done, what: None)
-    return RegionEstimate(signals, spectra[name],
-                          (float(np.exp(first.log_field[0])), float(first.field_error[0])),
-                          float(first.samples.scatter[0].max()))
+    return RegionSignal(signals, (float(np.exp(first.log_field[0])), float(first.field_error[0])),
+                        float(first.samples.scatter[0].max()))

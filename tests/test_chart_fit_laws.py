@@ -222,7 +222,7 @@ def test_one_lamp_gives_the_inverse_square_of_its_distance_times_the_cosine(monk
     for name in ("MAX_DIRECTED", "MAX_AMBIENT"):
         monkeypatch.setattr(light_field, name, 0.0)
     line = np.linspace(0, 1, 6)[:, None] * np.array([[1.0, 0.7]])
-    field = light_field._lamplight(line, np.array([0.5, 0.35]), 3.0, np.random.default_rng(54))
+    field = light_field._lamplight(line, len(line), 3.0, np.random.default_rng(54))
     third = np.abs(np.diff(np.exp(-2 / 3 * field), 3, axis=1)).max(axis=1)
     # in half of the arrangements there is one lamp: round-off of numbers near 1
     share = np.mean(third < 1e-12)

@@ -72,6 +72,7 @@ def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
             nothing_serious()
         page.click("#run")
         page.wait_for_selector("#stop:not([disabled])")
+        page.click("#log-box summary")
         page.wait_for_selector("#log:not(:empty)")
         nothing_serious()
         page.wait_for_selector("#progress:has-text('verdict')")

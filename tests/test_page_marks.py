@@ -52,9 +52,9 @@ def test_a_polygon_gives_way_to_a_rectangle():
                                                       "known": "spectra/card.csv"}
 
 
-def test_a_region_can_be_taken_away_and_with_the_last_one_its_table():
+def test_a_region_can_be_taken_away_and_without_the_last_one_the_sample_is_still_flat():
     text = marked(FLAT, a_mark(name="old"))
-    assert "regions" not in tomllib.loads(text) and "# the only photo" in text
+    assert tomllib.loads(text)["regions"] == {} and "# the only photo" in text
 
 
 def test_corners_of_the_chart_and_references():
@@ -140,7 +140,7 @@ def test_an_undo_never_takes_back_what_somebody_else_wrote(session):
     ({"kind": "region", "name": " ", "points": [[1, 1], [5, 5]]}, "regions."),
     ({"kind": "region", "name": "a", "points": [[1, 1], [1, 5]]}, "enclose|corners"),
     ({"kind": "region", "name": "a", "points": [["x", 1], [1, 5]]}, "number"),
-    ({"kind": "wall", "name": "a"}, "region, chart corners, box corners, reference"),
+    ({"kind": "wall", "name": "a"}, "region, rename, chart corners, box corners"),
     ({"kind": "region", "name": "a", "pints": []}, "unknown key 'pints'"),
 ])
 def test_a_mark_that_makes_a_faulty_session_changes_nothing(session, written, said):

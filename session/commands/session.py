@@ -280,8 +280,8 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
     order = list(stages_of(config))
     wanted = stages_in_order(request.only, order)
     if request.until is not None and (request.only is not None or request.until not in order):
-        raise InputError(f"--until {request.until}: one of the stages {', '.join(order)} is needed, "
-                         "without --only")
+        raise InputError(f"--until {request.until}: one of the stages {', '.join(order)} is "
+                         "needed, without --only")
     after = None if request.until is None else dict(pairwise([*order, None]))[request.until]
     words = words or ["spectrabox", "run", request.folder.name, "--device", request.device,
                       *(["--force"] if request.force else []),

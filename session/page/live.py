@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,30 +17,42 @@ import numpy as np
 
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.measure.flat_region import RegionEstimate, estimate_region
+from spectrabox.capture.photo.registration import Registration, find_edges
+from spectrabox.measure.flat_region import RegionSignal, signal_of_region
+from spectrabox.measure.surface_signals import errors_by_cause
 from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.measure.white import FlatErrors, FlatPhoto
 from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage, RegionSamples
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.radiometry.system.words import shortened
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.config.session_schema import RegionSection, SessionConfig, ViewInputs
 from spectrabox.session.keys import stage_keys
+from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.run_control import RunControl
-from spectrabox.session.stages.inputs import band_names, read_photo
-from spectrabox.session.stages.photo_stage import THUMBNAIL_WIDTH
+from spectrabox.session.stages.inputs import band_names, read_photo, read_reflectance
+from spectrabox.session.stages.photo_stage import (
+    THUMBNAIL_WIDTH,
+    UNEVEN,
+    outlines_in,
+    registration_of,
+)
 from spectrabox.session.stages.records import ChartRecords, PhotoRecords, SessionRecords
 from spectrabox.session.stages.signals_stage import flat_errors, flat_photos, known_spectra
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.store import fingerprint, load_stage
 
 CHART, CALIBRATE = "chart", "calibrate"
-POINTED_DRAWS = 1000    # behind the spectrum under the pointer; those of a region are the session's
+POINTED_DRAWS = 300     # behind the error of the colour under the pointer: 4 % of it
+# of session.toml, that change regions and their errors and leave the calibration as it is
+AFTER_CALIBRATION: dict[str, Any] = {
+    **dict.fromkeys(("toml_sha256", "regions", "sampling", "picture", "repeatability",
+                     "stray_light"), True), "session": {"name", "operator", "notes"}}
 MENTIONED = 0.02        # share of a family or cause that is listed
 MAX_KEPT = 500          # estimates of regions
-UNEVEN = 0.05           # scatter within a region, above which its card says so
-Outline = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +64,7 @@ class Calibrated:
     images: dict[str, LinearImage]          # whole, by view
     records: SessionRecords
     bands: tuple[str, ...]
+    registrations: dict[str, Registration | None]   # of further photos to the first
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,38 +86,55 @@ class Conditions:
     @cached_property
     def known_samples(self) -> dict[str, RegionSamples | None]:
         """Of each view: its regions of known spectrum."""
-        return {view.name: self._sampled(view, {
-            name: region.outline() for name, region in self.config.regions_in(view).items()
-            if name in self.known}) for view in self.config.all_views}
+        return {view.name: self._sampled(view, self.config, self.known)
+                for view in self.config.all_views}
 
-    def _sampled(self, view: ViewInputs, outlines: Mapping[str, Outline]) -> RegionSamples | None:
+    def _sampled(self, view: ViewInputs, config: SessionConfig,
+                 names: Iterable[str]) -> RegionSamples | None:
+        outlines = {name: outline for name, outline in outlines_in(
+            config, view, self.calibrated.registrations.get(view.name)).items() if name in names}
         return sample_regions(self.calibrated.images[view.name], outlines) if outlines else None
 
-    def estimate(self, name: str, outline: Outline, region: RegionSection, index: int,
-                 draws: int) -> RegionEstimate:
-        """The spectrum of what an outline holds, as a region of a name and an index.
+    def signal(self, name: str, region: RegionSection) -> RegionSignal:
+        """The signal of a region, which need not be one of the session.
 
         Parameters
         ----------
         name : str
-        outline : sequence of [x, y]
         region : RegionSection
-            What is stated of it: photos, families, surface.
-        index : int
-            Among the regions of the session.
-        draws : int
+            What is stated of it: outline, photos, families, surface.
         """
-        config, samples = self.config, []
-        for view in config.all_views:
-            shown = not region.photos or view.title in region.photos
-            own = self._sampled(view, {name: outline}) if shown else None
-            samples.append(joined(own, self.known_samples[view.name]))
-        chosen = config.sampling
+        config = self.config.model_copy(update={"regions": {name: region}})
+        samples = [joined(self._sampled(view, config, (name,)), self.known_samples[view.name])
+                   for view in config.all_views]
         errors = replace(self.errors, surfaces={name: region.surface} if region.surface else {})
-        return estimate_region(
-            self.calibrated.photos, samples, region.families, self.known, self.calibrated.bands,
-            errors, DrawOptions(chosen.method, draws, chosen.coefficients, chosen.level,
-                                config.session.seed + index))
+        return signal_of_region(self.calibrated.photos, samples, region.families, self.known,
+                                self.calibrated.bands, errors)
+
+    def drawn(self, name: str, region: RegionSection) -> dict[str, Any]:
+        """The spectrum of a region of the session for the page, as its report has it."""
+        chosen, index = self.config.sampling, list(self.config.regions).index(name)
+        signal = self.signal(name, region)
+        spectrum = signal.spectrum(region.families, DrawOptions(
+            chosen.method, chosen.draws, chosen.coefficients, chosen.level,
+            self.config.session.seed + index))
+        summary, draws = spectrum.summary, spectrum.samples
+        answer = described_spectrum(summary.grid.nm, summary.mean) | described(
+            signal, summary.lower, summary.upper,
+            reflectance_to_lab(draws.grid.nm, draws.spectra), spectrum.family_shares,
+            spectrum.variance_shares) | {"next_nm": summary.next_measurement_nm}
+        if any(each.swatch is not None for each in self.config.regions.values()):
+            answer["notes"].append("the report also corrects this spectrum by the swatches")
+        return answer
+
+    def pointed(self, region: RegionSection) -> dict[str, Any]:
+        """The same of any part of a photo, in closed form."""
+        signal = self.signal("pointer", region)
+        posterior, nm = signal.posterior(region.families), PRIOR_GRID.nm
+        return described_spectrum(nm, posterior.mean) | described(
+            signal, *posterior.band(self.config.sampling.level),
+            reflectance_to_lab(nm, posterior.draws(POINTED_DRAWS, 1)), posterior.family_shares,
+            posterior.variance_shares(errors_by_cause(signal.signals, 0)))
 
 
 class LiveSample:
@@ -114,10 +144,12 @@ class LiveSample:
     ----------
     run : RunControl
         Of the session, which also makes the calibration.
+    views : PhotoViews
+        Which are given the photos.
     """
 
-    def __init__(self, run: RunControl) -> None:
-        self._run = run
+    def __init__(self, run: RunControl, views: PhotoViews) -> None:
+        self._run, self._views = run, views
         self._config: SessionConfig | None = None
         self._conditions: Conditions | None = None
         self._kept: dict[str, dict[str, Any]] = {}      # answers by what they depend on
@@ -152,6 +184,9 @@ class LiveSample:
                self._run.state()["lines"][-1:])
         with self._lock:
             self._config = flat
+            if flat is not None and self._conditions is not None \
+                    and calibrated_alike(flat, self._conditions.config):
+                self._conditions = Conditions(self._conditions.calibrated, flat)
             changed, self._seen = now != self._seen, now
         if changed:
             self._wanted.set()
@@ -185,8 +220,7 @@ class LiveSample:
         x0, y0, x1, y1 = rect
         region = RegionSection(rect=(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),
                                photo=role if len(titles) > 1 else None)
-        return self._answer(conditions, "pointer", region, len(conditions.config.regions),
-                            POINTED_DRAWS)
+        return answered_or_refused(lambda: conditions.pointed(region))
 
     def region(self, name: str) -> dict[str, Any]:
         """The spectrum of a region of the session, which is the one of its report.
@@ -207,13 +241,15 @@ class LiveSample:
         if name not in config.regions:
             raise InputError(f"there is no region {shortened(name)}")
         region, index = config.regions[name], list(config.regions).index(name)
-        if name in conditions.known:
-            return described_spectrum(FINE_GRID.nm, conditions.known[name]) | {"given": True}
+        if region.measured is not None:
+            given = spectrum_on_grid(read_reflectance(config, region.measured), FINE_GRID)
+            return described_spectrum(FINE_GRID.nm, given) | {"given": True}
         depends = repr((conditions.calibrated.key, name, index, region, [
             (other, config.regions[other]) for other in conditions.known], config.sampling,
-            config.repeatability, config.stray_light))
+            config.repeatability, config.stray_light,
+            any(other.swatch is not None for other in config.regions.values())))
         if depends not in self._kept:
-            answer = self._answer(conditions, name, region, index, config.sampling.draws)
+            answer = answered_or_refused(lambda: conditions.drawn(name, region))
             with self._lock:
                 for old in list(self._kept)[:-MAX_KEPT]:
                     del self._kept[old]
@@ -224,14 +260,6 @@ class LiveSample:
         if self._conditions is None:
             raise CheckError("chart and camera are still being calibrated")
         return self._conditions
-
-    def _answer(self, conditions: Conditions, name: str, region: RegionSection, index: int,
-                draws: int) -> dict[str, Any]:
-        """An estimate for the page, or why there is none: pixels that are clipped, say."""
-        try:
-            return described(conditions.estimate(name, region.outline(), region, index, draws))
-        except SpectraboxError as error:
-            return {"refused": str(error)}
 
     def _work(self) -> None:
         while self._wanted.wait() and not self._ended:
@@ -259,18 +287,27 @@ class LiveSample:
         if CALIBRATE not in done or CHART not in done:
             self._conditions = None
             self._begin(wanted)
-        shown = fingerprint({part: keys["photo"][part] for part in ("files",)}
-                            | {"photos": keys["photo"]["settings"]["photos"]})
+        shown = fingerprint({"files": keys["photo"]["files"]} | {
+            name: keys["photo"]["settings"][name] for name in ("photos", "not_linear", "flats")})
         if self._images[0] != shown:
-            self._images = (shown, {view.name: read_photo(config, view.photo)[0]
-                                    for view in config.all_views})
+            images = {}
+            for view in config.all_views:
+                images[view.name] = read_photo(config, view.photo)[0]
+                if len(view.photo_files) == 1 and not (config.photos.flats
+                                                       or config.photos.dark_files):
+                    self._views.keep(config.path(view.photo_files[0]), images[view.name])
+            self._images = (shown, images)
         if len(done) == 2:
             key = wanted + shown
             current = self._conditions
             calibrated = current.calibrated if current is not None \
                 and current.calibrated.key == key else calibrated_of(
                     key, config, SessionRecords(done), self._images[1])
-            self._error, self._conditions = "", Conditions(calibrated, config)
+            with self._lock:        # regions may have been marked meanwhile
+                newer = self._config
+                self._error, self._conditions = "", Conditions(
+                    calibrated, newer if newer is not None and calibrated_alike(newer, config)
+                    else config)
 
     def _begin(self, key: str) -> None:
         """Have the calibration made, once for each key; a run that failed says why."""
@@ -285,6 +322,20 @@ class LiveSample:
             run = self._run.state()
             self._error = str(run["error"] or "") or (
                 "stopped before the calibration was made" if run["stopped"] else "")
+
+
+def calibrated_alike(config: SessionConfig, other: SessionConfig) -> bool:
+    """Whether two versions of a session.toml have one calibration."""
+    return config.model_dump_json(exclude=AFTER_CALIBRATION) == other.model_dump_json(
+        exclude=AFTER_CALIBRATION)
+
+
+def answered_or_refused(estimate: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """An estimate for the page, or why there is none: pixels that are clipped, say."""
+    try:
+        return estimate()
+    except SpectraboxError as error:
+        return {"refused": str(error)}
 
 
 def joined(own: RegionSamples | None, known: RegionSamples | None) -> RegionSamples | None:
@@ -313,10 +364,16 @@ def calibrated_of(key: str, config: SessionConfig, records: SessionRecords,
         raise InputError("with references of [drift] the page shows no spectra while you point; "
                          "the report has them")
     records.photo = PhotoRecords({name: thumbnail(image, THUMBNAIL_WIDTH)
-                                  for name, image in images.items()}, {}, None, ())
+                                  for name, image in images.items()}, {}, None, {}, ())
+    first, *others = config.all_views
+    edges = {view.name: find_edges(images[view.name]) for view in config.all_views
+             if others}
+    registrations = {view.name: registration_of(records.chart.charts, first, view, edges[""],
+                                                edges[view.name]) for view in others
+                     if view.photo_files != first.photo_files}
     photos = flat_photos(config, records)
     return Calibrated(key, photos, dict(images), records,
-                      band_names(config, len(photos[0].response)))
+                      band_names(config, len(photos[0].response)), registrations)
 
 
 def described_charts(config: SessionConfig, records: ChartRecords) -> dict[str, Any]:
@@ -332,26 +389,22 @@ def described_charts(config: SessionConfig, records: ChartRecords) -> dict[str, 
     return charts
 
 
-def described(estimate: RegionEstimate) -> dict[str, Any]:
-    """An estimate as the page shows it."""
-    spectrum, summary = estimate.spectrum, estimate.spectrum.summary
-    draws = spectrum.samples
-    notes = []
-    if estimate.scatter > UNEVEN:
-        notes.append(f"uneven: its pixels differ by {estimate.scatter:.0%}; outline one colour")
-    return described_spectrum(summary.grid.nm, summary.mean) | {
-        "lower": _rounded(summary.lower), "upper": _rounded(summary.upper),
-        "lab_error": _rounded(reflectance_to_lab(draws.grid.nm, draws.spectra).std(axis=0), 2),
-        "families": _largest(spectrum.family_shares), "causes": _largest(spectrum.variance_shares),
-        "light": list(estimate.light), "outcome": draws.sentence, "notes": notes,
-        "next_nm": summary.next_measurement_nm}
+def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: np.ndarray,
+              families: Mapping[str, float], causes: Mapping[str, float]) -> dict[str, Any]:
+    """What an estimate adds to its spectrum: band, error of the colour from draws (T, 3), causes.
+    """
+    notes = [] if signal.scatter <= UNEVEN else [
+        f"uneven: its pixels differ by {signal.scatter:.0%}; outline one colour"]
+    return {"lower": _rounded(lower), "upper": _rounded(upper),
+            "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),
+            "causes": _largest(causes), "light": list(signal.light), "notes": notes}
 
 
 def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:
     """A reflectance (P,) and its colour under D65."""
     srgb = reflectance_to_srgb(nm, reflectance)
     return {"nm": nm.tolist(), "mean": _rounded(reflectance),
-            "lab": _rounded(reflectance_to_lab(nm, reflectance), 2),
+            "lab": _rounded(reflectance_to_lab(nm, reflectance)),
             "hex": "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)}
 
 

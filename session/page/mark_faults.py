@@ -40,7 +40,7 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
             _chart(config)
         elif kind == "box corners":
             read_session_scene(config)
-        else:
+        elif kind == "reference":
             _references(config, name)
     except SpectraboxError as error:
         return str(error).splitlines()

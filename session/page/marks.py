@@ -5,6 +5,7 @@ import hashlib
 import json
 import re
 import threading
+import tomllib
 from collections.abc import MutableMapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,6 +18,7 @@ from tomlkit.items import Array
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.system.words import shortened
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_file import session_content, tables_of_text, text_of
 from spectrabox.session.config.session_rules import inconsistencies, unpaired_references
@@ -41,14 +43,16 @@ class Mark(Table):
     """One mark, or its removal where it has no points.
 
     A region has two corners of a rectangle, or three or more of a polygon; the chart four corners
-    in the order of its layout; a box six corners or more by name; a reference four corners.
+    in the order of its layout; a box six corners or more by name; a reference four corners. A
+    "rename" gives a region the one of ``names``.
     """
 
-    kind: Literal["region", "chart corners", "box corners", "reference"]
+    kind: Literal["region", "rename", "chart corners", "box corners", "reference"]
     name: str = Field("", description="of a region; \"chart\" or \"object\" photo of a reference")
-    photo: str = Field("", description="view that a region lies in; empty for every one")
+    photo: str | ListOf[str] = Field("", description="views that a region lies in; empty for every "
+                                     "one")
     points: ListOf[Pixel] = Field((), description="in pixels of the whole photo")
-    names: ListOf[str] = Field((), description="of the points of a box")
+    names: ListOf[str] = Field((), description="of the points of a box; the new name of a region")
 
 
 class MarkedSession:
@@ -160,6 +164,8 @@ def marked(text: str, mark: Mark) -> str:
         If the text is no TOML, or the mark has the wrong number of points.
     """
     try:
+        if mark.kind == "rename":
+            return _renamed(text, mark)
         document = tomlkit.parse(text.removeprefix(BYTE_ORDER_MARK))
         _write(document, mark)
         result = tomlkit.dumps(document)
@@ -250,6 +256,7 @@ def marks_of(written: dict[str, Any]) -> dict[str, Any]:
             x0, y0, x1, y1 = rect
             rect = (x0, y0), (x1, y0), (x1, y1), (x0, y1)
         outlines[name] = {"outline": _shown(OUTLINE, _at(region, "polygon")) or rect or (),
+                          "rect": rect is not None,
                           "photo": _shown(PHOTOS, _at(region, "photo"))}
     return {"regions": outlines, "chart_corners": _shown(OUTLINE, _at(written, "chart",
                                                                       "corners_px")),
@@ -278,8 +285,10 @@ def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
     if not points:
         regions = _table(document, "regions")
         regions.pop(mark.name, None)
-        if not regions:
+        if not regions:         # still a flat sample, where nothing else says what is measured
             document.pop("regions")
+            if not ("scene" in document or "materials" in document):
+                document["regions"] = tomlkit.table()
         return
     if len(points) < 2:
         raise InputError("a region needs two corners of a rectangle, or three and more of a "
@@ -293,7 +302,27 @@ def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
     else:
         _put(table, "polygon", points)
     if mark.photo:
-        table["photo"] = mark.photo
+        table["photo"] = mark.photo if isinstance(mark.photo, str) else list(mark.photo)
+
+
+def _renamed(text: str, mark: Mark) -> str:
+    """The text with another name for a region, in the header of its table alone."""
+    regions = tomllib.loads(text_of(text.encode())).get("regions")
+    if not isinstance(regions, dict) or mark.name not in regions or len(mark.names) != 1:
+        raise InputError(f"there is no region {shortened(mark.name)} to rename")
+    name, new = mark.name, mark.names[0]
+    if new in regions:
+        raise InputError(f"a region {shortened(new)} exists already; take another name")
+    written = "|".join(re.escape(each) for each in (
+        name, json.dumps(name), json.dumps(name, ensure_ascii=False), f"'{name}'"))
+    header = re.compile(rf"^([ \t]*\[[ \t]*regions[ \t]*\.[ \t]*)(?:{written})([ \t]*[\].])",
+                        re.MULTILINE)
+    result = header.sub(lambda match: match[1] + tomlkit.key(new).as_string() + match[2], text)
+    expected = {new if each == name else each: region for each, region in regions.items()}
+    if tomllib.loads(text_of(result.encode())).get("regions") != expected:
+        raise InputError(f"region {shortened(name)} is written in a way that this page cannot "
+                         f"rename; rename it in {FILE_NAME}")
+    return result
 
 
 def _mark_box(document: Any, mark: Mark, points: list[list[float]]) -> None:

@@ -16,7 +16,7 @@ from spectrabox.capture.photo.linear import signal_alone, tile_step
 from spectrabox.capture.photo.preview import signal_rgb8, whites
 from spectrabox.capture.photo.raw import decode
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import RawFrame
+from spectrabox.radiometry.records import LinearImage, RawFrame
 
 MAX_OPEN = 3            # photos kept decoded
 MAX_SIDE = 1600         # px, of the picture that is shown whole
@@ -78,6 +78,21 @@ class PhotoViews:
         key = _key(path)
         with self._lock:
             return _kept(self._clipped, key, lambda: open_any(path, not_linear=True).saturated)
+
+    def keep(self, path: Path, image: LinearImage) -> None:
+        """Take a photo that has been developed elsewhere in place of decoding it again.
+
+        Parameters
+        ----------
+        path : Path
+        image : LinearImage
+            Of this file alone, without dark frame or flat field.
+        """
+        key = _key(path)
+        with self._lock:
+            _kept(self._photos, key, lambda: OpenPhoto(image.signal, image.sensor_step,
+                                                       whites(image.signal)))
+            _kept(self._clipped, key, lambda: image.saturated)
 
     def whole(self, path: Path) -> bytes:
         """JPEG of the photo, at most ``MAX_SIDE`` pixels a side."""

@@ -105,15 +105,15 @@ class RunControl:
 
     def state(self) -> dict[str, Any]:
         """What the page shows: ``running``, ``until``, ``waiting``, ``seconds``, ``lines``,
-        ``exit_code``, ``stopped``, ``verdict``, ``reasons``, ``error``.
+        ``exit_code``, ``stopped``, ``verdict``, ``says``, ``error``.
         """
         answer = self._answer or {}
         until = time.monotonic() if self.running else self._ended
         return {"running": self.running, "until": self._until, "waiting": self._all_wanted,
-                "reasons": answer.get("reasons", []), "lines": list(self._lines), "exit_code": self._code,
                 "seconds": max(until - self._started, 0.0) if self._process else 0.0,
-                "stopped": self._stopped and self._code != 0, "verdict": answer.get("verdict"),
-                "error": answer.get("error")}
+                "lines": list(self._lines), "exit_code": self._code,
+                "stopped": self._stopped and self._code != 0,
+                **{name: answer.get(name) for name in ("verdict", "says", "error")}}
 
     def _follow(self, process: subprocess.Popen[str]) -> None:
         assert process.stderr is not None

@@ -68,7 +68,7 @@ class SessionPage:
         self.marks = MarkedSession(self.folder, self.photos, allow_outside)
         self.marks.read()
         self.run = RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
-        self.live = LiveSample(self.run)
+        self.live = LiveSample(self.run, self.photos)
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
         self._states: tuple[Any, list[dict[str, Any]]] = (None, [])

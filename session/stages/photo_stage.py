@@ -1,6 +1,8 @@
 """The stage that decodes object photos: to the render's size, or to the signals of regions."""
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from spectrabox.calibrate.geometry.projection import undistorted
@@ -22,7 +24,7 @@ from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.box.box_camera import lens_of_view
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import require_exposed
-from spectrabox.session.stages.records import PhotoRecords
+from spectrabox.session.stages.records import MeasuredChart, PhotoRecords
 from spectrabox.session.stages.scenes import read_session_scene
 from spectrabox.session.stages.stage_task import StageTask
 
@@ -113,22 +115,51 @@ def _registration(task: StageTask, view: ViewInputs, first_edges: Edges,
     edges = find_edges(photo)
     names = first.photo_files[0], view.photo_files[0]
     require_one_size(first_edges, edges, *names)
-    shown = [charts[each.name].detection.corners_px for each in (first, view)
-             if each.chart_files == each.photo_files]
-    registration = register(first_edges, edges, (shown[0], shown[1]) if len(shown) == 2 else None)
+    registration = registration_of(charts, first, view, first_edges, edges)
     if registration is not None:
         require_registered(registration, own_motion_px(first_edges, edges, registration, both),
                            photo.signal.shape[1] * photo.sensor_step, *names)
     return registration
 
 
+def registration_of(charts: Mapping[str, MeasuredChart], first: ViewInputs, view: ViewInputs,
+                    first_edges: Edges, edges: Edges) -> Registration | None:
+    """How a photo is shifted against the first; None where both have too little in common to tell.
+
+    Parameters
+    ----------
+    charts : mapping
+        By the names of views.
+    first, view : ViewInputs
+    first_edges, edges : Edges
+        Of their photos.
+    """
+    shown = [charts[each.name].detection.corners_px for each in (first, view)
+             if each.chart_files == each.photo_files]
+    return register(first_edges, edges, (shown[0], shown[1]) if len(shown) == 2 else None)
+
+
+def outlines_in(config: SessionConfig, view: ViewInputs, registration: Registration | None
+                ) -> dict[str, Sequence[Sequence[float]]]:
+    """Outlines of the regions that the photo of a view shows, in its own pixels.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    view : ViewInputs
+    registration : Registration or None
+        Of its photo to the first.
+    """
+    outlined = config.regions_in(config.all_views[0])
+    return {name: section.outline() if registration is None or name not in outlined
+            else registration.moved(np.array(section.outline())).tolist()
+            for name, section in config.regions_in(view).items()}
+
+
 def _regions(config: SessionConfig, view: ViewInputs, photo: LinearImage,
              registration: Registration | None) -> RegionSamples | None:
     """The regions that the photo shows; None where it shows none."""
-    outlined = config.regions_in(config.all_views[0])
-    shown = {name: section.outline() if registration is None or name not in outlined
-             else registration.moved(np.array(section.outline())).tolist()
-             for name, section in config.regions_in(view).items()}
+    shown = outlines_in(config, view, registration)
     return sample_regions(photo, shown, without_clipped=bool(config.views)) if shown else None
 
 

@@ -1,15 +1,22 @@
+// What the page shows, from what the server says of the session; the server keeps all that lasts.
 import { PhotoView } from "./photo.js";
+import { details, labWords, plot, swatch } from "./spectrum.js";
 
 const token = handedToken();
 const $ = (id) => document.getElementById(id);
 const HINTS = {
-  look: "Wheel zooms, dragging moves. Arrow keys, + and - do the same.",
-  region: "Two opposite corners of a rectangle, or with Polygon as many as you like and then Save.",
+  look: "Wheel or two fingers zoom, dragging moves. Arrow keys, + and - do the same.",
+  region: "Drag a rectangle over one colour; its spectrum is shown at once. Click a region to move or size it. Space or the middle button moves the photo.",
   chart: "Four corners in the order of the chart: of a ColorChecker dark skin, bluish green, black, white.",
   box: "Six corners or more, each by its name; then Save. A fov_deg in session.toml is taken as known: delete the line if it is not yours.",
   reference: "Four corners of a neutral reference that both photos show.",
 };
+const POINTER_PX = 12;          // side of the square under the pointer on the screen
+const MIN_SIDE = 12;            // and its least, in pixels of the photo
+const STAGE_WORDS = { chart: "finding the chart", photo: "reading the photo", calibrate: "calibrating camera and light" };
+const STATE_WORDS = { missing: "not run yet", stale: "to run again" };
 let state = null, role = "", mode = "look", named = [], asking = false, reportStamp = null, size = [1, 1];
+let spectra = {}, spectraOf = "", saving = false, chosenMode = false;
 
 // The token leaves the address bar; this tab keeps it, so that the page can be loaded again.
 function handedToken() {
@@ -25,12 +32,16 @@ async function ask(path, options = {}) {
   return answer;
 }
 const get = async (path) => (await ask(path)).json();
-async function send(path, body) {
+// One change after the other: each says which text of the session it has seen.
+let sending = Promise.resolve();
+function send(path, body) { return sending = sending.then(() => sendNow(path, body)); }
+async function sendNow(path, body) {
   try {
     update(await (await ask(path, { method: "POST", body: JSON.stringify({ digest: state.digest, ...body }) })).json());
     return true;
   } catch (error) { say(error.message); await refresh(); return false; }
 }
+const mark = (marked) => send("/api/mark", { mark: marked });
 const say = (text) => { $("said").textContent = text; };
 const words = (tag, text, cls) => { const node = document.createElement(tag); node.textContent = text; if (cls) node.className = cls; return node; };
 const fill = (list, nodes) => $(list).replaceChildren(...nodes);
@@ -41,7 +52,7 @@ function button(text, does, current) {
   return one;
 }
 
-const view = new PhotoView($("canvas"), { onPoint: point, onPointer: pointer });
+const view = new PhotoView($("canvas"), { onPoint: point, onPointer: pointer, onDraw: pointAt, onRect: addRect, onEdit: moveRegion, onSelect: showMarks });
 
 async function open(chosen) {
   role = chosen; clearPoints(); say(`opening ${chosen} …`);
@@ -55,17 +66,49 @@ async function open(chosen) {
   show();
 }
 
+// ---- the spectrum under the pointer: one question at a time, the latest position next
+let next = null, askingSpectrum = false;
+function pointAt(rect) {
+  next = rect;
+  if (!askingSpectrum && state?.live?.ready) askSpectra();
+}
+async function askSpectra() {
+  askingSpectrum = true;
+  while (next) {
+    const [[x0, y0], [x1, y1]] = next, about = new URLSearchParams({ role, x0, y0, x1, y1 }); next = null;
+    try { showPointed(await get(`/api/spectrum?${about}`)); } catch { /* a later question will be answered */ }
+  }
+  askingSpectrum = false;
+}
+function showPointed(answer) {
+  $("pointed").hidden = false;
+  if (answer.refused) { fill("pointer-spectrum", [words("p", answer.refused, "soft")]); return; }
+  fill("pointer-spectrum", described("the colour under the pointer", answer));
+  document.body.dataset.pointed = answer.hex;
+}
+function described(name, answer, whole = true) {
+  const head = document.createElement("p"); head.className = "colour";
+  head.append(swatch(answer.hex), words("span", labWords(answer)));
+  if (!whole) return [head];
+  const list = document.createElement("dl");
+  for (const [about, text] of details(answer)) list.append(words("dt", about), words("dd", text));
+  return [head, plot(`Reflectance of ${name} over wavelength in nm`, answer), list];
+}
+
 let waiting = null;
+const outside = ([x, y]) => !role || x < -0.5 || y < -0.5 || x > size[0] - 0.5 || y > size[1] - 0.5;
 function pointer([x, y]) {
   clearTimeout(waiting);
+  if (outside([x, y])) { $("values").textContent = "\u00a0"; return; }
+  const half = Math.max(POINTER_PX * view.perPixel(), MIN_SIDE) / 2;
+  pointAt([view.inside([x - half, y - half]), view.inside([x + half, y + half])]);
   waiting = setTimeout(async () => {
-    if (!role || x < -0.5 || y < -0.5 || x > size[0] - 0.5 || y > size[1] - 0.5) { $("values").textContent = "\u00a0"; return; }
     const about = `role=${encodeURIComponent(role)}`;
     try {
-      const [found, part] = await Promise.all([get(`/api/value?${about}&x=${x.toFixed(1)}&y=${y.toFixed(1)}`),
+      const [value, part] = await Promise.all([get(`/api/value?${about}&x=${x.toFixed(1)}&y=${y.toFixed(1)}`),
         ask(`/api/part?${about}&left=${(x - 24).toFixed(1)}&top=${(y - 24).toFixed(1)}&side=48`).then((a) => a.blob())]);
-      $("values").textContent = `(${x.toFixed(0)}, ${y.toFixed(0)})  ` + found.signal.map((value, band) =>
-        `${(100 * value).toFixed(1)} %${found.saturated[band] ? " clipped" : ""}`).join("  ");
+      $("values").textContent = `(${x.toFixed(0)}, ${y.toFixed(0)})  ` + value.signal.map((signal, band) =>
+        `${(100 * signal).toFixed(1)} %${value.saturated[band] ? " clipped" : ""}`).join("  ");
       const picture = await createImageBitmap(part); const c = $("loupe").getContext("2d");
       c.imageSmoothingEnabled = false; c.drawImage(picture, 0, 0, 192, 192);
       c.strokeStyle = "#00e5ff"; c.strokeRect(88, 88, 16, 16);
@@ -73,13 +116,41 @@ function pointer([x, y]) {
   }, 60);
 }
 
+// ---- marking
+const severalPhotos = () => state.photos.filter(({ role: one }) => !one.endsWith("chart")).length > 1;
+const ownPhoto = () => severalPhotos() && (!state.live || $("alone").checked) && !role.startsWith("shot:") ? role : "";
+function freeName() {
+  const typed = $("mark-name").value.trim(); if (typed) return typed;
+  for (let number = 1; ; number++) if (!(`sample ${number}` in state.marks.regions)) return `sample ${number}`;
+}
+async function addRect(rect) {
+  const name = freeName();
+  if (await mark({ kind: "region", name, points: rect, photo: ownPhoto() })) {
+    $("mark-name").value = ""; say(`${name} is marked`); view.select(name); showMarks();
+    const input = document.querySelector(`#marks input[data-name="${CSS.escape(name)}"]`); input?.select(); input?.focus({ preventScroll: true });
+  }
+}
+function moveRegion(name, outline) {
+  const { photo, rect } = state.marks.regions[name];
+  return mark({ kind: "region", name, points: rect ? [outline[0], outline[2]] : outline, photo: photo ?? "" });
+}
+async function removeRegion(name) { if (await mark({ kind: "region", name, points: [] })) say(`${name} is removed; Undo brings it back`); }
+async function rename(name, to, input) {
+  if (to && to !== name && await mark({ kind: "rename", name, names: [to] })) { view.select(to); say(`${name} is ${to} now`); }
+  else input.value = name;
+}
+async function undo() { if (state?.undo && await send("/api/undo", {})) say("taken back"); }
+
 async function point(at) {
-  if (mode === "look" || !role) return;
+  if (mode === "look" || !role || outside(at)) return;
   if (mode === "box") { named = named.filter(([name]) => name !== $("corner").value); named.push([$("corner").value, at]);
-    view.points = named.map(([, place]) => place); nextCorner(); view.draw(); show(); return; }
+    view.points = named.map(([, position]) => position); nextCorner(); view.draw(); show(); return; }
+  if (mode === "region" && view.selected && !$("polygon").checked && !view.points.length) return;
   view.points.push(at); view.draw();
   const needed = mode === "region" ? 2 : 4;
-  if (mode === "region" ? !$("polygon").checked && view.points.length === needed : view.points.length === needed) await save();
+  if (mode === "region" && $("polygon").checked) { show(); return; }
+  if (mode === "region" && view.points.length === needed) { const rect = view.points; clearPoints(); await addRect(rect); }
+  else if (view.points.length === needed) await save();
   show();
 }
 function nextCorner() {
@@ -88,71 +159,139 @@ function nextCorner() {
 }
 async function save() {
   const points = view.points.map(([x, y]) => [x, y]);
-  const several = state.photos.filter(({ role: one }) => !one.endsWith("chart")).length > 1;
-  const mark = {
-    region: { kind: "region", name: $("mark-name").value.trim(), points, photo: several && !role.startsWith("shot:") ? role : "" },
+  const marked = {
+    region: { kind: "region", name: mode === "region" ? freeName() : "", points, photo: ownPhoto() },
     chart: { kind: "chart corners", points },
     box: { kind: "box corners", points: named.map(([, at]) => at), names: named.map(([name]) => name) },
     reference: { kind: "reference", name: role === "chart" ? "chart" : "object", points },
   }[mode];
-  if (await send("/api/mark", { mark })) say("marked");
+  if (await mark(marked)) { say("marked"); if (mode === "region") $("mark-name").value = ""; }
   clearPoints();
 }
 function clearPoints() { named = []; view.points = []; view.draw(); }
 
-function choose(next) {
-  mode = next; clearPoints();
-  for (const one of document.querySelectorAll("[data-mode]")) one.setAttribute("aria-pressed", String(one.dataset.mode === next));
-  $("hint").textContent = HINTS[next]; show();
+function choose(nextMode) {
+  mode = nextMode; clearPoints(); setDrawing();
+  for (const one of document.querySelectorAll("[data-mode]")) one.setAttribute("aria-pressed", String(one.dataset.mode === nextMode));
+  $("hint").textContent = HINTS[nextMode]; show();
 }
+function setDrawing() { view.draws = mode === "region" && !$("polygon").checked; $("canvas").dataset.draws = view.draws; }
 
-function update(next) {
-  state = next; $("name").textContent = state.name; document.title = `${state.name} - spectrabox`;
-  show();
+// ---- what the server says
+function update(fresh) {
+  state = fresh; $("name").textContent = state.name; document.title = `${state.name} - spectrabox`;
+  if (state.live && !chosenMode) { chosenMode = true; choose("region"); }
+  document.body.dataset.ready = String(Boolean(state.live?.ready));
+  show(); refreshSpectra();
   if (state.report !== reportStamp && !state.run.running) {
     reportStamp = state.report; $("report").hidden = state.report === null;
     if (state.report !== null) $("report-frame").src = `/report?token=${encodeURIComponent(token)}&at=${state.report}`;
   }
+  if (saving && !state.run.running && !state.run.waiting) {
+    saving = false; if (state.run.verdict) $("report").scrollIntoView();
+  }
+}
+
+// Spectra of all regions, asked for again where session.toml or the calibration has changed.
+async function refreshSpectra() {
+  const of = state.live?.ready ? state.digest : "";
+  if (of === spectraOf) return;
+  spectraOf = of; if (!of) { spectra = {}; showMarks(); return; }
+  const fresh = {};
+  for (const name of Object.keys(state.marks.regions)) {
+    if (spectraOf !== of) return;
+    try { fresh[name] = await get(`/api/region?name=${encodeURIComponent(name)}`); }
+    catch { spectraOf = ""; return; }         // a session with a fault, or one that has just changed
+    spectra = { ...spectra, [name]: fresh[name] }; showMarks();
+  }
+  spectra = fresh; showMarks();
+}
+
+function progressWords({ run, live }) {
+  if (run.running && run.until) return `${STAGE_WORDS[(run.lines.at(-1) ?? "").split(" ")[0]] ?? "starting"} …` + (run.waiting ? " then the report" : "");
+  if (run.running) return `running, ${run.seconds.toFixed(0)} s`;
+  if (run.stopped) return "stopped: finished stages are kept, Save report goes on from there";
+  if (run.verdict) return `verdict ${run.verdict.toUpperCase()}, ${run.seconds.toFixed(0)} s${run.says ? `: ${run.says}` : ""}`;
+  if (run.exit_code) return run.error ?? `ended with ${run.exit_code}`;
+  return live?.ready ? "calibrated: point at a colour, or drag a rectangle over it" : live && !live.error && !state.problems.length ? "reading the photo …" : "";
 }
 
 function show() {
   if (!state) return;
-  const { run } = state;
+  const { run, live } = state, regions = Object.keys(state.marks.regions);
   fill("photos", state.photos.map(({ role: one, file, there }) => item(there
     ? button(`${one}: ${file}`, () => open(one), one === role) : words("span", `${one}: ${file} is not there yet`, "missing"))));
-  $("undo").disabled = !state.undo; $("run").disabled = run.running || state.problems.length > 0; $("stop").disabled = !run.running;
+  $("undo").disabled = !state.undo; $("stop").disabled = !run.running;
+  $("run").disabled = (run.running && !run.until) || run.waiting || state.problems.length > 0 || (live && !regions.length);
   document.querySelector('[data-mode="box"]').hidden = !state.corner_names.length;
   $("name-label").hidden = $("polygon-label").hidden = mode !== "region"; $("corner-label").hidden = mode !== "box";
+  $("alone-label").hidden = mode !== "region" || !live || !severalPhotos();
   $("save").hidden = !(mode === "box" && named.length >= 6) && !(mode === "region" && $("polygon").checked && view.points.length > 2);
   $("clear").hidden = !view.points.length;
   if ($("corner").options.length !== state.corner_names.length)
     fill("corner", state.corner_names.map((name) => { const one = words("option", name); one.value = name; return one; }));
-  fill("stages", state.stages.map(({ name, state: how, reasons }) => item(words("span", `${name}: ${how}`, how), reasons.length ? ` ${reasons.join("; ")}` : "")));
-  fill("problems", state.problems.map((text) => words("p", text)));
-  $("progress").textContent = run.running ? `running, ${run.seconds.toFixed(0)} s` : run.exit_code === null ? ""
-    : run.stopped ? "stopped: finished stages are kept, Run goes on from there" : run.verdict ? `verdict ${run.verdict.toUpperCase()}, ${run.seconds.toFixed(0)} s` : `ended with ${run.exit_code}: ${run.error ?? ""}`;
+  fill("stages", state.stages.map(({ name, state: how, reasons }) => item(words("span", `${name}: ${STATE_WORDS[how] ?? how}`, how in STATE_WORDS ? "soft" : how), reasons.length ? ` ${reasons.join("; ")}` : "")));
+  fill("problems", [...state.problems, ...(live?.error ? [live.error] : [])].map((text) => words("p", text)));
+  $("progress").textContent = progressWords(state); $("progress").className = run.running ? "" : (run.verdict ?? "").toUpperCase();
   const log = run.lines.join("\n"); if ($("log").textContent !== log) { $("log").textContent = log; $("log").scrollTop = $("log").scrollHeight; }
-  showMarks(); showShooting();
+  showChart(); showMarks(); showShooting();
+}
+
+function showChart() {
+  const charts = state.live?.charts ?? {}, chart = charts[role] ?? Object.values(charts)[0];
+  view.patches = charts[role]?.patches ?? [];
+  $("chart-verdict").hidden = !chart; if (!chart) return;
+  $("chart-verdict").replaceChildren(words("strong", chart.verdict, chart.verdict),
+    ` ${chart.verdict === "GOOD" ? "the chart can be used" : chart.reasons.join("; ")}`);
 }
 
 function showMarks() {
+  if (!state) return;
   const { regions, chart_corners: chart, box_corners: box, references } = state.marks;
-  const marks = Object.entries(regions).map(([name, { outline }]) => ({ name, outline, drop: { kind: "region", name } }));
   const onChart = state.photos.some(({ role: one }) => one === "chart") ? role.endsWith("chart") : true;
   view.outlines = [
     ...Object.entries(regions).filter(([, { photo }]) => !role.endsWith("chart") && (!photo || photo === role || photo.includes?.(role)))
-      .map(([name, { outline }]) => ({ name, outline })),
+      .map(([name, { outline, rect }]) => ({ name, outline, rect, edits: outline.length > 2 })),
     ...(chart && onChart ? [{ name: "chart", outline: chart }] : []),
     ...(box && !role.endsWith("chart") ? Object.entries(box).map(([name, at]) => ({ name, outline: [at] })) : []),
     ...((role === "chart" ? references.chart : role === "photo" ? references.object : null) ?? []).map((outline) => ({ name: "reference", outline })),
   ];
-  if (chart) marks.push({ name: "chart corners", drop: { kind: "chart corners" } });
-  if (box) marks.push({ name: `${Object.keys(box).length} box corners` });
+  const others = [];
+  if (chart) others.push({ name: "chart corners", drop: { kind: "chart corners" } });
+  if (box) others.push({ name: `${Object.keys(box).length} box corners` });
   for (const where of ["chart", "object"]) if (references[where]?.length)
-    marks.push({ name: `${references[where].length} reference in the ${where} photo`, drop: { kind: "reference", name: where } });
-  fill("marks", marks.map(({ name, drop }) => item(words("span", `${name} `),
-    ...(drop ? [button("remove", () => send("/api/mark", { mark: { ...drop, points: [] } }))] : []))));
+    others.push({ name: `${references[where].length} reference in the ${where} photo`, drop: { kind: "reference", name: where } });
+  $("marks-title").textContent = state.live ? "Colours" : "Marks";
+  const listed = JSON.stringify([Object.keys(regions), others]);
+  if (listed !== $("marks").dataset.listed) {         // what is being typed is left alone
+    $("marks").dataset.listed = listed;
+    fill("marks", [...Object.keys(regions).map(regionItem), ...others.map(({ name, drop }) => item(words("span", `${name} `),
+      ...(drop ? [button("remove", () => mark({ ...drop, points: [] }))] : [])))]);
+  }
+  for (const one of document.querySelectorAll("#marks li[data-name]")) showRegion(one, one.dataset.name);
   view.draw();
+}
+
+function regionItem(name) {
+  const one = item(), input = document.createElement("input"), body = document.createElement("div");
+  const head = document.createElement("div"); head.className = "row"; one.dataset.name = name;
+  input.value = name; input.size = 14; input.dataset.name = name; input.setAttribute("aria-label", `Name of ${name}`);
+  input.addEventListener("change", () => rename(name, input.value.trim(), input));
+  input.addEventListener("keydown", (event) => { if (event.key === "Enter") $("canvas").focus({ preventScroll: true }); });
+  input.addEventListener("focus", () => view.select(name));
+  const drop = button("×", () => removeRegion(name)); drop.setAttribute("aria-label", `Remove ${name}`);
+  head.append(input, drop); one.append(head, body);
+  one.addEventListener("click", (event) => { if (!event.target.closest("input, button, select")) view.select(name); });
+  return one;
+}
+
+// Spectrum and colour of a region, drawn anew only where they have changed.
+function showRegion(one, name) {
+  const answer = spectra[name], whole = view.selected === name, shown = JSON.stringify([answer, whole]);
+  one.classList.toggle("selected", whole);
+  if (one.dataset.shown === shown) return;
+  one.dataset.shown = shown;
+  one.lastChild.replaceChildren(...(!answer ? [] : answer.refused ? [words("p", answer.refused, "bad")] : described(name, answer, whole)));
 }
 
 function showShooting() {
@@ -173,10 +312,16 @@ async function refresh() {
   finally { asking = false; }
 }
 
-for (const one of document.querySelectorAll("[data-mode]")) one.addEventListener("click", () => choose(one.dataset.mode));
-$("run").addEventListener("click", () => send("/api/run", {}));
+document.addEventListener("keydown", (event) => {
+  if (event.target.closest?.("input, select, textarea")) return;
+  if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") { event.preventDefault(); undo(); }
+  else if ((event.key === "Delete" || event.key === "Backspace") && view.selected in (state?.marks.regions ?? {})) { event.preventDefault(); removeRegion(view.selected); }
+});
+for (const one of document.querySelectorAll("[data-mode]")) one.addEventListener("click", () => { chosenMode = true; choose(one.dataset.mode); });
+$("polygon").addEventListener("change", () => { clearPoints(); setDrawing(); show(); });
+$("run").addEventListener("click", () => { saving = true; send("/api/run", {}); });
 $("stop").addEventListener("click", () => send("/api/stop", {}));
-$("undo").addEventListener("click", async () => { if (await send("/api/undo", {})) say("taken back"); });
+$("undo").addEventListener("click", undo);
 $("save").addEventListener("click", save);
 $("clear").addEventListener("click", () => { clearPoints(); show(); });
 $("fit").addEventListener("click", () => view.whole());

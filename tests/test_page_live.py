@@ -1,0 +1,126 @@
+"""A photo that is opened: calibrated in the background, and its spectra are those of the report."""
+import json
+import subprocess
+import sys
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flat_example import picture, rect_of, write_flat
+from served_page import asked, served, wait_for
+from typer.testing import CliRunner
+
+from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.cli import app
+from spectrabox.session.commands.session import _folder_to_open
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.page.marks import Mark, marked
+from spectrabox.session.pipeline import load_finished
+
+
+def state_of(address):
+    return asked(f"{address}/api/state")[1]
+
+
+def wait_ready(address):
+    def ready():
+        live = state_of(address)["live"]
+        assert not live["error"], live
+        return live["ready"]
+    wait_for(ready, 120)
+
+
+def test_what_the_page_shows_of_a_region_is_what_a_run_finds(tmp_path):
+    """Also beside a white card, whose known spectrum says how bright the light is."""
+    session = write_flat(tmp_path / "s", "[stray_light]\nglare = 0.004\n")
+    path = session / "session.toml"
+    text = path.read_text(encoding="utf-8").replace(
+        'truth = "spectra/white_wall.csv"', 'known = "spectra/white_wall.csv"')
+    path.write_text(f'{text}family = "paint"\nsurface = "satin"\n', encoding="utf-8")    # the cube
+    with served(session) as (address, _):
+        wait_ready(address)
+        shown = {name: asked(f"{address}/api/region?name={name}")[1]
+                 for name in ("white_wall", "green_wall", "cube")}
+        x0, y0, x1, y1 = rect_of("green_wall")
+        pointed = asked(f"{address}/api/spectrum?role=photo&x0={x0}&y0={y0}&x1={x1}&y1={y1}")[1]
+        clipped = asked(f"{address}/api/spectrum?role=photo&x0=-9&y0=0&x1=20&y1=20")[1]
+    assert CliRunner().invoke(app, ["run", str(session), "--quiet"]).exit_code == 0
+    spectra = load_finished(read_session(session)).records.sample.spectra
+    assert shown["white_wall"]["given"] and "leaves the photo" in clipped["refused"]
+    for name in ("green_wall", "cube"):
+        summary = spectra[name].summary
+        # round-off of the least squares, and five decimals
+        for curve in ("mean", "lower", "upper"):
+            np.testing.assert_allclose(shown[name][curve], getattr(summary, curve), atol=2e-5)
+        assert dict(shown[name]["causes"])["metamerism"] == pytest.approx(
+            spectra[name].variance_shares["metamerism"], abs=1e-3)
+    # closed form against 1000 draws: a standard error of the mean is a thirtieth of a deviation
+    summary = spectra["green_wall"].summary
+    mean = np.interp(summary.grid.nm, pointed["nm"], pointed["mean"])
+    assert np.all(np.abs(mean - summary.mean) < 5 * summary.standard_deviation / 1000**0.5 + 2e-4)
+
+
+def test_a_photo_makes_a_session_that_is_calibrated_and_has_no_region_yet(tmp_path):
+    photo = tmp_path / "_DSC 1.dng"
+    write_photo(photo, picture(), Fraction(1, 60), np.random.default_rng(3))
+    folder = _folder_to_open((photo,))
+    assert folder == tmp_path / "_DSC 1-flat"
+    with served(folder) as (address, page):
+        wait_ready(address)
+        state = state_of(address)
+        assert state["problems"] == [] and state["live"]["charts"]["photo"]["verdict"] == "GOOD"
+        assert np.shape(state["live"]["charts"]["photo"]["patches"]) == (24, 4, 2)
+        assert [stage["state"] for stage in state["stages"]] == ["done"] * 3 + ["missing"] * 2
+        mark = {"kind": "region", "name": "a", "points": [[300, 60], [330, 90]]}
+        marked_state = asked(f"{address}/api/mark", {"mark": mark, "digest": state["digest"]})[1]
+        assert list(marked_state["marks"]["regions"]) == ["a"]
+        # at once, and no other run has to begin
+        assert "mean" in asked(f"{address}/api/region?name=a")[1]
+        wait_for(lambda: not page.run.running)
+        assert state_of(address)["run"]["until"] == "calibrate"
+    # opened again it is as it was left
+    assert _folder_to_open((photo,)) == folder and "[regions.a]" in (
+        folder / "session.toml").read_text(encoding="utf-8")
+
+
+def test_a_photo_without_a_chart_says_so(tmp_path):
+    photo = tmp_path / "grey.dng"
+    write_photo(photo, picture(chart=None), Fraction(1, 60), np.random.default_rng(3))
+    with served(_folder_to_open((photo,))) as (address, _):
+        error = wait_for(lambda: state_of(address)["live"]["error"], 120)
+        assert "chart" in error
+        assert asked(f"{address}/api/region?name=a")[0] == 409
+
+
+def test_what_is_no_session_says_how_to_begin(tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no session; to start from a photo: spectrabox open"):
+        _folder_to_open((tmp_path / "empty",))
+    with pytest.raises(InputError, match="is missing"):
+        _folder_to_open((tmp_path / "nothing.dng",))
+
+
+def test_a_flat_sample_without_regions_is_calibrated_but_not_measured(tmp_path):
+    photo = tmp_path / "a.dng"
+    write_photo(photo, picture(), Fraction(1, 60), np.random.default_rng(3))
+    folder = _folder_to_open((photo,))
+
+    def run(*options):
+        ended = subprocess.run([sys.executable, "-m", "spectrabox", "run", str(folder), "--json",
+                                *options], capture_output=True, text=True)
+        return json.loads(ended.stdout)
+    assert [stage["name"] for stage in run("--until", "calibrate")["stages"]] == [
+        "chart", "photo", "calibrate"]
+    assert "no region is outlined yet" in run()["error"]
+    assert "--until nowhere: one of the stages" in run("--until", "nowhere")["error"]
+
+
+def test_a_region_is_renamed_where_it_stands():
+    text = '[regions."a b"]\r\nrect = [1, 2, 3, 4]   # left\r\n[ regions.b ]\nrect = [5, 6]\n'
+    renamed = marked(text, Mark(kind="rename", name="a b", names=("c",)))
+    assert renamed == text.replace('"a b"', "c")
+    assert marked(renamed, Mark(kind="rename", name="c", names=("a b",))) == text
+    for name, new in (("a b", "b"), ("x", "y")):
+        with pytest.raises(InputError):
+            marked(text, Mark(kind="rename", name=name, names=(new,)))
