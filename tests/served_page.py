@@ -18,6 +18,13 @@ TOKEN = "a-token-of-the-tests"
 def served(folder, watched=None):
     """Address of the page, and the page."""
     page = SessionPage(folder, watched)
+    with served_by(page) as address:
+        yield address, page
+
+
+@contextlib.contextmanager
+def served_by(page):
+    """Address of a page."""
     with socket.socket() as listening:
         listening.bind(("127.0.0.1", 0))
         listening.listen()
@@ -27,7 +34,7 @@ def served(folder, watched=None):
         thread.start()
         wait_for(lambda: server.started)
         try:
-            yield f"http://127.0.0.1:{listening.getsockname()[1]}", page
+            yield f"http://127.0.0.1:{listening.getsockname()[1]}"
         finally:
             server.should_exit = True
             thread.join(30)

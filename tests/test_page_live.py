@@ -2,12 +2,15 @@
 import json
 import subprocess
 import sys
+import urllib.error
+import urllib.parse
+import urllib.request
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from flat_example import picture, rect_of, write_flat
-from served_page import asked, served, wait_for
+from served_page import TOKEN, asked, served, served_by, wait_for
 from typer.testing import CliRunner
 
 from spectrabox.fixtures.flat_sample import write_photo
@@ -16,6 +19,7 @@ from spectrabox.session.cli import app
 from spectrabox.session.commands.session import _folder_to_open
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.page.marks import Mark, marked
+from spectrabox.session.page.server import StartPage
 from spectrabox.session.pipeline import load_finished
 
 
@@ -124,3 +128,43 @@ def test_a_region_is_renamed_where_it_stands():
     for name, new in (("a b", "b"), ("x", "y")):
         with pytest.raises(InputError):
             marked(text, Mark(kind="rename", name=name, names=(new,)))
+
+
+def test_photos_that_are_dropped_become_a_session_in_the_working_folder_and_nothing_else(tmp_path):
+    write_photo(tmp_path / "shot.dng", picture(), Fraction(1, 60), np.random.default_rng(3))
+    content = (tmp_path / "shot.dng").read_bytes()
+    home = tmp_path / "home"
+    home.mkdir()
+
+    def upload(address, name, sent):
+        request = urllib.request.Request(
+            f"{address}/api/photo?name={urllib.parse.quote(name)}", data=sent,
+            headers={"Authorization": f"Bearer {TOKEN}"})
+        try:
+            return urllib.request.urlopen(request, timeout=60).status
+        except urllib.error.HTTPError as error:
+            return error.code
+
+    with served_by(StartPage(home)) as address:
+        assert asked(f"{address}/api/sessions")[1]["sessions"] == []
+        assert asked(f"{address}/api/sessions", token=None)[0] == 403
+        assert upload(address, "notes.txt", b"x") == 409
+        assert upload(address, "../../evil<b>.dng", content) == 200
+        assert asked(f"{address}/api/new", {"names": ["../../evil<b>.dng"]})[1] == {
+            "address": "/s/1/page"}
+        assert [path.name for path in home.iterdir()] == ["evil_b_-flat"]
+        assert {path.name for path in tmp_path.iterdir()} == {"shot.dng", "home"}
+        wait_ready(f"{address}/s/1")
+        assert asked(f"{address}/s/1/api/state", token=None)[0] == 403
+        # of what is no photo nothing is left
+        assert upload(address, "broken.dng", b"no photo") == 200
+        assert asked(f"{address}/api/new", {"names": ["broken.dng"]})[0] == 409
+        assert [path.name for path in home.iterdir()] == ["evil_b_-flat"]
+        # the same name again is another session
+        assert upload(address, "evil_b_.dng", content) == 200
+        assert asked(f"{address}/api/new", {"names": ["evil_b_.dng"]})[1]["address"] == "/s/2/page"
+        assert set(asked(f"{address}/api/sessions")[1]["sessions"]) == {"evil_b_-flat",
+                                                                       "evil_b_-flat-2"}
+        assert asked(f"{address}/api/open", {"name": "evil_b_-flat"})[1]["address"] == "/s/1/page"
+        for name in ("..", "home", "/"):
+            assert asked(f"{address}/api/open", {"name": name})[0] == 409

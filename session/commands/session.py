@@ -157,7 +157,8 @@ class OpenRequest(DebugOption):
     paths: Annotated[tuple[Path, ...], typer.Argument(
         metavar="[DIR|PHOTO...]", show_default=False, help="A session folder; or photos of flat "
         "samples with a colour chart among them, further ones as of 'spectrabox flat', whose "
-        "session is made beside the first.")]
+        "session is made beside the first. Without any, a page that lists the sessions of the "
+        "working folder and takes photos that are dropped on it.")] = ()
     watch: Annotated[Path | None, typer.Option(
         metavar="DIR", show_default=False, help="Judge each new photo that comes into this folder, "
         "as when shooting tethered.")] = None
@@ -172,14 +173,15 @@ def open_page(request: OpenRequest) -> None:
     """Open a photo's or session's page on this machine: point at colours, mark, run, read."""
     import webbrowser
 
-    from spectrabox.session.page.server import SessionPage, serve
+    from spectrabox.session.page.server import SessionPage, StartPage, serve
 
     def say(address: str) -> None:
         print(address, flush=True)
         tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
              "session from this machine.")
-    serve(SessionPage(_folder_to_open(request.paths), request.watch, request.allow_outside),
-          request.port, say, webbrowser.open if request.browser else None)
+    page: SessionPage | StartPage = StartPage(Path()) if not request.paths else SessionPage(
+        _folder_to_open(request.paths), request.watch, request.allow_outside)
+    serve(page, request.port, say, webbrowser.open if request.browser else None)
 
 
 def _folder_to_open(paths: tuple[Path, ...]) -> Path:

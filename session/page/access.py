@@ -22,7 +22,8 @@ Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 LOOPBACK = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
-OPEN_PATHS = ("/static/", "/page")      # code that anybody may read; it says nothing of a session
+# code that anybody may read; it says nothing of a session
+OPEN_PATHS = re.compile(r"/static/.*|(/s/\d+)?/page")
 CONTENT_POLICY = ("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
                   "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
                   "frame-ancestors 'self'")
@@ -54,7 +55,7 @@ class Access:
             return
         async def with_headers(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                policy = REPORT_POLICY if scope["path"] == "/report" else CONTENT_POLICY
+                policy = REPORT_POLICY if scope["path"].endswith("/report") else CONTENT_POLICY
                 message["headers"] = [*message["headers"],
                                       (b"content-security-policy", policy.encode()),
                                       (b"x-content-type-options", b"nosniff"),
@@ -78,7 +79,7 @@ class Access:
             return f"{origin!r:.100} is no origin", 400
         if not of_itself:
             return "another page may not speak to this one", 403
-        if request.scope["path"].startswith(OPEN_PATHS):
+        if OPEN_PATHS.fullmatch(request.scope["path"]):
             return None
         scheme, _, given = request.headers.get("authorization", "").partition(" ")
         if scheme != "Bearer":

@@ -18,7 +18,7 @@ import numpy as np
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import Registration, find_edges
-from spectrabox.measure.flat_region import RegionSignal, signal_of_region
+from spectrabox.measure.flat import RegionSignal, signal_of_region
 from spectrabox.measure.surface_signals import errors_by_cause
 from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.measure.white import FlatErrors, FlatPhoto

@@ -4,27 +4,38 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import re
 import secrets
+import shutil
 import socket
+import tempfile
 import threading
 import tomllib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, Response
-from starlette.routing import Mount, Route
+from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from spectrabox.capture.photo.linear import photo_size
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import session_of_text, text_of
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.flat.new_session import (
+    FlatOrder,
+    FurtherPhoto,
+    folder_beside,
+    session_of,
+)
 from spectrabox.session.page.access import Access, Receive, RedirectFile, Scope, Send
 from spectrabox.session.page.live import LiveSample
 from spectrabox.session.page.marks import (
@@ -36,14 +47,17 @@ from spectrabox.session.page.marks import (
 )
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.run_control import RunControl
-from spectrabox.session.page.shooting import Shooting
+from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
 from spectrabox.session.pipeline import stage_states
 
 HERE = Path(__file__).parent / "static"
 HOST = "127.0.0.1"
 REPORT = "report.html"
+UNSAFE = re.compile(r"[^\w .()+-]+")
+MAX_NAME = 100          # characters of a photo's
 PNG = b"\x89PNG"
 MAX_BODY = 200_000      # bytes of a mark: a polygon of ten thousand corners
+MAX_PHOTO = 1 << 29     # bytes of a photo that is dropped
 DISCARD_S = 2.0         # for what comes of a request that has been refused
 GRACE_S = 1             # for answers under way when the page ends
 
@@ -81,6 +95,10 @@ class SessionPage:
             self.shooting.start()
         self.state()
 
+    def stop(self) -> None:
+        """Ask a run that goes on to end."""
+        self.run.stop()
+
     def close(self) -> None:
         """Watch no longer, and stop a run that goes on."""
         self.live.end()
@@ -108,6 +126,7 @@ class SessionPage:
                 "corner_names": corner_names(written),
                 "stages": self._stages(text, config), "run": self.run.state(),
                 "live": self.live.state(), "report": self._report_stamp(),
+                "exports": list(self.exports()),
                 "shooting": None if self.shooting is None else self.shooting.state()}
 
     def photo_path(self, role: str) -> Path:
@@ -127,6 +146,15 @@ class SessionPage:
             raise InputError(f"the session has no photo {shortened(role)}; it has "
                              f"{', '.join(named)}")
         return path
+
+    def exports(self) -> dict[str, Path]:
+        """Files with spectra that the last report left, by name in the session."""
+        if self._report_stamp() is None:
+            return {}
+        found = [self.folder / "spectra.csv", *sorted((self.folder / "spdx").glob("*.spdx")),
+                 *sorted((self.folder / "results" / "picture").glob("*.exr"))]
+        return {path.relative_to(self.folder).as_posix(): path for path in found
+                if path.is_file() and path.resolve().is_relative_to(self.folder)}
 
     def _inside(self, name: str) -> Path | None:
         """Where a file of the session lies; None where it may not, or where no file can."""
@@ -166,18 +194,235 @@ class SessionPage:
             return self._states[1]
 
 
-def page_app(page: SessionPage, token: str,
-             when_opened: Callable[[], None] = lambda: None) -> Access:
-    """The page as an ASGI application.
+class StartPage:
+    """Sessions of the working folder, and photos that are dropped to make one.
 
     Parameters
     ----------
-    page : SessionPage
+    folder : Path
+        In which sessions are listed and made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        self.mount: Callable[[str, SessionPage], None] = lambda path, page: None
+        self._pages: dict[Path, tuple[str, SessionPage]] = {}
+        self._staging: Path | None = None
+        self._lock = threading.Lock()
+
+    def start(self) -> None:
+        """Nothing goes on until a session is opened."""
+
+    def stop(self) -> None:
+        """Ask runs that go on to end."""
+        for _, page in self._pages.values():
+            page.stop()
+
+    def close(self) -> None:
+        """Close the sessions that were opened, and forget photos that were dropped in vain."""
+        for _, page in self._pages.values():
+            page.close()
+        self._discard()
+
+    def sessions(self) -> dict[str, Any]:
+        """Names of the session folders, the last one first."""
+        files = [path / FILE_NAME for path in self.folder.iterdir()
+                 if not path.is_symlink() and (path / FILE_NAME).is_file()]
+        files.sort(key=lambda path: -path.stat().st_mtime)
+        return {"folder": plain(str(self.folder)), "sessions": [file.parent.name for file in files
+                                                                if plain(file.parent.name)
+                                                                == file.parent.name]}
+
+    @contextlib.contextmanager
+    def staged(self, name: str) -> Iterator[IO[bytes]]:
+        """A file for a photo that comes in; it counts once it is whole.
+
+        Parameters
+        ----------
+        name : str
+            As a browser gives it.
+
+        Raises
+        ------
+        InputError
+            If it is no name of a photo.
+        """
+        safe = UNSAFE.sub("_", name)[-MAX_NAME:].lstrip("._ ")
+        if Path(safe).suffix.lower() not in PHOTO_SUFFIXES or not Path(safe).stem:
+            raise InputError(f"{shortened(name)} is no photo that can be measured; drop a camera "
+                             "raw, or a linear EXR or TIFF")
+        with self._lock:
+            if self._staging is None:
+                with writable(self.folder):
+                    self._staging = Path(tempfile.mkdtemp(prefix=".dropped-", dir=self.folder))
+        with writable(self._staging), whole_file(self._staging / safe) as unfinished, \
+                unfinished.open("wb") as file:
+            yield file
+
+    def make(self, names: list[str]) -> dict[str, str]:
+        """Make a session of photos that were dropped, and open it.
+
+        Parameters
+        ----------
+        names : list of str
+            As the browser gave them, the first photo first.
+
+        Raises
+        ------
+        InputError
+            If one of them is no photo.
+        """
+        with self._lock:
+            folder, self._staging = self._staging, None
+        if folder is None:
+            raise InputError("drop a photo first")
+        try:
+            photos = [folder / UNSAFE.sub("_", name)[-MAX_NAME:].lstrip("._ ") for name in names]
+            for photo in photos:
+                photo_size(photo)       # refuses what is no photo
+            target = free_folder(self.folder / folder_beside(photos[0]).name)
+            with session_of(FlatOrder(photos[0], {}, further=[*map(FurtherPhoto, photos[1:])]),
+                            target):
+                return self.open(target.name)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def open(self, name: str) -> dict[str, str]:
+        """Where the page of a session of the folder is.
+
+        Parameters
+        ----------
+        name : str
+            Of the session's folder.
+
+        Raises
+        ------
+        InputError
+            If there is no such session.
+        """
+        if name not in self.sessions()["sessions"]:
+            raise InputError(f"there is no session {shortened(name)} here")
+        with self._lock:
+            folder = self.folder / name
+            if folder not in self._pages:
+                page, path = SessionPage(folder), f"/s/{len(self._pages) + 1}"
+                self.mount(path, page)
+                page.start()
+                self._pages[folder] = path, page
+            return {"address": f"{self._pages[folder][0]}/page"}
+
+    def _discard(self) -> None:
+        if self._staging is not None:
+            shutil.rmtree(self._staging, ignore_errors=True)
+
+
+def free_folder(wanted: Path) -> Path:
+    """A folder that is not there yet, of a name or the same with a number."""
+    number, folder = 1, wanted
+    while folder.exists():
+        number += 1
+        folder = wanted.with_name(f"{wanted.name}-{number}")
+    return folder
+
+
+def page_app(page: SessionPage | StartPage, token: str,
+             when_opened: Callable[[], None] = lambda: None) -> Access:
+    """A page as an ASGI application.
+
+    Parameters
+    ----------
+    page : SessionPage or StartPage
     token : str
         That every request must carry.
     when_opened : callable
         Called when a browser opens the address with the token.
     """
+    @contextlib.asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        await run_in_threadpool(page.start)
+        yield
+        await run_in_threadpool(page.close)
+
+    routes = session_routes(page, when_opened) if isinstance(page, SessionPage) \
+        else start_routes(page, when_opened)
+    application = Starlette(routes=[*routes, Mount("/static", StaticFiles(directory=HERE))],
+                            lifespan=lifespan)
+    application.router.redirect_slashes = False
+    if isinstance(page, StartPage):
+        page.mount = lambda path, opened: application.router.routes.insert(
+            0, Mount(path, routes=session_routes(opened)))
+    # around all of it, so that answers to its own errors have the same headers
+    return Access(application, token)
+
+
+def answered(work: Callable[[Any], Any]) -> Callable[[Request], Any]:
+    """A route whose work runs beside the others; what it refuses is a sentence.
+
+    Parameters
+    ----------
+    work : function
+        Of the query, or of the JSON that was posted.
+    """
+    async def answer(request: Request) -> Response:
+        asked: Any = dict(request.query_params)
+        if request.method == "POST":
+            body = await _body(request)
+            if body is None:
+                return TooLong()
+            try:
+                asked = json.loads(body)
+            except (ValueError, RecursionError):
+                return _refused("JSON is needed", 400)
+        try:
+            result = await run_in_threadpool(work, asked)
+        except SpectraboxError as error:
+            return _refused(str(error), 409)
+        except (KeyError, TypeError, ValueError) as error:
+            return _refused(f"not understood: {error}", 400)
+        if isinstance(result, bytes):
+            return Response(result, media_type="image/png" if result.startswith(PNG)
+                            else "image/jpeg")
+        return _json(result)
+    return answer
+
+
+def start_routes(page: StartPage, when_opened: Callable[[], None]) -> list[BaseRoute]:
+    """What the page answers from which sessions are opened and made."""
+    async def shell(request: Request) -> Response:
+        return FileResponse(HERE / "start.html")
+
+    async def index(request: Request) -> Response:
+        when_opened()
+        return await shell(request)
+
+    async def upload(request: Request) -> Response:
+        try:
+            with page.staged(request.query_params.get("name", "")) as file:
+                size = 0
+                async for part in request.stream():
+                    size += len(part)
+                    if size > MAX_PHOTO:
+                        raise InputError(f"a photo of more than {MAX_PHOTO >> 20} MiB; copy it "
+                                         "into a folder, and give its name to 'spectrabox open'")
+                    await run_in_threadpool(file.write, part)
+        except ClientDisconnect:
+            return _refused("the photo did not arrive whole", 400)
+        except SpectraboxError as error:
+            return _refused(str(error), 409)
+        return _json({})
+
+    return [Route("/", index), Route("/page", shell),
+            Route("/api/sessions", answered(lambda asked: page.sessions())),
+            Route("/api/photo", upload, methods=["POST"]),
+            Route("/api/new", answered(lambda asked: page.make(asked["names"])),
+                  methods=["POST"]),
+            Route("/api/open", answered(lambda asked: page.open(asked["name"])),
+                  methods=["POST"])]
+
+
+def session_routes(page: SessionPage,
+                   when_opened: Callable[[], None] = lambda: None) -> list[BaseRoute]:
+    """What the page of one session answers."""
     async def shell(request: Request) -> Response:
         return FileResponse(HERE / "index.html")
 
@@ -191,29 +436,11 @@ def page_app(page: SessionPage, token: str,
             return _refused("there is no report yet", 404)
         return FileResponse(path)
 
-    def answered(work: Callable[[Any], Any]) -> Callable[[Request], Any]:
-        """A route whose work runs beside the others; what it refuses is a sentence."""
-        async def answer(request: Request) -> Response:
-            asked: Any = dict(request.query_params)
-            if request.method == "POST":
-                body = await _body(request)
-                if body is None:
-                    return TooLong()
-                try:
-                    asked = json.loads(body)
-                except (ValueError, RecursionError):
-                    return _refused("JSON is needed", 400)
-            try:
-                result = await run_in_threadpool(work, asked)
-            except SpectraboxError as error:
-                return _refused(str(error), 409)
-            except (KeyError, TypeError, ValueError) as error:
-                return _refused(f"not understood: {error}", 400)
-            if isinstance(result, bytes):
-                return Response(result, media_type="image/png" if result.startswith(PNG)
-                                else "image/jpeg")
-            return _json(result)
-        return answer
+    async def export(request: Request) -> Response:
+        path = page.exports().get(request.query_params.get("file", ""))
+        if path is None:
+            return _refused("there is no such file", 404)
+        return FileResponse(path, filename=path.name)
 
     def changed(work: Callable[[Any], None]) -> Callable[[Any], Any]:
         def answer(asked: Any) -> Any:
@@ -224,8 +451,9 @@ def page_app(page: SessionPage, token: str,
     def of_photo(work: Callable[[Path, Any], Any]) -> Callable[[Any], Any]:
         return lambda asked: work(page.photo_path(asked["role"]), asked)
 
-    routes = [
+    return [
         Route("/", index), Route("/page", shell), Route("/report", report),
+        Route("/api/export", export),
         Route("/api/state", answered(lambda asked: page.state())),
         Route("/api/photo", answered(of_photo(lambda path, asked: page.photos.whole(path)))),
         Route("/api/size", answered(of_photo(
@@ -244,22 +472,10 @@ def page_app(page: SessionPage, token: str,
             lambda asked: page.marks.undo(asked["digest"]))), methods=["POST"]),
         Route("/api/run", answered(changed(lambda asked: page.run.start())), methods=["POST"]),
         Route("/api/stop", answered(changed(lambda asked: page.run.stop())), methods=["POST"]),
-        Mount("/static", StaticFiles(directory=HERE)),
     ]
 
-    @contextlib.asynccontextmanager
-    async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        await run_in_threadpool(page.start)
-        yield
-        await run_in_threadpool(page.close)
 
-    application = Starlette(routes=routes, lifespan=lifespan)
-    application.router.redirect_slashes = False
-    # around all of it, so that answers to its own errors have the same headers
-    return Access(application, token)
-
-
-def serve(page: SessionPage, port: int, say: Callable[[str], None],
+def serve(page: SessionPage | StartPage, port: int, say: Callable[[str], None],
           browse: Callable[[str], object] | None = None) -> None:
     """Serve the page until it is interrupted.
 
@@ -281,7 +497,7 @@ def serve(page: SessionPage, port: int, say: Callable[[str], None],
 
     class Server(uvicorn.Server):
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            page.run.stop()     # it ends while answers under way do
+            page.stop()         # a run ends while answers under way do
             await super().shutdown(sockets)
 
     token = secrets.token_urlsafe(24)

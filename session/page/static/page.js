@@ -2,6 +2,7 @@
 import { PhotoView } from "./photo.js";
 import { details, labWords, plot, swatch } from "./spectrum.js";
 
+const base = location.pathname.replace(/\/(page)?$/, "");     // of this session, where one server has several
 const token = handedToken();
 const $ = (id) => document.getElementById(id);
 const HINTS = {
@@ -22,12 +23,12 @@ let spectra = {}, spectraOf = "", saving = false, chosenMode = false;
 function handedToken() {
   const given = new URLSearchParams(location.search).get("token");
   if (given === null) return sessionStorage.getItem("token") ?? "";
-  sessionStorage.setItem("token", given); history.replaceState(null, "", "/page");
+  sessionStorage.setItem("token", given); history.replaceState(null, "", `${base}/page`);
   return given;
 }
 
 async function ask(path, options = {}) {
-  const answer = await fetch(path, { ...options, headers: { Authorization: `Bearer ${token}`, ...(options.headers ?? {}) } });
+  const answer = await fetch(base + path, { ...options, headers: { Authorization: `Bearer ${token}`, ...(options.headers ?? {}) } });
   if (!answer.ok) throw new Error((await answer.json().catch(() => ({}))).error ?? `${answer.status}`);
   return answer;
 }
@@ -185,7 +186,7 @@ function update(fresh) {
   show(); refreshSpectra();
   if (state.report !== reportStamp && !state.run.running) {
     reportStamp = state.report; $("report").hidden = state.report === null;
-    if (state.report !== null) $("report-frame").src = `/report?token=${encodeURIComponent(token)}&at=${state.report}`;
+    if (state.report !== null) $("report-frame").src = `${base}/report?token=${encodeURIComponent(token)}&at=${state.report}`;
   }
   if (saving && !state.run.running && !state.run.waiting) {
     saving = false; if (state.run.verdict) $("report").scrollIntoView();
@@ -234,6 +235,9 @@ function show() {
   fill("problems", [...state.problems, ...(live?.error ? [live.error] : [])].map((text) => words("p", text)));
   $("progress").textContent = progressWords(state); $("progress").className = run.running ? "" : (run.verdict ?? "").toUpperCase();
   const log = run.lines.join("\n"); if ($("log").textContent !== log) { $("log").textContent = log; $("log").scrollTop = $("log").scrollHeight; }
+  const exported = state.exports.join("\n"); $("exports").hidden = !exported;
+  if ($("exports").dataset.listed !== exported) { $("exports").dataset.listed = exported; fill("export-list", state.exports.map((file) => {
+    const link = words("a", file); link.href = `${base}/api/export?file=${encodeURIComponent(file)}&token=${encodeURIComponent(token)}`; link.download = ""; return item(link); })); }
   showChart(); showMarks(); showShooting();
 }
 
