@@ -33,7 +33,7 @@ from spectrabox.session.config.session_schema import RegionSection, SessionConfi
 from spectrabox.session.keys import stage_keys
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.run_control import RunControl
-from spectrabox.session.stages.inputs import band_names, read_photo, read_reflectance
+from spectrabox.session.stages.inputs import OpenPhotos, band_names, read_photo, read_reflectance
 from spectrabox.session.stages.photo_stage import (
     THUMBNAIL_WIDTH,
     UNEVEN,
@@ -93,7 +93,8 @@ class Conditions:
                  names: Iterable[str]) -> RegionSamples | None:
         outlines = {name: outline for name, outline in outlines_in(
             config, view, self.calibrated.registrations.get(view.name)).items() if name in names}
-        return sample_regions(self.calibrated.images[view.name], outlines) if outlines else None
+        return sample_regions(self.calibrated.images[view.name], outlines,
+                              without_clipped=bool(config.views)) if outlines else None
 
     def signal(self, name: str, region: RegionSection) -> RegionSignal:
         """The signal of a region, which need not be one of the session.
@@ -342,9 +343,14 @@ def joined(own: RegionSamples | None, known: RegionSamples | None) -> RegionSamp
     """A region's samples, and after them those of regions of known spectrum."""
     if own is None or known is None:
         return own
-    return RegionSamples((*own.names, *known.names), *(
+    clipped = None if own.clipped is None and known.clipped is None else np.concatenate(
+        [np.zeros(each.mean.shape, bool) if each.clipped is None else each.clipped
+         for each in (own, known)])
+    mean, covariance, pixels, scatter, points = (
         np.concatenate([getattr(own, name), getattr(known, name)])
-        for name in ("mean", "covariance_of_mean", "pixels", "scatter", "points_px")))
+        for name in ("mean", "covariance_of_mean", "pixels", "scatter", "points_px"))
+    return RegionSamples((*own.names, *known.names), mean, covariance, pixels, scatter, points,
+                         clipped)
 
 
 def calibrated_of(key: str, config: SessionConfig, records: SessionRecords,
@@ -364,7 +370,8 @@ def calibrated_of(key: str, config: SessionConfig, records: SessionRecords,
         raise InputError("with references of [drift] the page shows no spectra while you point; "
                          "the report has them")
     records.photo = PhotoRecords({name: thumbnail(image, THUMBNAIL_WIDTH)
-                                  for name, image in images.items()}, {}, None, {}, ())
+                                  for name, image in images.items()}, {}, None, {},
+                                 OpenPhotos().bands(config, images[""]), ())
     first, *others = config.all_views
     edges = {view.name: find_edges(images[view.name]) for view in config.all_views
              if others}
@@ -373,7 +380,7 @@ def calibrated_of(key: str, config: SessionConfig, records: SessionRecords,
                      if view.photo_files != first.photo_files}
     photos = flat_photos(config, records)
     return Calibrated(key, photos, dict(images), records,
-                      band_names(config, len(photos[0].response)), registrations)
+                      band_names(config, records.photo.bands), registrations)
 
 
 def described_charts(config: SessionConfig, records: ChartRecords) -> dict[str, Any]:
