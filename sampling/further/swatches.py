@@ -32,6 +32,7 @@ FEWEST = 8                  # swatches: of fewer, leave-one-out says next to not
 SHARES_OF_PRIOR = (0.0, 0.25, 0.5, 0.75, 1.0)                               # w
 SHAPES = ((0.0, 1.0), *product((0.3, 1.0), (1.0, 3.0)))         # a, and length in spreads
 NOISES = np.geomspace(3e-5, 30, 19)                                         # nu
+SAME_MATERIAL = 0.9         # probability that samples whose signals are alike are of the material
 LIKENESS_NOISE = 1e-3       # nu at which signals are judged for being alike
 NEGLIGIBLE = 1e-3           # weight below which a model is left out
 
@@ -162,10 +163,12 @@ def correct(correction: SwatchCorrection, signals: np.ndarray, mean: np.ndarray,
         second = second + weight * (one**2 + wider[:, None] * variance)
     spread = np.sqrt(np.maximum(second - first**2, 1e-12))
     likeness = _likeness(swatches, signals)
-    like = likeness[:, None]
-    # errors of both are taken as wholly alike, which is the widest that they can be together
-    return CorrectedSpectra(np.clip(like * first + (1 - like) * mean, 0, 1),
-                            like * spread + (1 - like) * unsure, likeness)
+    like = SAME_MATERIAL * likeness[:, None]
+    # errors of both are taken as wholly alike, which is the widest that they can be together; what
+    # they differ by is the error of having chosen the wrong one
+    deviation = np.hypot(like * spread + (1 - like) * unsure,
+                         np.sqrt(like * (1 - like)) * (first - mean))
+    return CorrectedSpectra(np.clip(mean + like * (first - mean), 0, 1), deviation, likeness)
 
 
 def corrected_draws(draws: np.ndarray, mean: np.ndarray, deviation: np.ndarray) -> np.ndarray:
