@@ -43,7 +43,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder of raw photos of charts")
-    rows = [row(path) for path in sorted(parser.parse_args().data.iterdir()) if path.is_file()]
+    rows = [row(path) for path in sorted(parser.parse_args().data.iterdir())
+            if path.is_file() and path.suffix not in (".md", ".txt")]
     print("\n".join(text for text, _ in rows))
     means = np.array([each for _, each in rows if each is not None])
     if len(means):
