@@ -120,8 +120,8 @@ function pointer([x, y]) {
 // ---- marking
 const severalPhotos = () => state.photos.filter(({ role: one }) => !one.endsWith("chart")).length > 1;
 const ownPhoto = () => severalPhotos() && (!state.live || $("alone").checked) && !role.startsWith("shot:") ? role : "";
-function freeName() {
-  const typed = $("mark-name").value.trim(); if (typed) return typed;
+const freeName = () => $("mark-name").value.trim() || nextName();
+function nextName() {
   for (let number = 1; ; number++) if (!(`sample ${number}` in state.marks.regions)) return `sample ${number}`;
 }
 async function addRect(rect) {
@@ -226,6 +226,7 @@ function show() {
   $("run").disabled = (run.running && !run.until) || run.waiting || state.problems.length > 0 || (live && !regions.length);
   document.querySelector('[data-mode="box"]').hidden = !state.corner_names.length;
   $("name-label").hidden = $("polygon-label").hidden = mode !== "region"; $("corner-label").hidden = mode !== "box";
+  $("mark-name").placeholder = nextName();
   $("alone-label").hidden = mode !== "region" || !live || !severalPhotos();
   $("save").hidden = !(mode === "box" && named.length >= 6) && !(mode === "region" && $("polygon").checked && view.points.length > 2);
   $("clear").hidden = !view.points.length;

@@ -37,7 +37,7 @@ export function swatch(hex) {
 }
 
 const one = (value) => value.toFixed(1).replace("-", "−");
-const shares = (list) => list.map(([name, share]) => `${name} ${Math.round(100 * share)} %`).join(", ");
+const shares = (list) => list.map(([name, share]) => `${name} ${Math.round(100 * share)}\u00a0%`).join(", ");
 
 export function labWords({ lab, lab_error: error }) {
   return `L*a*b* ${lab.map(one).join(" ")}` + (error ? ` ± ${error.map(one).join(" ")}` : "");
