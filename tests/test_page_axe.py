@@ -2,11 +2,12 @@
 """
 import pytest
 from flat_example import write_flat
-from served_page import TOKEN, served
+from served_page import TOKEN, served, served_by
 from test_report_screens import CONTRASTS
 from typer.testing import CliRunner
 
 from spectrabox.session.cli import app
+from spectrabox.session.page.server import StartPage
 
 MAX_WAIT_MS = 120_000
 SCHEMES = ("light", "dark")
@@ -25,9 +26,9 @@ def judged(browser, axe):
     context.set_default_timeout(MAX_WAIT_MS)
     page = context.new_page()
 
-    def open_page(address, photo=True):
+    def open_page(address, photo=True, shown="#photos li"):
         page.goto(f"{address}/?token={TOKEN}")
-        page.wait_for_selector("body[data-photo]" if photo else "#photos li")
+        page.wait_for_selector("body[data-photo]" if photo else shown)
         return page
 
     def nothing_serious():
@@ -79,6 +80,14 @@ def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
         page.frame_locator("#report-frame").locator("h1").first.wait_for()
         (coming / "broken.dng").write_bytes(b"no photo")
         page.wait_for_selector("#watched >> text=broken.dng")
+        nothing_serious()
+
+
+def test_axe_finds_nothing_where_sessions_are_listed(tmp_path, judged):
+    open_page, nothing_serious = judged
+    write_flat(tmp_path / "s")
+    with served_by(StartPage(tmp_path)) as address:
+        open_page(address, photo=False, shown="#sessions li")
         nothing_serious()
 
 

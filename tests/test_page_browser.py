@@ -6,10 +6,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flat_example import PAINTS, picture, rect_of, write_flat
-from served_page import TOKEN, served, wait_for
+from served_page import TOKEN, served, served_by, wait_for
 
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.session.commands.session import _folder_to_open
+from spectrabox.session.page.server import StartPage
 
 SCREENSHOT = os.environ.get("SPECTRABOX_PAGE_PNG")     # a file to write the documentation's into
 MAX_WAIT_MS = 120_000
@@ -192,6 +193,31 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         page.wait_for_selector("#values:has-text('%')")
         red, green, blue = bytes.fromhex(page.get_attribute("body", "data-pointed")[1:])
         assert green > red and green > blue         # the green paint
+
+
+def test_a_photo_that_is_dropped_opens_its_session(tmp_path, browser):
+    photo, home = tmp_path / "IMG 1.dng", tmp_path / "home"
+    home.mkdir()
+    write_photo(photo, picture(), Fraction(1, 60), np.random.default_rng(3))
+    context = browser.new_context(viewport={"width": 400, "height": 800})
+    context.set_default_timeout(MAX_WAIT_MS)
+    page, said = context.new_page(), []
+    page.on("pageerror", lambda error: said.append(str(error)))
+    with served_by(StartPage(home)) as address:
+        page.goto(f"{address}/?token={TOKEN}")
+        page.wait_for_selector("#folder:has-text('none in')")
+        page.set_input_files("#files", tmp_path / "IMG 1.dng")
+        page.wait_for_url("**/s/1/page")
+        wait_ready(page)
+        assert page.inner_text("#name") == "IMG 1" and page.reload().ok
+        wait_ready(page)
+        page.goto(f"{address}/page")
+        page.click("#sessions >> text=IMG 1-flat")
+        page.wait_for_url("**/s/1/page")
+        page.wait_for_selector("body[data-photo]")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    context.close()
+    assert said == []
 
 
 def test_a_fault_in_the_session_is_said_and_nothing_can_be_run(tmp_path, opened):
