@@ -64,7 +64,10 @@ def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
     coming.mkdir()
     with served(session, coming) as (address, _):
         page = open_page(address)
-        page.wait_for_selector("#marks li")
+        page.click("#marks li:nth-child(1) .row", position={"x": 2, "y": 2})
+        page.click("#marks li.selected summary")
+        page.wait_for_selector("#marks li.selected .spectrum")
+        nothing_serious()
         for mode in ("region", "chart", "reference"):
             page.click(f'[data-mode="{mode}"]')
             page.focus("#canvas")

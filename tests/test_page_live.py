@@ -168,3 +168,27 @@ def test_photos_that_are_dropped_become_a_session_in_the_working_folder_and_noth
         assert asked(f"{address}/api/open", {"name": "evil_b_-flat"})[1]["address"] == "/s/1/page"
         for name in ("..", "home", "/"):
             assert asked(f"{address}/api/open", {"name": name})[0] == 409
+
+
+def test_what_is_stated_of_a_region_is_written_and_counts(tmp_path):
+    session = write_flat(tmp_path / "s")
+    with served(session) as (address, _):
+        wait_ready(address)
+        before = asked(f"{address}/api/region?name=green_wall")[1]
+
+        def state_that(name, **stated):
+            return asked(f"{address}/api/mark", {
+                "digest": state_of(address)["digest"],
+                "mark": {"kind": "stated", "name": name, "stated": stated}})
+        assert state_that("white_wall", known="0.87", surface="matt")[0] == 200
+        written = read_session(session).regions["white_wall"]
+        assert written.known.file == "spectra/white_wall 0.87.csv" and written.surface == "matt"
+        assert asked(f"{address}/api/region?name=white_wall")[1]["given"]
+        after = asked(f"{address}/api/region?name=green_wall")[1]
+        assert after["light"][1] < before["light"][1]       # the card says how bright the light is
+        assert state_that("white_wall", known="", surface="")[0] == 200
+        assert read_session(session).regions["white_wall"].known is None
+        for wrong in ({"known": "/etc/passwd"}, {"known": "1.7"}, {"family": "no such kind"},
+                      {"truth": "a.csv"}):
+            assert state_that("white_wall", **wrong)[0] == 409, wrong
+        assert asked(f"{address}/api/region?name=green_wall")[1] == before

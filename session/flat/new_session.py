@@ -180,7 +180,7 @@ def _write(order: FlatOrder, folder: Path) -> None:
     for name, rect in order.regions.items():
         lines += [f"[regions.{_quoted(name)}]", f"rect = {json.dumps(list(rect))}"]
         if name in order.known:
-            lines.append(f"known = {_quoted(_known(order.known[name], name, folder))}")
+            lines.append(f"known = {_quoted(known_file(order.known[name], name, folder))}")
         if name in swatches:
             assert order.swatches is not None
             file = _copied(order.swatches, folder, "spectra")
@@ -241,8 +241,28 @@ def _copied(path: Path, folder: Path, part: str) -> str:
     return name
 
 
-def _known(word: str, name: str, folder: Path) -> str:
-    """The file of a known reflectance in the session: a copy, or one number at all wavelengths."""
+def known_file(word: str, name: str, folder: Path) -> str:
+    """The file of a known reflectance in the session: a copy, or one number at all wavelengths.
+
+    Parameters
+    ----------
+    word : str
+        A number, or a file.
+    name : str
+        Of the region.
+    folder : Path
+        Of the session.
+
+    Returns
+    -------
+    str
+        Its name in the session.
+
+    Raises
+    ------
+    InputError
+        If a number is no reflectance, or the file is missing.
+    """
     try:
         value = float(word)
     except ValueError:

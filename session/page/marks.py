@@ -23,10 +23,12 @@ from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_file import session_content, tables_of_text, text_of
 from spectrabox.session.config.session_rules import inconsistencies, unpaired_references
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO, by_band
+from spectrabox.session.flat.new_session import known_file
 from spectrabox.session.page.mark_faults import mark_faults
 from spectrabox.session.page.photo_views import PhotoViews
 
 MAX_UNDO = 200
+STATED = {"family", "surface", "known"}     # of a region
 ANY_CAMERA = CameraTable(at_mm=(0.0, 0.0, 1.0), look_at_mm=(0.0, 0.0, 0.0), fov_deg=40.0)
 DECIMALS = 1            # of a pixel: no hand marks finer
 MAX_PX = 1e6            # no photo is as large
@@ -44,15 +46,18 @@ class Mark(Table):
 
     A region has two corners of a rectangle, or three or more of a polygon; the chart four corners
     in the order of its layout; a box six corners or more by name; a reference four corners. A
-    "rename" gives a region the one of ``names``.
+    "rename" gives a region the one of ``names``; "stated" says what is known of it.
     """
 
-    kind: Literal["region", "rename", "chart corners", "box corners", "reference"]
+    kind: Literal["region", "rename", "stated", "chart corners", "box corners", "reference"]
     name: str = Field("", description="of a region; \"chart\" or \"object\" photo of a reference")
     photo: str | ListOf[str] = Field("", description="views that a region lies in; empty for every "
                                      "one")
     points: ListOf[Pixel] = Field((), description="in pixels of the whole photo")
     names: ListOf[str] = Field((), description="of the points of a box; the new name of a region")
+    stated: dict[str, str] = Field(
+        default_factory=dict, description="of a region: family, surface, and known: its "
+        "reflectance, one number at all wavelengths. Nothing is stated by an empty text")
 
 
 class MarkedSession:
@@ -109,6 +114,14 @@ class MarkedSession:
         """
         mark = checked(Mark, written, "mark")
         before = self._require_seen(seen)
+        if known := mark.stated.get("known"):
+            try:
+                float(known)
+            except ValueError:
+                raise InputError(f"a known reflectance is a number such as 0.9, not "
+                                 f"{shortened(known)}; name a file in {FILE_NAME}") from None
+            mark = mark.model_copy(update={"stated": mark.stated | {
+                "known": known_file(known, mark.name, self.folder)}})
         after = marked(before, mark)
         # photos may have to be decoded: others need not wait for it
         if has := self._faults(after, mark):
@@ -180,6 +193,8 @@ def _write(document: tomlkit.TOMLDocument, mark: Mark) -> None:
     points = [_rounded(point) for point in mark.points]
     if mark.kind == "region":
         _mark_region(document, mark, points)
+    elif mark.kind == "stated":
+        _state_region(document, mark)
     elif mark.kind == "chart corners":
         _require_count(points, 4, "a chart")
         _put(_table(document, "chart"), "corners_px", points)
@@ -257,6 +272,8 @@ def marks_of(written: dict[str, Any]) -> dict[str, Any]:
             rect = (x0, y0), (x1, y0), (x1, y1), (x0, y1)
         outlines[name] = {"outline": _shown(OUTLINE, _at(region, "polygon")) or rect or (),
                           "rect": rect is not None,
+                          "stated": {key: value for key in sorted(STATED)
+                                     if isinstance(value := _at(region, key), str)},
                           "photo": _shown(PHOTOS, _at(region, "photo"))}
     return {"regions": outlines, "chart_corners": _shown(OUTLINE, _at(written, "chart",
                                                                       "corners_px")),
@@ -303,6 +320,20 @@ def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
         _put(table, "polygon", points)
     if mark.photo:
         table["photo"] = mark.photo if isinstance(mark.photo, str) else list(mark.photo)
+
+
+def _state_region(document: Any, mark: Mark) -> None:
+    """What is known of a region, key by key."""
+    regions = _table(document, "regions")
+    if mark.name not in regions or not set(mark.stated) <= STATED:
+        raise InputError(f"there is no region {shortened(mark.name)}, or something else is stated "
+                         f"than {', '.join(sorted(STATED))}")
+    table = _table(regions, mark.name)
+    for key, value in mark.stated.items():
+        if value:
+            table[key] = value
+        else:
+            table.pop(key, None)
 
 
 def _renamed(text: str, mark: Mark) -> str:

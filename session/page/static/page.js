@@ -12,6 +12,7 @@ const HINTS = {
   box: "Six corners or more, each by its name; then Save. A fov_deg in session.toml is taken as known: delete the line if it is not yours.",
   reference: "Four corners of a neutral reference that both photos show.",
 };
+const FAMILIES = ["paint", "textile", "leaves", "skin", "white", "earth", "animal"], SURFACES = ["matt", "satin", "glossy"];
 const POINTER_PX = 12;          // side of the square under the pointer on the screen
 const MIN_SIDE = 12;            // and its least, in pixels of the photo
 const STAGE_WORDS = { chart: "finding the chart", photo: "reading the photo", calibrate: "calibrating camera and light" };
@@ -172,7 +173,7 @@ async function save() {
 function clearPoints() { named = []; view.points = []; view.draw(); }
 
 function choose(nextMode) {
-  mode = nextMode; clearPoints(); setDrawing();
+  mode = nextMode; view.select(""); clearPoints(); setDrawing();
   for (const one of document.querySelectorAll("[data-mode]")) one.setAttribute("aria-pressed", String(one.dataset.mode === nextMode));
   $("hint").textContent = HINTS[nextMode]; show();
 }
@@ -285,18 +286,38 @@ function regionItem(name) {
   input.addEventListener("keydown", (event) => { if (event.key === "Enter") $("canvas").focus({ preventScroll: true }); });
   input.addEventListener("focus", () => view.select(name));
   const drop = button("×", () => removeRegion(name)); drop.setAttribute("aria-label", `Remove ${name}`);
-  head.append(input, drop); one.append(head, body);
+  head.append(input, drop); one.append(head, body, ...(state.live ? [statedOf(name)] : []));
   one.addEventListener("click", (event) => { if (!event.target.closest("input, button, select")) view.select(name); });
   return one;
 }
 
+// What the operator knows of a region: kind of surface, how it mirrors, the reflectance of a white card.
+function statedOf(name) {
+  const box = document.createElement("details"); box.append(words("summary", "What is known of it"));
+  const control = (key, about, made) => { const label = words("label", `${about} `, "known"); made.dataset.key = key; label.append(made); box.append(label);
+    made.addEventListener("change", () => mark({ kind: "stated", name, stated: { [key]: made.value.trim() } })); };
+  const choice = (values) => { const one = document.createElement("select");
+    for (const value of ["", ...values]) { const option = words("option", value || "not stated"); option.value = value; one.append(option); } return one; };
+  control("family", "It is", choice(FAMILIES)); control("surface", "Its surface is", choice(SURFACES));
+  const number = document.createElement("input"); number.inputMode = "decimal"; number.size = 14; control("known", "Known reflectance, of a white card 0.9 say", number);
+  return box;
+}
+
 // Spectrum and colour of a region, drawn anew only where they have changed.
 function showRegion(one, name) {
-  const answer = spectra[name], whole = view.selected === name, shown = JSON.stringify([answer, whole]);
+  const body = one.children[1], stated = state.marks.regions[name].stated, answer = spectra[name], whole = view.selected === name, shown = JSON.stringify([answer, whole, stated]);
   one.classList.toggle("selected", whole);
   if (one.dataset.shown === shown) return;
   one.dataset.shown = shown;
-  one.lastChild.replaceChildren(...(!answer ? [] : answer.refused ? [words("p", answer.refused, "bad")] : described(name, answer, whole)));
+  const controls = one.children[2];
+  if (controls) {
+    controls.hidden = !whole;
+    for (const control of controls.querySelectorAll("[data-key]")) {
+      const value = stated[control.dataset.key] ?? "";
+      if (control.dataset.key === "known") { control.placeholder = value; control.value = ""; } else control.value = value;
+    }
+  }
+  body.replaceChildren(...(!answer ? [] : answer.refused ? [words("p", answer.refused, "bad")] : described(name, answer, whole)));
 }
 
 function showShooting() {
