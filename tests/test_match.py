@@ -181,8 +181,11 @@ def test_lamps_of_a_session_are_ranked_and_the_present_one_brings_least(session)
     assert {lamp["lamp"] for lamp in facts["lamps"]} == {str(present), "A", "FL11"}
     assert facts["lamps"][-1]["lamp"] == str(present)
     for lamp in facts["lamps"]:
-        assert lamp["rmse_after"] < lamp["rmse_before"] and lamp["width_after"] < lamp[
-            "width_before"]
+        # forecasts from draws: the present lamp again may bring nothing but their scatter
+        assert lamp["rmse_after"] < 1.01 * lamp["rmse_before"]
+        assert lamp["width_after"] < 1.01 * lamp["width_before"]
+    best = facts["lamps"][0]
+    assert best["rmse_after"] < best["rmse_before"] and best["width_after"] < best["width_before"]
 
 
 def test_a_plan_says_what_it_needs(session):

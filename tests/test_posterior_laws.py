@@ -23,7 +23,6 @@ from sampling_cameras import seen
 from scipy import special, stats
 
 from spectrabox.calibrate.chart_calibration import curve_band
-from spectrabox.calibrate.chart_equations import unlit_design
 from spectrabox.calibrate.prior.camera_prior import matern
 from spectrabox.calibrate.prior.curve_posterior import (
     curve_moments,
@@ -36,6 +35,7 @@ from spectrabox.calibrate.prior.prior_fit import (
     EXPOSURE_SD,
     GAINS,
     CurvePosterior,
+    _designs,
     _joint_prior,
     expected_covariance,
     held_out_signals,
@@ -389,15 +389,15 @@ def test_a_prior_is_that_of_cameras_whose_white_signal_is_one_whatever_their_gai
     known, light, surfaces = coarse_prior(), led(), reflectances()
     chart = photo(np.full((24, 3), 0.3), light, surfaces, 0.01)
     basis = interpolation_matrix(known.nm, FINE.nm)
-    design = unlit_design(chart, basis)
+    designs = _designs([chart], basis)
     spread, gain_sd = 1e-4 * known.covariances()[known.level[-1]], 0.01
     family = len(known.weights) - 1
-    prior, start = _joint_prior(known, spread, family, gain_sd, [chart], [design])
+    prior, start = _joint_prior(known, spread, family, gain_sd, [chart], designs)
     rng, size = np.random.default_rng(52), known.means.shape[1]
     states = rng.multivariate_normal(known.means[family], spread, 30_000)
     curves = known.curves(states) * np.repeat(
         np.exp(gain_sd * rng.standard_normal((30_000, 3))), size // 3, axis=1)
-    whole = np.tile(design.sum(axis=0), 3)
+    whole = np.tile(designs[0].matrix.sum(axis=0), 3)
     whole = whole / (whole @ (known.weights @ known.curves(known.means)))
     drawn = known.state(curves / (curves @ whole)[:, None])
     sigma = np.sqrt(np.diag(prior)[:size])
@@ -412,7 +412,7 @@ def test_exposures_that_are_tied_differ_beforehand_by_what_ties_them():
     known, light, surfaces = coarse_prior(), led(), reflectances()
     shots = [photo(np.full((24, 3), level), light, surfaces, 0.01, relative_exposure_sd=tie)
              for level, tie in ((0.3, None), (0.6, 0.01), (0.2, 0.02), (0.1, None))]
-    designs = [unlit_design(shot, interpolation_matrix(known.nm, FINE.nm)) for shot in shots]
+    designs = _designs(shots, interpolation_matrix(known.nm, FINE.nm))
     covariance, start = _joint_prior(known, known.covariances()[-1], len(known.weights) - 1, 0.05,
                                      shots, designs)
     at = covariance.shape[0] - len(shots) + np.arange(len(shots))    # no field, no glare

@@ -175,7 +175,7 @@ def test_the_report_shows_what_moved(tmp_path):
 
 
 def test_geometry_light_says_what_to_write_into_a_box(captured):
-    from spectrabox.radiometry.records import LightScale, Outcome
+    from spectrabox.radiometry.records import Outcome
     from spectrabox.reconstruct.scene.box_scene import is_of_box
     from spectrabox.reconstruct.scene.light_position import LightPosition
     from spectrabox.session.commands.lamp import _light_text
@@ -184,7 +184,7 @@ def test_geometry_light_says_what_to_write_into_a_box(captured):
     assert is_of_box(captured / "scene.xml")
     assert not is_of_box(captured / "scene" / "box.xml")
     estimate = LightPosition("lamp", np.array([2.0, -1.234, 5.0]), np.array([1.0, 1.0, 2.0]),
-                             np.eye(3), LightScale(1.0, 0.1, None, "surfaces"), 3.0, 1.1,
+                             np.eye(3), 1.0, 0.1, 3.0, 1.1,
                              np.zeros((2, 3)), Outcome.CONVERGED)
     message = _light_text(estimate, captured / "lit.xml", True)
     assert "moved_mm = [2.0, -1.23, 5.0]\nmoved_error_mm = [1.0, 1.0, 2.0]" in message

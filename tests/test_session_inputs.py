@@ -26,10 +26,10 @@ def test_results_of_a_photo_that_changed_while_it_was_read_are_refused(captured,
     photo = captured / "photos" / "chart.dng"
     right, read = photo.read_bytes(), inputs.read_photo
 
-    def read_another(config, files):
+    def read_another(*given):
         photo.write_bytes(right[:-1] + bytes([right[-1] ^ 1]))
         try:
-            return read(config, files)
+            return read(*given)
         finally:
             if put_back:
                 photo.write_bytes(right)

@@ -41,7 +41,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stand
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
                           "rehearse", "draws"),
             "Many sessions": ("batch", "compare", "catalogue"),
-            "Photos and cameras": ("develop", "chart", "camera", "geometry"),
+            "Photos and cameras": ("develop", "chart", "camera", "filter", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),
             "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
             "Can they be trusted": ("certify", "judge"),

@@ -227,7 +227,6 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     >>> result = sb.flat("painting/photos/painting.dng", {"wall": (986, 462, 1073, 537)},
     ...                  families={"wall": "paint"})
     >>> result["wall"].plot()
-    >>> six = sb.flat("painting.dng", regions, filtered={"painting-orange.dng": "orange16.csv"})
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     with_chart = opened if chart_photo is None else (
