@@ -12,11 +12,13 @@ import numpy as np
 from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.spectra.kept_cameras import known_camera
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.config.session_chart import session_chart
@@ -65,6 +67,8 @@ class CheckResult:
     problems: list[Problem]     # each sentence once, in the order of the inputs
     # that tracing will take besides the program; None where nothing is left to trace, or unknown
     tracing_bytes: int | None
+    # by whose curves the first photo's camera is known, where the session takes them from a chart
+    known_camera: str | None = None
 
     @property
     def sentence(self) -> str:
@@ -112,7 +116,16 @@ def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEV
     tracing_bytes = None if problems else attempt(_run_up_to_tracing, config, device, shared)
     if problems:        # a stage stops at its first fault: say those of the other photos too
         _attempt_photos(config, attempt)
-    return CheckResult(problems, tracing_bytes)
+    return CheckResult(problems, tracing_bytes, _known_camera(config))
+
+
+def _known_camera(config: SessionConfig) -> str | None:
+    """Name of the first photo's camera, where its curves are known and a chart's are taken."""
+    first = config.path(config.all_views[0].photo_files[0])
+    if not (config.sensitivity.from_chart and first.is_file()):
+        return None
+    metadata = readable(photo_metadata, first)
+    return None if metadata is None else known_camera(metadata.camera)
 
 
 def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:

@@ -78,7 +78,7 @@ def by_shell(words):
 
 
 @pytest.mark.parametrize("words, code, lines", [
-    ("--help", 0, 0), ("camera names --json", 0, 0), ("status /nowhere --json", 3, 1)])
+    ("--help", 0, 0), ("camera list --json", 0, 0), ("status /nowhere --json", 3, 1)])
 def test_a_reader_that_left_changes_no_exit_code(words, code, lines):
     ended = by_shell(f"{words} | true; exit ${{PIPESTATUS[0]}}")
     assert ended.returncode == code and len(ended.stderr.splitlines()) == lines, ended.stderr

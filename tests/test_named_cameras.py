@@ -1,13 +1,25 @@
 """Cameras by name: published ones, others' measurements, and one's own fits."""
 import json
+import os
+from pathlib import Path
 
 import colour
 import numpy as np
 import pytest
+from flat_example import write_flat
 
+from spectrabox.calibrate.prior.camera_prior import shipped_prior
+from spectrabox.capture.photo.raw import read_raw
+from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.spectral_files import NM
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.published.make_tables import tables_of_rawtoaces
+from spectrabox.radiometry.published.published_tables import (
+    CAMERAS,
+    published_curves,
+    published_names,
+)
 from spectrabox.radiometry.spectra import kept_cameras
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 
@@ -54,30 +66,69 @@ def test_a_camera_of_colour_science_has_its_numbers():
 
 def test_a_camera_in_the_form_of_rawtoaces_is_known_by_its_name(tmp_path):
     curves = three(1)
-    answer = call("camera", "add", rawtoaces_file(tmp_path, "D850", curves), "--json")
-    assert json.loads(answer.stdout)["cameras"] == ["Nikon D850"]
+    answer = call("camera", "add", rawtoaces_file(tmp_path, "D950", curves), "--json")
+    assert json.loads(answer.stdout)["cameras"] == ["Nikon D950"]
     shared = np.isin(NM, GRID.nm)
-    np.testing.assert_allclose(sensitivities("Nikon D850", GRID)[:, np.isin(GRID.nm, NM)],
+    np.testing.assert_allclose(sensitivities("Nikon D950", GRID)[:, np.isin(GRID.nm, NM)],
                                curves[:, shared], rtol=1e-8)    # nine significant digits
-    assert call("sample", "--sensitivity", "Nikon D850", *SIGNAL).exit_code == 0
-    assert "Nikon D850" in json.loads(call("camera", "names", "--json").stdout)["own"]
+    assert call("sample", "--sensitivity", "Nikon D950", *SIGNAL).exit_code == 0
+    assert "Nikon D950" in json.loads(call("camera", "list", "--json").stdout)["own"]
 
 
 def test_a_typo_is_answered_with_the_nearest_names(tmp_path):
-    rawtoaces_file(tmp_path, "D850", three(1))
-    rawtoaces_file(tmp_path, "D810", three(2))
+    rawtoaces_file(tmp_path, "D950", three(1))
+    rawtoaces_file(tmp_path, "D910", three(2))
     assert call("camera", "add", tmp_path).exit_code == 0
-    answer = call("sample", "--sensitivity", "nikon d85O", *SIGNAL)
+    answer = call("sample", "--sensitivity", "nikon d95O", *SIGNAL)
     assert answer.exit_code == 3
-    assert "nearest are Nikon D850, Nikon D810" in answer.stderr
+    assert "nearest are Nikon D950, Nikon D910" in answer.stderr
+
+
+def test_the_cameras_that_ship_are_those_of_the_prior_and_as_published():
+    shipped, prior = published_names(CAMERAS), shipped_prior()
+    families = {name for members, level in zip(prior.members, prior.level, strict=True)
+                for name in members.split(", ") if level == 0}
+    assert families < set(shipped) and len(shipped) == 39
+    folder = Path(os.environ.get("SPECTRABOX_DATA", "nowhere")) / "cameras"
+    if not folder.is_dir():
+        pytest.skip("SPECTRABOX_DATA names no cameras of rawtoaces-data")
+    for name, table in tables_of_rawtoaces(folder).items():
+        nm, curves = published_curves(*name.split("/", 1))
+        np.testing.assert_array_equal(table, np.vstack([nm, curves]))
+
+
+@pytest.mark.parametrize("stated, known", [
+    ("NIKON CORPORATION NIKON D810 3001234", "Nikon D810"), ("SONY ILCE-9", "Sony ILCE-9"),
+    ("Canon EOS 5D Mark II 0320301234", "Canon EOS 5D Mark II"),
+    ("Canon EOS 5D Mark III 0320301234", None), ("NIKON CORPORATION NIKON D8100", None),
+    ("Spectrabox Synthetic 5100 DEMO-1", None), ("", None)])
+def test_a_camera_is_known_by_what_its_photos_state(stated, known):
+    assert kept_cameras.known_camera(stated) == known
+
+
+def test_check_offers_the_curves_of_a_known_camera(tmp_path):
+    write_flat(tmp_path)
+    photo = tmp_path / "photos" / "sample.dng"
+    frame = read_raw(photo)
+    black = frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]
+    photo.unlink()
+    write_dng(photo, np.array(frame.mosaic), black=tuple(black), white=int(frame.white_level),
+              f_number=frame.f_number, iso=int(frame.iso), make="NIKON CORPORATION",
+              model="NIKON D810", serial="3001234")
+    answer = call("check", tmp_path)
+    assert "this camera's curves are known: Nikon D810" in answer.stdout
+    with_name = tmp_path / "session.toml"
+    with_name.write_text('[sensitivity]\nfrom = "Nikon D810"\n'
+                         + with_name.read_text(encoding="utf-8"), encoding="utf-8")
+    assert "curves are known" not in call("check", tmp_path).stdout
 
 
 def test_what_is_no_camera_is_left_out_with_its_reason(tmp_path):
-    rawtoaces_file(tmp_path, "D850", three(1))
+    rawtoaces_file(tmp_path, "D950", three(1))
     rawtoaces_file(tmp_path, "dark", np.zeros((3, NM.size)))
     (tmp_path / "notes.txt").write_text("not a camera", encoding="utf-8")
     facts = json.loads(call("camera", "add", tmp_path, "--json").stdout)
-    assert facts["cameras"] == ["Nikon D850"]
+    assert facts["cameras"] == ["Nikon D950"]
     assert sorted(reason.split(" ")[0] for reason in facts["skipped"]) == ["dark.json,",
                                                                           "notes.txt:"]
 
@@ -153,6 +204,6 @@ def test_a_session_names_a_camera_of_ones_own_and_notices_another(captured, tmp_
 
 def test_a_session_that_names_no_camera_is_told_the_nearest(captured):
     from spectrabox.session.stages.inputs import read_sensitivities
-    config = with_camera(captured, "Nikon 5100")
+    config = with_camera(captured, "Nikon 5100 NPL")
     with pytest.raises(InputError, match=r"Nikon 5100 \(NPL\)"):
         read_sensitivities(config)

@@ -1,12 +1,19 @@
-"""Copies the published tables from colour-science; run with python -m.
+"""Copies the published tables from colour-science, and measured cameras from a folder.
 
-The same colour-science gives the same file, byte for byte.
+``python -m spectrabox.radiometry.published.make_tables [FOLDER]``; the folder holds the cameras of
+rawtoaces-data. The same sources give the same files, byte for byte.
 """
 from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
 
 import numpy as np
 
 from spectrabox.radiometry.published.published_tables import (
+    CAMERAS,
+    CAMERAS_FILE,
     CHARTS,
     COLOURS,
     FILE,
@@ -18,6 +25,7 @@ ALIASES = ("babel_average", "cc_ohta")  # second names of charts
 # charts of which colours alone are published, and one whose colours others are compared with
 COLOURED = ("ColorCheckerSG - After November 2014", "ColorChecker24 - Before November 2014",
             "ColorChecker24 - After November 2014")
+LEFT_OUT = ("Nikon D5100",)     # colour-science has its curves, and the demos photograph with them
 
 
 def tables_of_colour_science() -> dict[str, np.ndarray]:
@@ -40,5 +48,21 @@ def tables_of_colour_science() -> dict[str, np.ndarray]:
     return tables
 
 
+def tables_of_rawtoaces(folder: Path) -> dict[str, np.ndarray]:
+    """Every camera of a folder by kind and name: (1 + K, P), wavelengths in nm first."""
+    tables = {}
+    for path in sorted(folder.glob("*.json")):
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        name = f"{stored['header']['manufacturer']} {stored['header']['model']}"
+        rows = stored["spectral_data"]["data"]["main"]
+        if name not in LEFT_OUT:
+            tables[f"{CAMERAS}/{name}"] = np.vstack([[float(nm) for nm in rows],
+                                                     np.transpose(list(rows.values()))])
+    return tables
+
+
 if __name__ == "__main__":
-    np.savez_compressed(FILE, **tables_of_colour_science())  # type: ignore[arg-type]
+    if sys.argv[1:]:
+        np.savez_compressed(CAMERAS_FILE, **tables_of_rawtoaces(Path(sys.argv[1])))  # type: ignore[arg-type]
+    else:
+        np.savez_compressed(FILE, **tables_of_colour_science())  # type: ignore[arg-type]

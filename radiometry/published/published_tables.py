@@ -2,6 +2,7 @@
 
 Importing colour-science takes longer than most commands. ``make_tables`` copied the tables that
 operators name from there, value by value; a test compares them with the installed colour-science.
+Measured cameras lie in a file of their own, described in ``measured_cameras.txt``.
 """
 from __future__ import annotations
 
@@ -13,17 +14,19 @@ from spectrabox.radiometry.errors import InputError
 
 FILE = Path(__file__).parent / "published_spectra.npz"
 OBSERVERS, LIGHTS, CHARTS = "observers and cameras", "lights", "charts"
-COLOURS = "chart colours"
+COLOURS, CAMERAS = "chart colours", "measured cameras"
+CAMERAS_FILE = FILE.with_name("measured_cameras.npz")
+FILES = {CAMERAS: CAMERAS_FILE}      # of the kinds that are not in FILE
 
 
 def published_names(kind: str) -> list[str]:
-    """Names of the tables of one kind, as colour-science has them.
+    """Names of the tables of one kind, as their sources have them.
 
     Parameters
     ----------
-    kind : {"observers and cameras", "lights", "charts", "chart colours"}
+    kind : {"observers and cameras", "measured cameras", "lights", "charts", "chart colours"}
     """
-    with np.load(FILE) as tables:
+    with np.load(FILES.get(kind, FILE)) as tables:
         return [name.removeprefix(f"{kind}/") for name in tables.files
                 if name.startswith(f"{kind}/")]
 
@@ -33,7 +36,7 @@ def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    kind : {"observers and cameras", "lights", "charts"}
+    kind : {"observers and cameras", "measured cameras", "lights", "charts"}
     name : str
         One of ``published_names(kind)``.
 
@@ -42,7 +45,7 @@ def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
     InputError
         If there is no such table.
     """
-    with np.load(FILE) as tables:
+    with np.load(FILES.get(kind, FILE)) as tables:
         if f"{kind}/{name}" not in tables.files:
             raise InputError(f"{name!r} is not among the published {kind}")
         nm, *curves = tables[f"{kind}/{name}"]
@@ -54,9 +57,9 @@ def all_published(kind: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
     Parameters
     ----------
-    kind : {"observers and cameras", "lights", "charts", "chart colours"}
+    kind : {"observers and cameras", "measured cameras", "lights", "charts", "chart colours"}
     """
-    with np.load(FILE) as tables:
+    with np.load(FILES.get(kind, FILE)) as tables:
         curves = {name.removeprefix(f"{kind}/"): tables[name] for name in tables.files
                   if name.startswith(f"{kind}/")}
     return {name: (table[0], table[1:]) for name, table in curves.items()}

@@ -12,12 +12,17 @@ import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.published.published_tables import OBSERVERS, published_names
+from spectrabox.radiometry.published.published_tables import (
+    CAMERAS,
+    OBSERVERS,
+    published_names,
+)
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.delimited import table_text
 from spectrabox.radiometry.system.names import file_stem, name_fault
 
 FOLDER, SUFFIX = "SPECTRABOX_CAMERAS", ".csv"
+SHORTEST_SERIAL = 5         # digits; a shorter number may be part of a model's name
 
 
 def cameras_folder() -> Path:
@@ -76,6 +81,36 @@ def keep_camera(name: str, nm: np.ndarray, columns: dict[str, np.ndarray], sourc
     return path
 
 
+def known_camera(stated: str) -> str | None:
+    """Name by which the curves of a photo's camera are known; None where they are not.
+
+    Parameters
+    ----------
+    stated : str
+        Make, model and serial number, as the photo's file states them.
+    """
+    words = stated.casefold().split()
+    if words and words[-1].isdecimal() and len(words[-1]) >= SHORTEST_SERIAL:
+        words.pop()
+    # The end, not the beginning: "Canon EOS 5D" is not the Mark III, and NIKON CORPORATION
+    # comes before "NIKON D810".
+    matching = [name for name in (*own_cameras(), *published_names(CAMERAS))
+                if words[-len(name.split()):] == name.casefold().split()]
+    return max(matching, key=len, default=None)
+
+
+def known_camera_words(name: str) -> str:
+    """The sentence that offers the curves of a known camera.
+
+    Parameters
+    ----------
+    name : str
+    """
+    return (f"this camera's curves are known: {name}, of another copy of the model unless you "
+            f"measured them; --sensitivity '{name}', or from = \"{name}\" under [sensitivity] in "
+            "session.toml, takes them")
+
+
 def require_new_name(name: str) -> None:
     """Refuse what cannot name a camera of one's own.
 
@@ -85,6 +120,6 @@ def require_new_name(name: str) -> None:
     """
     if fault := name_fault(name):
         raise InputError(f"{name!r} cannot name a camera: {fault}")
-    if name in published_names(OBSERVERS):
+    if name in published_names(CAMERAS) + published_names(OBSERVERS):
         raise InputError(f"{name!r} is already the name of a published camera or observer; give "
                          "your own another, such as the camera and a year")

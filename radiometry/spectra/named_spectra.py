@@ -11,6 +11,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.published.published_tables import (
+    CAMERAS,
     LIGHTS,
     OBSERVERS,
     published_curves,
@@ -49,7 +50,7 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
         nm, _, curves = read_curves(path)
         curves = on_grid(nm, curves, grid, path.name)
     else:
-        nm, curves = _by_name(name, OBSERVERS, "camera or observer",
+        nm, curves = _by_name(name, (CAMERAS, OBSERVERS), "camera or observer",
                               "a file of curves, one column per band", tuple(kept))
         curves = on_grid(nm, curves, grid, name)
     if not np.all(np.isfinite(curves)) or np.any(curves.max(axis=1) <= 0):
@@ -76,7 +77,7 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
     if names_a_file(name):
         values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
     else:
-        nm, curves = _by_name(name, LIGHTS, "light", "a CSV file of its spectrum")
+        nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum")
         values = on_grid(nm, curves[0], grid, name)
     if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"the light {name} is dark or falls below zero; measure it again")
@@ -141,13 +142,13 @@ def nearest_names(name: str, names: Sequence[str]) -> list[str]:
                                                                 cutoff=0.4)]
 
 
-def _by_name(name: str, kind: str, what: str, instead: str,
+def _by_name(name: str, kinds: tuple[str, ...], what: str, instead: str,
              own: tuple[str, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) and curves (K, P)."""
-    names = published_names(kind)
-    if name not in names:
-        near = nearest_names(name, [*own, *names])
+    kind_of = {known: kind for kind in kinds for known in published_names(kind)}
+    if name not in kind_of:
+        near = nearest_names(name, [*own, *kind_of])
         nearest = f"; nearest are {', '.join(near)}" if near else ""
         raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
                          f"{instead}")
-    return published_curves(kind, name)
+    return published_curves(kind_of[name], name)

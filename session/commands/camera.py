@@ -1,4 +1,4 @@
-"""Commands on a camera without a session: camera fit, profile, prior, preflight, add, names."""
+"""Commands on a camera without a session: camera fit, profile, prior, preflight, add, list."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -29,8 +29,9 @@ camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (fit, profile, prior, preflight, add, names):
+    for function in (fit, profile, prior, preflight, add):
         camera.command()(function)
+    camera.command("list")(list_cameras)
     app.add_typer(camera, name="camera")
 
 
@@ -132,7 +133,7 @@ class CameraAddRequest(CommonOptions):
 
 @command
 def add(request: CameraAddRequest) -> Answer:
-    """Keep measured cameras by their names, for --sensitivity \"Nikon D850\"."""
+    """Keep further measured cameras by their names, for --sensitivity \"My camera\"."""
     from spectrabox.session.camera.kept import add_cameras
     kept, skipped, folder = add_cameras(request.files)
     return Answer({"folder": str(folder), "cameras": kept, "skipped": skipped},
@@ -141,11 +142,17 @@ def add(request: CameraAddRequest) -> Answer:
 
 
 @command
-def names(request: CommonOptions) -> Answer:
-    """Names of the cameras and observers that --sensitivity takes."""
-    from spectrabox.radiometry.published.published_tables import OBSERVERS, published_names
+def list_cameras(request: CommonOptions) -> Answer:
+    """Names of the cameras and observers that --sensitivity takes, such as \"Nikon D810\"."""
+    from spectrabox.radiometry.published.published_tables import (
+        CAMERAS,
+        OBSERVERS,
+        published_names,
+    )
     from spectrabox.radiometry.spectra.kept_cameras import own_cameras
-    own, published = own_cameras(), published_names(OBSERVERS)
+    own, measured = own_cameras(), published_names(CAMERAS)
+    published = published_names(OBSERVERS)
     return Answer({"own": {name: str(path) for name, path in own.items()},
-                   "published": published},
-                  "\n".join([*(f"{name}  (your own)" for name in own), *published]))
+                   "measured": measured, "published": published},
+                  "\n".join([*(f"{name}  (your own)" for name in own),
+                             *(f"{name}  (rawtoaces-data)" for name in measured), *published]))

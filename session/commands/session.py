@@ -96,6 +96,7 @@ def new(request: NewRequest) -> Answer:
 @command
 def check(request: SessionOptions) -> Answer:
     """Read every input, run nothing long, say everything that is wrong at once."""
+    from spectrabox.radiometry.spectra.kept_cameras import known_camera_words
     from spectrabox.radiometry.system.free_memory import free_memory
     from spectrabox.session.check import preflight_check
     checked = preflight_check(request.folder, request.allow_outside)
@@ -104,10 +105,13 @@ def check(request: SessionOptions) -> Answer:
     text = "\n".join(f"- {sentence}"
                      for sentence in sentences) or "nothing is wrong: ready to run"
     text += f"\n{checked.sentence}" if checked.sentence else ""
+    if checked.known_camera is not None:
+        text += f"\n{known_camera_words(checked.known_camera)}"
     memory = None if checked.tracing_bytes is None else {"tracing_bytes": checked.tracing_bytes,
                                                        "free_bytes": free_memory()}
     exit_code = min((problem.exit_code for problem in problems), default=0)
-    facts = {"ready": not problems, "problems": sentences, "memory": memory}
+    facts = {"ready": not problems, "problems": sentences, "memory": memory,
+             "known_camera": checked.known_camera}
     if problems:        # the keys that every command answers an error with
         facts |= {"error": "\n".join(sentences), "exit_code": exit_code}
     return Answer(facts, text, exit_code)

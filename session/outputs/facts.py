@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.appearance import reflectance_to_lab
+from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
 from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.outputs.results import (
     FlatResults,
@@ -40,7 +41,7 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
              else left_out_facts(chart.left_out, chart.layout.names),
              "light": light_facts(results.calibration),
              **({} if results.picture is None else {"picture": picture_facts(results.picture)}),
-             "warnings": results.warnings}
+             "known_camera": known_camera(results.photo.camera), "warnings": results.warnings}
     if isinstance(results, FlatResults):
         return facts | {
             "swatches": results.swatches or None,
@@ -123,6 +124,8 @@ def run_text(results: SessionResults) -> str:
         lines.append(results.swatches)
     if isinstance(results, FlatResults) and len(results.photos) > 1:
         lines += [f"photo {photo.name}: {photo.sentence}" for photo in results.photos]
+    if (known := known_camera(results.photo.camera)) is not None:
+        lines.append(known_camera_words(known))
     lines += [f"warning: {sentence}" for sentence in results.warnings]
     return "\n".join([*lines, f"verdict: {verdict.status.name}. {verdict.sentence}"])
 
