@@ -22,8 +22,14 @@ from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.sampling.further import more_measurements
 from spectrabox.sampling.further.conditioning import Reading
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance
-from spectrabox.sampling.prior.mixture_posterior import novelty, posterior, with_floor
+from spectrabox.sampling.prior.mixture import (
+    PRIOR_GRID,
+    drawn_reflectances,
+    load_prior,
+    reflectance,
+)
+from spectrabox.sampling.prior.mixture_posterior import FAMILIAR, novelty, posterior, with_floor
+from spectrabox.sampling.prior.uplift_table import relative_errors
 
 SIGNIFICANCE = 1e-4
 SIGMAS = stats.norm.isf(SIGNIFICANCE / 2)
@@ -50,8 +56,22 @@ def test_how_surprising_a_signal_of_the_prior_is_follows_chi_square(bands, error
         + rng.multivariate_normal(np.zeros(bands), covariance, len(truths))
     found = posterior(known, measured.relative_response, signals, measured.noise_covariance)
     assert_uniform(stats.chi2(bands).sf(found.surprise))
-    limit = SimpleNamespace(familiar_surprise=float(stats.chi2(bands).isf(0.2)))
+    # the limit of a prior is that of three bands; further bands widen it
+    widened = stats.chi2(bands).isf(1 - FAMILIAR) - stats.chi2(3).isf(1 - FAMILIAR)
+    limit = SimpleNamespace(familiar_surprise=float(stats.chi2(bands).isf(0.2) - widened))
     assert_share(novelty(limit, found, measured.noise_covariance) > 1, 0.2)
+
+
+@pytest.mark.parametrize("bands", [3, 6, 12])
+def test_many_bands_do_not_make_a_surface_of_the_prior_unfamiliar(bands):
+    """At most 1 in 200 is, where the prior's components are far from each other as well."""
+    rng, surfaces = np.random.default_rng(33), drawn_reflectances(load_prior(), 200)
+    response = seen(surfaces[0], 0.0, bands).relative_response
+    signals = surfaces @ response.T * (1 + 0.01 * rng.standard_normal((200, bands)))
+    errors = relative_errors(signals, 0.01)
+    found = posterior(load_prior(), response, signals, errors)
+    # one-sided, 3.9 sigma
+    assert np.mean(novelty(load_prior(), found, errors) > 1) < 0.005 + 3.9 * (0.005 / 200) ** 0.5
 
 
 @pytest.mark.parametrize("nm, level", [((450.0,), 0.2), ((430.0, 560.0, 650.0), 0.2),

@@ -24,7 +24,12 @@ from spectrabox.sampling.judge.spectrum_scores import (
 from spectrabox.sampling.prior.family_coverage import CERTIFIED
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, condition_on_families
-from spectrabox.sampling.prior.mixture_posterior import calibrated_bands, posterior, widened
+from spectrabox.sampling.prior.mixture_posterior import (
+    calibrated_bands,
+    posterior,
+    surprise_limit,
+    widened,
+)
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 FEWEST = 10
@@ -138,7 +143,7 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
         dict(zip(prior.families, shares.mean(axis=0).tolist(), strict=True)),
         {name: float(held[most == index].mean()) for index, name in enumerate(prior.families)
          if np.any(most == index)}, prior.stated,
-        float(np.mean(surprise > prior.familiar_surprise)),
+        float(np.mean(surprise > surprise_limit(prior, len(relative_response)))),
         any(part.startswith(f"{library.name} (") for part in prior.source.split("; ")))
 
 

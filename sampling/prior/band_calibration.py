@@ -34,6 +34,7 @@ from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCer
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, of_families
 from spectrabox.sampling.prior.mixture_posterior import (
+    FAMILIAR,
     central_band,
     conformal_scores,
     mean_and_spread,
@@ -51,7 +52,6 @@ from spectrabox.sampling.prior.training import (
 )
 
 JUDGED = 300                    # curves of a part that are judged
-FAMILIAR = 0.995
 TENTHS = 10
 MEASURED_LIMITS = (0.7, 2.0)    # of factors
 SLACK = 0.2                     # a model is missed no more than this share more often than stated

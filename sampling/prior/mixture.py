@@ -66,7 +66,7 @@ class LogitMixture(Record):
     band_factors: Annotated[np.ndarray, "F L P"]
     stated_factors: Annotated[np.ndarray, "F L P"]      # where the family is stated
     curve_factor: float             # 95 % of whole curves lay in 95 % bands widened once more by it
-    # 99.5 % of calibration signals surprised the mixture less (chi-square)
+    # 99.5 % of calibration signals, of three bands, surprised the mixture less (chi-square)
     familiar_surprise: float
     width_power: float              # of a band's mean width over the usual, in its factor
     source: str                                 # what it was trained on, with licences

@@ -18,6 +18,7 @@ from statistics import NormalDist
 from typing import Annotated, Any
 
 import numpy as np
+from scipy.special import chdtri
 
 from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
@@ -37,6 +38,8 @@ MISFIT, PENALTY = 5e-3, 1e5
 RECURRENCE = np.sqrt(np.arange(1, 9))
 HERMITE_NODES, _VECTORS = np.linalg.eigh(np.diag(RECURRENCE, 1) + np.diag(RECURRENCE, -1))
 HERMITE_WEIGHTS = _VECTORS[0]**2
+# of the prior's limit of surprise: the share of curves within it, and the bands it was found with
+FAMILIAR, CALIBRATED_BANDS = 0.995, 3
 NORMAL_95 = NormalDist().inv_cdf(0.975)
 USUAL_WIDTH = 0.12          # mean of a 95 % band before calibration
 LEVEL = 0.95                # whose calibrated factor enlarges draws and their moments
@@ -384,8 +387,24 @@ def novelty(prior: LogitMixture, mixture: MixturePosterior,
     covariance : (T, K, K) or (K, K) array
         Of the signals' noise.
     """
-    return np.maximum(mixture.surprise / prior.familiar_surprise,
+    return np.maximum(mixture.surprise / surprise_limit(prior, covariance.shape[-1]),
                       mixture.misfit / allowed_misfit(covariance))
+
+
+def surprise_limit(prior: LogitMixture, bands: int) -> float:
+    """Surprise of a signal beyond which a prior does not explain it.
+
+    The prior's own limit was found with signals of three bands. What further bands have besides is
+    noise and detail that the components expect, one degree of chi-square each.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    bands : int
+        Of the signal.
+    """
+    further = chdtri(bands, 1 - FAMILIAR) - chdtri(CALIBRATED_BANDS, 1 - FAMILIAR)
+    return prior.familiar_surprise + max(float(further), 0.0)
 
 
 def allowed_misfit(covariance: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     allowed_misfit,
     central_band,
     mean_and_spread,
+    novelty,
     posterior,
 )
 from spectrabox.sampling.prior.smoothness import smoothness_prior
@@ -82,7 +83,7 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     noise = np.sum(list(causes.values()), axis=0)
     mixture = posterior(prior, relative_response, signals, noise)
     allowed = allowed_misfit(noise)
-    unfamiliar = (mixture.surprise > prior.familiar_surprise) | (mixture.misfit > allowed)
+    unfamiliar = novelty(prior, mixture, noise) > 1
     summary = _of_mixture(prior, relative_response, signals, noise, mixture, level)
     budgets = error_budgets(prior, relative_response, mixture, causes)
     summary = replace(summary, budget=np.column_stack(list(shares_by_cause(budgets).values())))
