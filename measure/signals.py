@@ -207,7 +207,7 @@ def check_options(options: SampleOptions) -> None:
         raise InputError(f"the start {options.start!r} is not known; known are bounded and "
                          "unbounded")
     if options.keep is not None and method != "paper":
-        raise InputError(f"--keep ranks draws as published; the method {method} obeys further "
+        raise InputError(f"--best ranks draws as published; the method {method} obeys further "
                          "measurements without it: leave it out, or take --method paper")
     if options.refine is not None and method == "prior":
         raise InputError("--refine belongs to splines; the learnt prior has none: take --method "

@@ -25,9 +25,9 @@ from spectrabox.session.commands import (
     session,
     spectrum,
 )
+from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     NO_OUTPUT,
-    CommandGroup,
     flushed_output,
     last_resort,
     open_streams,
@@ -35,9 +35,8 @@ from spectrabox.session.terminal.command_line import (
 from spectrabox.session.terminal.interruption import stop_on_signals
 
 # rich_markup_mode None: its panels cost --help twice the time.
-app = typer.Typer(name="spectrabox", cls=CommandGroup, no_args_is_help=True,
-                  pretty_exceptions_enable=False, rich_markup_mode=None,
-                  context_settings={"help_option_names": ["-h", "--help"]})
+app = Commands(name="spectrabox", pretty_exceptions_enable=False, rich_markup_mode=None,
+               context_settings={"help_option_names": ["-h", "--help"]})
 for subject in (session, batch, flat, finished, capture, geometry, camera, sampling, meter,
                 spectrum, filters):
     subject.register(app)

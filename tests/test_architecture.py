@@ -26,7 +26,8 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"),
           "drjit": ("reconstruct/", "fixtures/"),
-          "typer": ("session/cli.py", "session/terminal/command_line.py", "session/commands/")}
+          "typer": ("session/cli.py", "session/terminal/command_line.py",
+                    "session/terminal/command_help.py", "session/commands/")}
 EXTRA_OWNERS = {("fixtures/demos/demo_photos.py", "colour"), ("fixtures/paints.py", "colour"),
                 ("fixtures/lamp.py", "colour"), ("fixtures/demos/demo_session.py", "colour"),
                 ("spectrabox/api/estimate.py", "colour")}   # handed out as colour-science's own

@@ -236,7 +236,7 @@ def test_the_file_that_is_written_is_a_lamp_s_profile(tmp_path):
     again = call(tmp_path)
     assert again.exit_code == 3 and "exists already" in again.output
     plain = " ".join(call(tmp_path, "--force").output.split())
-    assert "without --flat the lens's own fall-off" in plain and "let look_at_mm" in plain
+    assert "without --flat-field the lens's own fall-off" in plain and "let look_at_mm" in plain
 
 
 def test_a_flat_takes_the_fall_off_of_the_lens_out(tmp_path):
@@ -251,7 +251,7 @@ def test_a_flat_takes_the_fall_off_of_the_lens_out(tmp_path):
     write_exr(tmp_path / "flat.exr", card.astype(np.float32), ["R", "G", "B"], 0.1)
     truth = true_profile(BEAMS["reflector"], np.array([40.0]))
     values = []
-    for words in ((), ("--flat", str(tmp_path / "flat.exr"), "--force")):
+    for words in ((), ("--flat-field", str(tmp_path / "flat.exr"), "--force")):
         answer = call(tmp_path, *words, "--json")
         assert answer.exit_code == 0, answer.output
         values.append(json.loads(answer.output)["radiance"][40])

@@ -82,7 +82,7 @@ def test_noise_free_signals_that_were_simulated_at_5_nm_are_fitted(tmp_path):
 def test_draws_can_be_kept(chart, tmp_path):
     result = run("camera", "fit", "--patches", chart / "patches.csv", "--light",
                  chart / "light.csv",
-                 "--samples", tmp_path / "draws.npz", "--json")
+                 "--draws-file", tmp_path / "draws.npz", "--json")
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     with np.load(tmp_path / "draws.npz") as stored:

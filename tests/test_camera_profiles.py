@@ -83,8 +83,8 @@ def test_the_aces_matrix_is_that_of_raw_to_aces():
 
 
 def test_the_spread_of_every_number_follows_that_of_the_curves(tmp_path):
-    wide = profile(tmp_path, "--samples", draws_file(tmp_path, 0.02))
-    narrow = profile(tmp_path, "--samples", draws_file(tmp_path, 0.01))
+    wide = profile(tmp_path, "--draws-file", draws_file(tmp_path, 0.02))
+    narrow = profile(tmp_path, "--draws-file", draws_file(tmp_path, 0.01))
     for light in ILLUMINANTS:
         for kind in TAGS:
             one, half = (np.array(facts["illuminants"][light][kind]["standard_deviation"])
@@ -156,7 +156,7 @@ def test_exiftool_reads_a_dng_profile_as_one(dcp):
 
 
 def test_curves_come_back_from_the_form_of_rawtoaces(tmp_path):
-    profile(tmp_path, "--out", tmp_path / "a.json", "--samples", draws_file(tmp_path, 0.01))
+    profile(tmp_path, "--out", tmp_path / "a.json", "--draws-file", draws_file(tmp_path, 0.01))
     (name, (nm, curves)), = cameras_of_file(tmp_path / "a.json").items()
     assert name == "Nikon D5100"
     np.testing.assert_array_equal(nm, np.arange(380, 781, 5))
@@ -203,6 +203,6 @@ def test_curves_for_vkdt_are_four_columns_of_numbers(tmp_path):
 def test_draws_that_are_none_are_refused(tmp_path, spoil, message):
     path = draws_file(tmp_path, 0.01)
     spoil(path)
-    result = CliRunner().invoke(app, ["camera", "profile", CAMERA, "--camera", "a", "--samples",
+    result = CliRunner().invoke(app, ["camera", "profile", CAMERA, "--camera", "a", "--draws-file",
                                       str(path)])
     assert result.exit_code == 3 and message in result.stderr

@@ -245,7 +245,7 @@ def test_chart_takes_corners_by_hand(tmp_path):
     code, text = call("chart", chart_photo(tmp_path), "--corners", words, "--json")
     assert code == 0 and json.loads(text)["how_found"] == "corners given by hand"
     code, text = call("chart", chart_photo(tmp_path), "--corners", "1,2 3", "--json")
-    assert code == 3 and "are not four points" in json.loads(text)["error"]
+    assert code == 3 and "8 numbers in pixels of the photo are needed" in json.loads(text)["error"]
 
 
 def test_a_jpeg_or_png_is_taken_as_encoded_and_marked(tmp_path):

@@ -16,7 +16,8 @@ from spectrabox.fixtures.demos.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.paints import paint
 from spectrabox.radiometry.spectra.spectrum_files import read_table
-from spectrabox.session.terminal.command_line import SUBJECTS, reported_errors
+from spectrabox.session.terminal.command_help import SUBJECTS
+from spectrabox.session.terminal.command_line import reported_errors
 
 from tests.session_runs import call, edit
 

@@ -20,13 +20,16 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
 import spectrabox
+from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.terminal.examples import EXAMPLES
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -36,6 +39,15 @@ NOT_RUN = {"needs-setup": "sets up an environment", "needs-minutes": "takes too 
            "needs-data": "needs data that do not ship with the project"}
 HOW_MANY_ARE_NOT_RUN = {"needs-setup": 2, "needs-minutes": 6, "needs-meter": 2, "needs-photos": 18,
                         "needs-data": 7, "needs-browser": 2}
+EXAMPLES_NOT_RUN = {
+    "demo": "takes too long", "rehearse": "takes too long", "certify": "takes too long",
+    "prior train": "takes too long", "camera prior": "needs measured cameras",
+    "camera add": "needs measured cameras", "filter fit": "needs a filter",
+    "geometry lens": "needs photos of a board", "geometry pose": "needs known points",
+    "geometry box": "needs a measured box", "geometry undistort": "needs a lens",
+    "geometry light": "takes too long", "geometry beam": "needs a wall",
+    "meter identify": "needs a meter", "meter measure": "needs a meter",
+    "open": "serves a page until it is stopped"}
 FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 PATH = re.compile(r"`((?:radiometry|capture|calibrate|reconstruct|sampling|session|fixtures|tests"
@@ -179,11 +191,86 @@ def test_a_block_that_is_not_run_names_commands_and_modules_that_exist(block):
             target = (ROOT / "Makefile").read_text(encoding="utf-8")
             assert all(re.search(rf"^{word}:", target, re.MULTILINE) for word in words[1:])
         elif words[0] == "spectrabox":
-            command, rest = get_command(app), words[1:]
-            while hasattr(command, "commands"):
-                command, rest = command.commands[rest[0]], rest[1:]
-            known = {option for own in command.params for option in own.opts}
-            assert {word for word in rest if re.match(r"--?[a-z]", word)} <= known, words
+            require_options_that_exist(words)
+
+
+def require_options_that_exist(words):
+    command, rest = get_command(app), words[1:]
+    while hasattr(command, "commands"):
+        command, rest = command.commands[rest[0]], rest[1:]
+    known = {option for own in command.params if not getattr(own, "hidden", False)
+             for option in own.opts}
+    assert {word for word in rest if re.match(r"--?[a-z]", word)} <= known, words
+
+
+def commands_of(group, *path):
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands_of(command, *path, name)
+        else:
+            yield " ".join([*path, name]), command
+
+
+COMMANDS = dict(commands_of(get_command(app)))
+
+
+def test_every_command_has_two_examples():
+    assert set(EXAMPLES) == set(COMMANDS)
+    assert all(len(examples) == 2 for examples in EXAMPLES.values())
+
+
+@pytest.mark.usefixtures("figures_undrawn")
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in EXAMPLES_NOT_RUN])
+def test_the_examples_of_a_help_page_run(name, reader, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(reader / "data"))
+    for example in EXAMPLES[name]:
+        words = shlex.split(example.replace("\\\n", " "))
+        require_options_that_exist(words)
+        write_files_of(words, reader)
+        run_command(words, "example")
+
+
+@pytest.mark.parametrize("name", EXAMPLES_NOT_RUN)
+def test_an_example_that_is_not_run_has_options_that_exist(name):
+    for example in EXAMPLES[name]:
+        require_options_that_exist(shlex.split(example.replace("\\\n", " ")))
+
+
+def write_files_of(words, folder):
+    """Those of an example's files that a reader brings along."""
+    if any(word.startswith("painting/") for word in words) and not (folder / "painting").exists():
+        write_flat_demo(folder / "painting", 1)
+    if "--board" in words:
+        (folder / "board.toml").write_text("columns = 8\nrows = 11\nsquare = 20.0\nmarker = 15.0\n",
+                                           encoding="utf-8")
+    if "cube.npy" in words:
+        np.save(folder / "cube.npy", np.full((4, 5, 31), 0.3))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_says_types_in_words_and_ends_in_examples(name):
+    text = CliRunner().invoke(app, [*name.split(), "--help"]).output
+    assert not re.search(r"<[a-z]+|\blist\[|\{", text)
+    options, _, examples = text.partition("\nExamples:\n")
+    assert [line.strip() for line in examples.splitlines() if line.startswith("  spectrabox ")] \
+        == [example.splitlines()[0] for example in EXAMPLES[name]]
+    for record in re.split(r"\n  (?=-)", options)[1:]:
+        assert len(record.split()) > 2, record      # an option without a word on what it is
+
+
+@pytest.mark.parametrize("words, today", [
+    (("camera", "fit", "a.dng", "--samples", "a.npz"), "--draws-file"),
+    (("camera", "profile", "a", "--samples", "a.npz"), "--draws-file"),
+    (("draws", "a", "--draws", "7"), "--samples"), (("sample", "--keep", "7"), "--best"),
+    (("sample", "--photo", "A=1,2,3"), "--signal-under"),
+    (("develop", "a.dng", "--flat", "b.dng"), "--flat-field"),
+    (("geometry", "beam", "a.dng", "--flat", "b.dng"), "--flat-field"),
+    (("match", "a", "CES99", "--surface", "b"), "--only"),
+    (("spectrum", "show", "a", "--plot"), "--draw"),
+    (("meter", "replay", "a", "--png", "a.png"), "--plot")])
+def test_a_former_name_of_an_option_is_refused_with_the_name_of_today(words, today):
+    ran = CliRunner().invoke(app, words)
+    assert ran.exit_code == 2 and f"this option is called {today} now" in ran.output
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

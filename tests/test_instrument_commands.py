@@ -136,7 +136,7 @@ def test_a_missing_port_ends_with_the_instruments_exit_code(tmp_path):
 
 
 def test_replay_shows_a_recording_and_that_it_is_synthetic(tmp_path):
-    code, out, _ = run("replay", FOLDER / "cs2000.transcript", "--plot", "--png",
+    code, out, _ = run("replay", FOLDER / "cs2000.transcript", "--draw", "--plot",
                        tmp_path / "a.png")
     assert code == 0 and "synthetic" in out and "█" in out and (tmp_path / "a.png").exists()
 

@@ -204,6 +204,6 @@ def test_no_whole_number_is_a_sentence(session, number):
 
 
 def test_a_wrong_ending_is_quoted_without_what_a_terminal_obeys(session):
-    ended = installed("meter", "replay", session / "a", "--png", "\x1b[2J" + 200 * "a")
+    ended = installed("meter", "replay", session / "a", "--plot", "\x1b[2J" + 200 * "a")
     assert ended.returncode == 2 and "\x1b" not in ended.stderr, ended.stderr
     assert "does not end in" in " ".join(ended.stderr.split())

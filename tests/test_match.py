@@ -136,7 +136,7 @@ def session(tmp_path_factory):
 
 def test_regions_of_a_flat_session_are_told_from_the_other_paints(session):
     words = [session / "spectra" / f"{name}.csv" for name in ("red_wall", "green_wall", "cube")]
-    outcome = call(session, *words, "--surface", "red_wall", "--surface", "white_wall", "--json")
+    outcome = call(session, *words, "--only", "red_wall", "--only", "white_wall", "--json")
     facts = json.loads(outcome.stdout)
     red, white = facts["surfaces"]
     assert red["matches"][0]["name"] == "red_wall" and red["indistinguishable"] == 1
@@ -154,16 +154,16 @@ def test_spectra_that_cover_a_part_are_left_out_by_name(session, tmp_path):
     assert alone.exit_code == 3 and "covers 450-650 nm; 400-700 nm is needed" in alone.output
     whole = (session / "spectra" / "cube.csv").read_text(encoding="utf-8")
     (tmp_path / "blue [red].csv").write_text(whole, encoding="utf-8")
-    facts = json.loads(call(session, tmp_path, "--surface", "cube", "--json").stdout)
+    facts = json.loads(call(session, tmp_path, "--only", "cube", "--json").stdout)
     assert [match["name"] for match in facts["matches"]] == ["blue [red]"]
-    assert "blue [red]" in call(session, tmp_path, "--surface", "cube").stdout     # no markup
+    assert "blue [red]" in call(session, tmp_path, "--only", "cube").stdout     # no markup
     assert len(facts["left_out"]) == 1 and "covers 450-650 nm" in facts["left_out"][0]
 
 
 @pytest.mark.parametrize("words, says", [
     (["no such set"], "is no file and no published set of reflectances"),
     (["missing.csv"], "is missing"),
-    (["CES99", "--surface", "wall"], "is no surface of unknown spectrum"),
+    (["CES99", "--only", "wall"], "is no surface of unknown spectrum"),
     (["CES99", "--variation", "2"], "0 to 0.5 of white is needed"),
     (["CES99", "--ratio", "0.5"], "a number above 1 is needed"),
 ])

@@ -134,7 +134,7 @@ def test_draws_go_into_arrays(finished):
 
 
 def test_draws_go_into_a_long_table(finished):
-    out, _ = draws_of(finished, ".csv", "--draws", "7")
+    out, _ = draws_of(finished, ".csv", "--samples", "7")
     with out.open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["surface"] == "green"]
     found = np.array([float(row["reflectance"]) for row in rows]).reshape(7, 7)
@@ -145,7 +145,7 @@ def test_draws_go_into_a_long_table(finished):
 
 def test_draws_go_into_a_parquet_table(finished):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
-    out, _ = draws_of(finished, ".parquet", "--draws", "7")
+    out, _ = draws_of(finished, ".parquet", "--samples", "7")
     columns = parquet.read_table(out).to_pydict()
     found = np.array([value for name, value in zip(columns["surface"], columns["reflectance"],
                                                    strict=True) if name == "green"])

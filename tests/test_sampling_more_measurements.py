@@ -100,7 +100,7 @@ noise = [0.002, 0.002, 0.002]
 def test_a_second_photo_under_another_light_narrows_the_band(method):
     arguments = ("--method", method, "--coefficients", 9)
     before = sample(*arguments)
-    after = sample(*arguments, "--photo", f"A={signal('A')}:0.002,0.002,0.002")
+    after = sample(*arguments, "--signal-under", f"A={signal('A')}:0.002,0.002,0.002")
     assert width(after) < 0.95 * width(before)
 
 
@@ -143,7 +143,7 @@ def test_a_wide_reading_is_the_mean_over_its_band():
 # ---- contradictions ------------------------------------------------------------------------------
 
 def test_a_photo_that_no_reflectance_gives_is_named():
-    text = sample("--photo", "A=0.95,0.02,0.95:0.001,0.001,0.001", "--reading", "550:0.2",
+    text = sample("--signal-under", "A=0.95,0.02,0.95:0.001,0.001,0.001", "--reading", "550:0.2",
                   code=3)["error"]
     assert text.startswith("the photo under A contradicts the other measurements: no reflectance "
                            "between 0 and 1")
@@ -195,14 +195,14 @@ def test_files_of_measurements_that_cannot_be_are_errors(tmp_path, text, message
 
 
 @pytest.mark.parametrize("arguments, message", [
-                             (["--photo", "0.1,0.2,0.3"], "write LIGHT=v1,v2,v3"),
+                             (["--signal-under", "0.1,0.2,0.3"], "write LIGHT=v1,v2,v3"),
                              (["--same", "0.1,0.2"], "--same has 2 values"),
                              (["--reading", "550/0.1:0.3"], "write NM:REFLECTANCE"),
                              (["--more", "none.toml"], "cannot be read"),
-                             (["--keep", "10"], "without it: leave it out, or take --method paper"),
-                             (["--method", "paper", "--keep", "1000"],
-                              "--keep ranks draws by further measurements; give some"),
-                             (["--method", "paper", "--keep", "9999", "--reading", "500:0.2"],
+                             (["--best", "10"], "without it: leave it out, or take --method paper"),
+                             (["--method", "paper", "--best", "1000"],
+                              "--best ranks draws by further measurements; give some"),
+                             (["--method", "paper", "--best", "9999", "--reading", "500:0.2"],
                               "the best 9999 of 1000 draws"),
                              (["--refine", "15"], "--refine belongs to splines"),
                              (["--method", "uniform", "--coefficients", "7", "--refine", "10"],
@@ -254,7 +254,7 @@ def test_ranking_keeps_the_nearest_draws_of_the_paper():
                f"700:{reading:.5f}")
     found = CliRunner().invoke(app,
                                ["sample", "--sensitivity", CAMERA, "--light", LIGHT, "--json",
-                                "--signal", signal(), *map(str, options), "--keep", "1000"])
+                                "--signal", signal(), *map(str, options), "--best", "1000"])
     ranked = json.loads(found.stdout)
     assert ranked["samples"] == 1000 and "best 1000 of 5000" in ranked["method"]
     everything = run("sample", "--signal", signal(), "--method", "paper", "--coefficients", 7,
@@ -266,7 +266,7 @@ def test_ranking_keeps_the_nearest_draws_of_the_paper():
 def test_ranking_by_light_reflected_twice_is_the_papers_eq_10():
     options = ("--method", "paper", "--coefficients", 7, "--samples", 4000, "--signal", signal())
     ranked, every = (run("sample", *options, *more)
-                     for more in (("--twice", signal(power=2), "--keep", 1000), ()))
+                     for more in (("--twice", signal(power=2), "--best", 1000), ()))
     response5 = relative_response(CAMERA, LIGHT, FINE) \
         @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
     wanted = np.array([float(part) for part in signal(power=2).split(",")])

@@ -11,7 +11,7 @@ REFUSED = {
     "develop": (["develop", "a.dng", "--out", "a.tif"], ".exr (the signal in floating point)"),
     "camera fit": (["camera", "fit", "--patches", "a.csv", "--light", "A", "--out", "a.xls"],
                    ".csv (the curves"),
-    "draws of curves": (["camera", "fit", "--patches", "a.csv", "--light", "A", "--samples",
+    "draws of curves": (["camera", "fit", "--patches", "a.csv", "--light", "A", "--draws-file",
                          "b.csv"], ".npz (draws of the curves)"),
     "camera prior": (["camera", "prior", ".", "--out", "a.json"], ".npz (a prior on curves)"),
     "sample": (["sample", *SIGNAL, "--out", "a.csv"], ".npz (the draws)"),
@@ -29,7 +29,7 @@ REFUSED = {
              ".json (the lens)"),
     "pose": (["geometry", "pose", "a.png", "--scene", "s.xml", "--out", "t.exr"],
              ".xml (the scene"),
-    "meter replay": (["meter", "replay", "a.txt", "--png", "a.svg"], ".png (a picture"),
+    "meter replay": (["meter", "replay", "a.txt", "--plot", "a.svg"], ".png (a picture"),
 }
 
 

@@ -54,7 +54,7 @@ def ranked(samples: SpectrumSamples, base: SpectralMeasurement, more: list[MoreM
         seen.append(samples.spectra**2 @ response_on(base, PRIOR_GRID).T)
         measured.append(twice)
     if not seen:
-        raise InputError("--keep ranks draws by further measurements; give some, or leave it out")
+        raise InputError("--best ranks draws by further measurements; give some, or leave it out")
     kept = best_by_signals(np.hstack(seen), np.concatenate(measured), keep)
     return replace(samples, spectra=samples.spectra[kept], coefficients=samples.coefficients[kept],
                    effective_samples=float(keep),

@@ -41,7 +41,7 @@ from spectrabox.session.outputs.calibration_facts import (
     left_out_sentence,
     posterior_facts,
 )
-from spectrabox.session.terminal.command_line import check_ending
+from spectrabox.session.terminal.command_line import CORNERS, check_ending, pixel_numbers
 
 CURVES = {".csv": "the curves and their standard errors"}
 DRAWS = {".npz": "draws of the curves"}
@@ -57,12 +57,12 @@ def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
     """
     photos = [*request.photos, *request.chart]
     given, grid = photos or [*request.patches], visible_grid()
-    outputs = [path for path in (request.out, request.samples) if path is not None]
+    outputs = [path for path in (request.out, request.draws_file) if path is not None]
     require_outputs(outputs, [*given, *map(Path, request.light), *map(Path, request.reference),
                               *(path for path in (request.curves, request.prior_file)
                                 if path is not None)])
     check_ending(request.out, CURVES)
-    check_ending(request.samples, DRAWS, "--samples")
+    check_ending(request.draws_file, DRAWS, "--draws-file")
     if request.keep is not None:
         require_new_name(request.keep)
     charts, names, notes = read_photos(given, list(request.light), list(request.reference),
@@ -91,9 +91,9 @@ def fit_answer(request: CameraFitRequest) -> tuple[dict[str, Any], str]:
         lines.append(f"wrote {request.out}")
     if request.keep is not None:
         facts["kept"] = str(keep_camera(request.keep, nm, columns, source))
-    if request.samples is not None:
-        write_draws(request.samples, result.band, grid)
-        facts["samples"] = str(request.samples)
+    if request.draws_file is not None:
+        write_draws(request.draws_file, result.band, grid)
+        facts["samples"] = str(request.draws_file)
     return facts, "\n".join(lines)
 
 
@@ -189,21 +189,15 @@ def _patches_of_picture(path: Path, corners: str | None, chart: Chart, reflectan
 
 
 def corner_points(text: str, chart: Chart) -> np.ndarray:
-    """Corners (4, 2) of a chart in pixels, of an option 'x,y x,y x,y x,y'.
+    """Corners (4, 2) of a chart in pixels, of an option X,Y,X,Y,X,Y,X,Y.
 
     Raises
     ------
     InputError
         If they are not four points.
     """
-    try:
-        points = np.array([[float(number) for number in word.split(",")] for word in text.split()])
-    except ValueError:
-        points = np.empty(0)
-    if points.shape != (4, 2):
-        raise InputError(f"--corners {text} are not four points; write --corners 'x,y x,y x,y x,y' "
-                         f"at {chart.corner_words}")
-    return points
+    return np.array(pixel_numbers(text, 8, "--corners", f"{CORNERS} at {chart.corner_words}")
+                    ).reshape(4, 2)
 
 
 def read_measured_curves(path: Path, bands: int, grid: WavelengthGrid) -> np.ndarray:
@@ -288,6 +282,6 @@ def _columns(fit: SensitivityFit, names: tuple[str, ...],
 def write_draws(path: Path, band: CurveBand | None, grid: WavelengthGrid) -> None:
     """Draws of all curves together as an NPZ."""
     if band is None or band.draws is None:
-        raise InputError("draws come with the method prior only; leave --samples out")
+        raise InputError("draws come with the method prior only; leave --draws-file out")
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, wavelengths_nm=grid.nm, curves=band.draws)

@@ -35,7 +35,7 @@ def profile_answer(request: CameraProfileRequest) -> tuple[dict[str, Any], str]:
     if len(curves) != 3:
         raise InputError(f"{request.sensitivity} has {len(curves)} bands; profiles are of three: "
                          "R, G and B")
-    draws = None if request.samples is None else _read_draws(request.samples, grid, curves)
+    draws = None if request.draws_file is None else _read_draws(request.draws_file, grid, curves)
     profile = camera_profile(curves, grid, request.idt_light, draws)
     maker, _, model = request.camera.partition(" ")
     errors = None if draws is None else draws.std(axis=0, ddof=1)
@@ -64,15 +64,15 @@ def _read_draws(path: Path, grid: WavelengthGrid, curves: np.ndarray) -> np.ndar
         with np.load(path, allow_pickle=False) as file:
             nm, values = file["wavelengths_nm"], file["curves"][:MAX_DRAWS]
     except FileNotFoundError:
-        raise InputError(f"{path} is missing; 'spectrabox camera fit --samples' writes one"
+        raise InputError(f"{path} is missing; 'spectrabox camera fit --draws-file' writes one"
                          ) from None
     except DAMAGE as error:
         raise InputError(f"{path.name} holds no draws of curves ({type(error).__name__}); "
-                         "'spectrabox camera fit --samples' writes them") from None
+                         "'spectrabox camera fit --draws-file' writes them") from None
     if values.ndim != 3 or values.shape[1:] != (len(curves), nm.size) or len(values) < 2 \
             or nm[0] > grid.nm[0] or nm[-1] < grid.nm[-1] or not np.all(np.isfinite(values)):
         raise InputError(f"{path.name} holds draws {values.shape}; two or more of three curves "
-                         "over 400-700 nm are needed, as 'camera fit --samples' writes them")
+                         "over 400-700 nm are needed, as 'camera fit --draws-file' writes them")
     return np.array([[np.interp(grid.nm, nm, curve) for curve in draw] for draw in values])
 
 
@@ -93,7 +93,7 @@ def _spread(value: Any, drawn: Sequence[Any]) -> dict[str, Any]:
 def _text(facts: dict[str, Any]) -> str:
     lines = [f"{facts['camera']}: matrices for {' and '.join(facts['illuminants'])}"
              + (f", spread over {facts['draws']} draws of the curves" if facts["draws"]
-                else "; without --samples their spread is not known")]
+                else "; without --draws-file their spread is not known")]
     for name, each in facts["illuminants"].items():
         lines += [f"ColorMatrix, {name}", *_rows(each["color_matrix"]), f"ForwardMatrix, {name}",
                   *_rows(each["forward_matrix"])]

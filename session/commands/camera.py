@@ -13,9 +13,9 @@ from spectrabox.session.commands.requests import (
     CameraPreflightRequest,
     CameraProfileRequest,
 )
+from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommandGroup,
     CommonOptions,
     UsageProblem,
     check_ending,
@@ -23,8 +23,7 @@ from spectrabox.session.terminal.command_line import (
 )
 
 PRIORS = {".npz": "a prior on curves"}
-camera = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Sensitivities of a camera: fit, "
-                     "prior, preflight.")
+camera = Commands(help="Sensitivities of a camera: fit, prior, preflight.")
 
 
 def register(app: typer.Typer) -> None:
@@ -73,7 +72,7 @@ class CameraPriorRequest(CommonOptions):
     leave_out: Annotated[tuple[str, ...], typer.Option(
         metavar="NAME", help="A camera to leave out; may be repeated.")] = ()
     source: Annotated[str | None, typer.Option(
-        help="Stored with the prior; the folder by default.")] = None
+        metavar="TEXT", help="Stored with the prior; the folder by default.")] = None
     licence: Annotated[str, typer.Option(help="Licence of the curves.")] = "not stated"
 
 

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import CheckError
+from spectrabox.session.terminal.command_help import Was
 from spectrabox.session.terminal.command_line import (
+    CORNERS,
+    CORNERS_HELP,
     Answer,
     ChartLayout,
     CommonOptions,
@@ -40,10 +43,7 @@ class ChartRequest(CommonOptions):
         metavar="PHOTO", show_default=False, help="Raw, DNG, EXR, TIFF, JPEG or PNG.")]
     overlay: Annotated[Path | None, typer.Option(
         metavar="PNG", help="Write the photo with the samples drawn.")] = None
-    corners: Annotated[tuple[str, ...], typer.Option(
-        metavar="X,Y", help="Four times: corners of the chart in pixels of the photo; of a "
-        "ColorChecker the outer corners of the patches at dark skin, bluish green, black and "
-        "white.")] = ()
+    corners: Annotated[str | None, typer.Option(metavar=CORNERS, help=CORNERS_HELP)] = None
     layout: ChartLayout = ""
     reference: Annotated[str | None, typer.Option(
         metavar="NAME|FILE", show_default=False, help="Reflectances by which a chart is known that "
@@ -68,7 +68,7 @@ def chart(request: ChartRequest) -> Answer:
     image = _open(request.photo, request.encoded)
     from spectrabox.measure.camera import chart_signals
     signals = chart_signals(chart_of, reflectances, image.signal.shape[2], grid)
-    corners = corner_points(" ".join(request.corners), chart_of) if request.corners else None
+    corners = None if request.corners is None else corner_points(request.corners, chart_of)
     try:
         detection = locate_chart(image, signals, corners, chart_of)
         if detection.mirrored:
@@ -98,9 +98,10 @@ class DevelopRequest(CommonOptions):
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the signal.")]
     dark: Annotated[tuple[Path, ...], typer.Option(
+        metavar="PHOTO",
         help="Dark frame at the photo's exposure and ISO; several are averaged.")] = ()
-    flat: Annotated[Path | None, typer.Option(
-        help="White card in the same place: divides the photo.")] = None
+    flat_field: Annotated[Path | None, Was("--flat"), typer.Option(
+        metavar="PHOTO", help="White card in the same place: divides the photo.")] = None
     not_linear: Annotated[bool, typer.Option(
         "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked "
         "so.")] = False
@@ -114,7 +115,8 @@ def develop(request: DevelopRequest) -> Answer:
     from spectrabox.capture.develop.developed import develop_photos
     from spectrabox.capture.photo.image_files import write_linear_exr
     check_ending(request.out, {".exr": "the signal in floating point"})
-    image, notes = develop_photos(request.photos, request.dark, request.flat, request.not_linear)
+    image, notes = develop_photos(request.photos, request.dark, request.flat_field,
+                                  request.not_linear)
     write_linear_exr(request.out, image)
     facts = {**_photo_facts(image), "out": str(request.out), "notes": list(notes),
              "size": [image.signal.shape[1], image.signal.shape[0]]}

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
     ChartLayout,
-    CommandGroup,
     CommonOptions,
     UsageProblem,
     check_ending,
@@ -25,8 +25,7 @@ WRITTEN = {".csv": "the transmittance with its standard error"}
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    filters = typer.Typer(name="filter", cls=CommandGroup, no_args_is_help=True,
-                          help="Filters before lens or lamp: their transmittance.")
+    filters = Commands(name="filter", help="Filters before lens or lamp: their transmittance.")
     filters.command()(fit)
     app.add_typer(filters)
 
@@ -44,6 +43,7 @@ class FilterFitRequest(CommonOptions):
     readings: Annotated[bool, typer.Option(
         "--readings", help="The files are readings of a spectroradiometer.")] = False
     light: Annotated[str, typer.Option(
+        metavar="FILE|NAME",
         help="Light of the photos: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
         "spectrum.")] = "unknown"
     reference: Annotated[str | None, typer.Option(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.session.terminal.command_help import Was
 from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
@@ -43,9 +44,11 @@ class RelightRequest(SessionOptions):
     """Options of ``spectrabox relight``."""
 
     light: Annotated[str | None, typer.Option(
+        metavar="FILE|NAME",
         help="A CIE illuminant such as D65 or FL11, or a file; the session's own by "
         "default.")] = None
     observer: Annotated[str | None, typer.Option(
+        metavar="FILE|NAME",
         help="Colour-matching functions by name or file; CIE 1931 2 degrees by default.")] = None
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by default; the same as EXR is "
@@ -106,8 +109,8 @@ class DrawsRequest(SessionOptions):
         "--out", "-o", metavar="FILE", show_default=False, help=".npz: one array a surface; .csv "
         "or .parquet: a row for each surface, draw and wavelength.")]
     step: Annotated[int, typer.Option(min=1, max=100, help="Nanometres between wavelengths.")] = 5
-    count: Annotated[int | None, typer.Option(
-        "--draws", min=1, help="Of each surface; all by default.")] = None
+    count: Annotated[int | None, Was("--draws"), typer.Option(
+        "--samples", min=1, help="Draws of each surface; all by default.")] = None
 
 
 @command

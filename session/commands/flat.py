@@ -12,11 +12,15 @@ import typer
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.commands.session import RunRequest, run_session
 from spectrabox.session.terminal.command_line import (
+    CORNERS,
+    CORNERS_HELP,
+    RECTANGLE,
     Answer,
     ChartLayout,
     CommonOptions,
     Quiet,
     command,
+    pixel_numbers,
 )
 
 if TYPE_CHECKING:
@@ -37,45 +41,50 @@ class FlatRequest(CommonOptions):
         "camera raw or linear file. Further photos are of the same samples from the same tripod, "
         "each with the chart and under another unknown light: every one adds its bands.")]
     also: Annotated[tuple[str, ...], typer.Option(
-        "--also", help="PHOTO=WHAT: a further photo under a light or through a filter of which "
+        "--also", metavar="PHOTO=WHAT",
+        help="A further photo under a light or through a filter of which "
         "something is known: filter:FILE or filter:unknown (before the first photo's light), "
         "light:LIGHT as of --light, or same (the first photo's light). May be repeated.")] = ()
     region: Annotated[tuple[str, ...], typer.Option(
-        "--region", help="NAME=x0,y0,x1,y1: two opposite corners in pixels of the first photo; may "
-        "be repeated. Without one a picture with pixels on its axes is written.")] = ()
+        "--region", metavar=f"NAME={RECTANGLE}", help="A region by two opposite corners in pixels "
+        "of the first photo; may be repeated. Without one a picture with pixels on its axes is "
+        "written.")] = ()
     light: Annotated[str, typer.Option(
+        metavar="FILE|NAME",
         help="Of the first photo: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
         "spectrum.")] = "unknown"
     chart: Annotated[Path | None, typer.Option(
-        "--chart", help="Photo of the chart in the samples' place, where they do not show "
+        "--chart", metavar="PHOTO",
+        help="Photo of the chart in the samples' place, where they do not show "
         "it.")] = None
     corners: Annotated[str | None, typer.Option(
-        help="Corners of the chart where it is not found: eight numbers x,y,..., of a ColorChecker "
-        "the outer corners of the patches at dark skin, bluish green, black and white.")] = None
+        metavar=CORNERS, help=CORNERS_HELP)] = None
     layout: ChartLayout = ""
     reference: Annotated[str | None, typer.Option(
         metavar="NAME|FILE", show_default=False, help="Chart reflectances: a published average, or "
         "a file you measured; by default the layout's own.")] = None
     white_card: Annotated[str | None, typer.Option(
-        help="x0,y0,x1,y1=FILE: a region of known reflectance, or a number in place of the "
-        "file.")] = None
+        metavar=f"{RECTANGLE}=FILE|NUMBER", help="A region of known reflectance, such as "
+        "986,462,1073,537=0.94 or =card.csv.")] = None
     swatches: Annotated[Path | None, typer.Option(
         help="Measured spectra of swatches of the samples' material, eight or more, each named as "
         "its --region; they correct the other regions.")] = None
     flat_field: Annotated[Path | None, typer.Option(
-        help="Photo of a white card that fills the samples' place.")] = None
+        metavar="PHOTO", help="Photo of a white card that fills the samples' place.")] = None
     family: Annotated[tuple[str, ...], typer.Option(
-        "--family", help="NAME=paint: what a region's surface is; paint, textile, leaves, skin, "
-        "white, earth or animal. May be repeated.")] = ()
+        "--family", metavar="NAME=KIND", help="What a region's surface is: paint, textile, leaves, "
+        "skin, white, earth or animal. May be repeated.")] = ()
     surface: Annotated[tuple[str, ...], typer.Option(
-        "--surface", help="matt, satin or glossy: how much the surfaces mirror; of all regions, or "
-        "NAME=satin of one. May be repeated.")] = ()
+        "--surface", metavar="[NAME=]matt|satin|glossy", help="How much the surfaces mirror: of "
+        "all regions, or of the named one. May be repeated.")] = ()
     truth: Annotated[tuple[str, ...], typer.Option(
-        "--truth", help="NAME=FILE: measured reflectance of a region, to compare with.")] = ()
+        "--truth", metavar="NAME=FILE", help="Measured reflectance of a region, to compare "
+        "with.")] = ()
     picture: Annotated[bool, typer.Option(
         "--picture", help="Also the spectrum of every pixel, with maps, in "
         "results/picture.")] = False
     picture_light: Annotated[str | None, typer.Option(
+        metavar="NAME",
         help="CIE name of a light beside D65 under which the picture's colours are shown.")] = None
     session: Annotated[Path | None, typer.Option(
         metavar="DIR", help="The session folder; beside the photo and named after it by "
@@ -91,22 +100,23 @@ def flat(request: FlatRequest) -> Answer:
     if not request.region:
         return _write_picture(photo)
     from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
-    regions = {name: _numbers(rest, 4, f"--region {name}")
-               for name, rest in _pairs(request.region, "--region", "x0,y0,x1,y1").items()}
+    regions = {name: pixel_numbers(rest, 4, f"--region {name}", RECTANGLE)
+               for name, rest in _pairs(request.region, "--region", RECTANGLE).items()}
     known = {}
     if request.white_card is not None:
         rect, _, known[CARD] = request.white_card.partition("=")
-        regions[CARD] = _numbers(rect, 4, "--white-card")
+        regions[CARD] = pixel_numbers(rect, 4, "--white-card", RECTANGLE)
         if not known[CARD]:
-            raise InputError("--white-card needs the card's reflectance: x0,y0,x1,y1=FILE, or "
-                             "a number such as x0,y0,x1,y1=0.95")
+            raise InputError("--white-card needs the card's reflectance: X0,Y0,X1,Y1=FILE, or "
+                             "a number such as X0,Y0,X1,Y1=0.95")
     families = {name: word.split(",") for name, word
                 in _pairs(request.family, "--family", "paint").items()}
     truths = _pairs(request.truth, "--truth", "FILE")
     surfaces, of_all = _surfaces(request.surface, [name for name in regions if name not in known])
     if unknown := [name for name in (*families, *truths, *surfaces) if name not in regions]:
         raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
-    px = None if request.corners is None else _numbers(request.corners, 8, "--corners")
+    px = None if request.corners is None else pixel_numbers(request.corners, 8, "--corners",
+                                                            CORNERS)
     further = [*map(_further, others), *(
         _further(Path(file), said)
         for file, said in _pairs(request.also, "--also", "WHAT").items())]
@@ -156,11 +166,11 @@ def _write_picture(photo: Path) -> Answer:
     picture = photo.with_name(f"{photo.stem}-pixels.png")
     if picture.exists():
         raise InputError(f"no region is named, and {picture} is there to read them from: give "
-                         "--region NAME=x0,y0,x1,y1 for each")
+                         "--region NAME=X0,Y0,X1,Y1 for each")
     width, height = write_picture(photo, picture)
     return Answer({"picture": picture, "size_px": [width, height]},
                   f"wrote {picture}: read the corners of your regions from its axes, then give "
-                  "--region NAME=x0,y0,x1,y1 for each")
+                  "--region NAME=X0,Y0,X1,Y1 for each")
 
 
 def _pairs(words: Sequence[str], option: str, form: str) -> dict[str, str]:
@@ -174,14 +184,3 @@ def _pairs(words: Sequence[str], option: str, form: str) -> dict[str, str]:
             raise InputError(f"{option} names {name!r} twice; give each a name of its own")
         pairs[name] = rest
     return pairs
-
-
-def _numbers(text: str, count: int, option: str) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count:
-        raise InputError(f"{option} {text!r}: {count} numbers in pixels of the photo, separated by "
-                         "commas, are needed")
-    return numbers

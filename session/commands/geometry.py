@@ -9,9 +9,9 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.commands.lamp import beam, light
+from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommandGroup,
     CommonOptions,
     Force,
     SessionOptions,
@@ -31,15 +31,17 @@ Photo = Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
                                        help="Raw, DNG, EXR, TIFF, JPEG or PNG.")]
 BoardFile = Annotated[Path | None, typer.Option("--board", metavar="board.toml", help="The ChArUco "
                                                 "board: columns, rows, square, marker.")]
+PrintedBoard = Annotated[Path, typer.Option(
+    "--board", metavar="board.toml", show_default=False,
+    help="The ChArUco board: columns, rows, square, marker.")]
 LensFile = Annotated[Path | None, typer.Option("--lens", metavar="lens.json",
                                                help="From 'spectrabox geometry lens'.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    group = typer.Typer(cls=CommandGroup, no_args_is_help=True,
-                        help="Lens and pose of the camera, photos without distortion, place and "
-                        "beam of the lamp.")
+    group = Commands(help="Lens and pose of the camera, photos without distortion, place and "
+                     "beam of the lamp.")
     for function in (board, lens, pose, box, undistort, light, beam):
         group.command()(function)
     app.add_typer(group, name="geometry")
@@ -49,8 +51,9 @@ def register(app: typer.Typer) -> None:
 class BoardRequest(CommonOptions):
     """Options of ``spectrabox geometry board``."""
 
-    board_file: Annotated[Path, typer.Option("--board", metavar="board.toml", show_default=False)]
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="PNG", show_default=False)]
+    board_file: PrintedBoard
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="PNG", show_default=False, help="Where to write the board.")]
     square_px: Annotated[int, typer.Option(min=40, max=4000,
                                            help="Width of a square in the picture.")] = 200
     force: Force = False
@@ -79,8 +82,9 @@ class LensRequest(CommonOptions):
 
     photos: Annotated[tuple[Path, ...], typer.Argument(
         metavar="PHOTO...", show_default=False, help="Of the board, tilted in different ways.")]
-    board_file: Annotated[Path, typer.Option("--board", metavar="board.toml", show_default=False)]
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="lens.json", show_default=False)]
+    board_file: PrintedBoard
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="lens.json", show_default=False, help="Where to write the lens.")]
     overlay: Annotated[Path | None, typer.Option(
         metavar="DIR", help="Write each photo with its corners.")] = None
     force: Force = False
@@ -228,8 +232,10 @@ class UndistortRequest(CommonOptions):
 
     photo: Annotated[Path, typer.Argument(
         metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")]
-    lens_file: Annotated[Path, typer.Option("--lens", metavar="lens.json", show_default=False)]
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", show_default=False)]
+    lens_file: Annotated[Path, typer.Option(
+        "--lens", metavar="lens.json", show_default=False, help="From 'spectrabox geometry lens'.")]
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the photo.")]
     force: Force = False
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.session.terminal.command_help import Was
 from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
@@ -47,9 +48,10 @@ class LightRequest(CommonOptions):
     scene: Annotated[Path, typer.Option(
         metavar="scene.xml", show_default=False, help="The Mitsuba scene.")]
     light_spectrum: Annotated[str, typer.Option(
-        "--light", show_default=False, help="Spectrum of the light: a file or a CIE name.")]
+        "--light", metavar="FILE|NAME", show_default=False,
+        help="Spectrum of the light: a file or a CIE name.")]
     sensitivity: Annotated[str, typer.Option(
-        show_default=False, help="Camera: a file of curves or a name.")]
+        metavar="FILE|NAME", show_default=False, help="Camera: a file of curves or a name.")]
     reflectances: Annotated[Path, typer.Option(
         metavar="paints.csv", show_default=False, help="One column per BSDF of the scene, named by "
         "its id.")]
@@ -57,7 +59,7 @@ class LightRequest(CommonOptions):
         "--out", "-o", metavar="scene.xml", show_default=False, help="Where to write its copy with "
         "the light moved.")]
     light_id: Annotated[str | None, typer.Option(
-        help="Which light, where the scene has several.")] = None
+        metavar="ID", help="Which light, where the scene has several.")] = None
     lens_file: UndistortLens = None
     width: Annotated[int, typer.Option(
         min=16, max=1024, help="Width of the rendered view in pixels.")] = 96
@@ -155,9 +157,10 @@ class BeamRequest(CommonOptions):
         "--out", "-o", metavar="beam.csv", show_default=False, help="Where to write radiance by "
         "angle.")]
     dark: Annotated[tuple[Path, ...], typer.Option(
+        metavar="PHOTO",
         help="The same with the lamp off, or dark frames, at the same exposure.")] = ()
-    flat: Annotated[Path | None, typer.Option(
-        help="Evenly lit white card: takes the lens's own fall-off out.")] = None
+    flat_field: Annotated[Path | None, Was("--flat"), typer.Option(
+        metavar="PHOTO", help="Evenly lit white card: takes the lens's own fall-off out.")] = None
     lens_file: UndistortLens = None
     force: Force = False
 
@@ -172,10 +175,10 @@ def beam(request: BeamRequest) -> Answer:
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.reconstruct.scene.light_profile import profile_text
     check_ending(request.out, {".csv": "radiance by angle"})
-    require_new(request.out, request.force, request.photo, request.wall_file, request.flat,
+    require_new(request.out, request.force, request.photo, request.wall_file, request.flat_field,
                 request.lens_file, *request.dark)
     wall = read_wall(request.wall_file)
-    image, _ = develop_photos([request.photo], request.dark, request.flat)
+    image, _ = develop_photos([request.photo], request.dark, request.flat_field)
     image, lens = _undistorted(image, request.lens_file)
     height, width = image.signal.shape[:2]
     if width > WIDTH:
@@ -184,7 +187,7 @@ def beam(request: BeamRequest) -> Answer:
     write_text_whole(request.out, profile_text(profile.angle_deg, profile.radiance,
                                        profile.standard_error))
     return Answer({"out": request.out, **to_json(profile)},
-                  "\n".join(_beam_lines(profile, request.out, request.flat is not None)))
+                  "\n".join(_beam_lines(profile, request.out, request.flat_field is not None)))
 
 
 def _beam_lines(profile: BeamProfile, out: Path, flat: bool) -> list[str]:
@@ -209,8 +212,8 @@ def _beam_lines(profile: BeamProfile, out: Path, flat: bool) -> list[str]:
                      f"{profile.band_difference:.2f} of the radiance ahead; one profile for all "
                      "wavelengths does not describe this lamp")
     if not flat:
-        lines.append("without --flat the lens's own fall-off towards the corners counts as the "
-                     "lamp's")
+        lines.append("without --flat-field the lens's own fall-off towards the corners counts as "
+                     "the lamp's")
     return [*lines, f"wrote {out}: give it to a panel as beam in [scene.box.lamp]; beyond "
             f"{top:.0f} degrees its last value holds"]
 

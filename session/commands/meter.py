@@ -14,9 +14,9 @@ import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.system.words import is_whole_number
+from spectrabox.session.terminal.command_help import Commands, Was
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommandGroup,
     CommonOptions,
     Folder,
     check_ending,
@@ -32,11 +32,16 @@ if TYPE_CHECKING:
     from spectrabox.radiometry.spectra.readings import SpectralReading
 
 Port = Annotated[str,
-                 typer.Option(help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'.",
+                 typer.Option(
+                     metavar="PORT",
+                     help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'.",
                               show_default=False)]
-Meter = Annotated[str, typer.Option(help="cs2000, cr250, pr655, pr650, specbos1211 or specbos2501.",
+METERS = "cs2000|cr250|pr655|pr650|specbos1211|specbos2501"
+Meter = Annotated[str, typer.Option(metavar=METERS, help="Which instrument it is.",
                                     show_default=False)]
-Png = Annotated[Path | None, typer.Option(help="Draw the spectrum into this PNG.")]
+Drawn = Annotated[bool, typer.Option("--draw", help="Draw the spectrum in the terminal.")]
+Png = Annotated[Path | None, Was("--png"), typer.Option(
+    "--plot", metavar="PNG", help="Draw the spectrum into this picture.")]
 REPLAY_LIMIT_S = 2.0
 # What takes a reading, once it knows who reads and the check does not object; and what opens that.
 Check: TypeAlias = "Callable[[Maker], None]"
@@ -46,8 +51,7 @@ Source: TypeAlias = "Callable[[Path], contextlib.AbstractContextManager[Taker]]"
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    meter = typer.Typer(name="meter", cls=CommandGroup, no_args_is_help=True,
-                        help="Spectroradiometers on the serial line.")
+    meter = Commands(name="meter", help="Spectroradiometers on the serial line.")
     for function in (identify, measure, replay):
         meter.command()(function)
     meter.command("list")(list_of_ports)
@@ -91,36 +95,40 @@ class MeasureRequest(CommonOptions):
 
     folder: Folder
     port: Annotated[str | None, typer.Option(
-        show_default=False, help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With "
+        metavar="PORT", show_default=False,
+        help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With "
         "spotread: the instrument's number in its list.")] = None
     instrument: Annotated[str | None, typer.Option(
-        show_default=False, help="cs2000, cr250, pr655, pr650, specbos1211 or specbos2501.")] = None
+        metavar=METERS, show_default=False, help="Which instrument it is.")] = None
     program: Annotated[str | None, typer.Option(
         "--with", metavar="spotread", show_default=False, help="Measure with ArgyllCMS's spotread: "
         "i1Pro, ColorMunki, Spyder and others.")] = None
     ambient: Annotated[bool, typer.Option(
-        help="With spotread: irradiance, through the diffuser.")] = False
+        "--ambient", help="With spotread: irradiance, through the diffuser.")] = False
     role: Annotated[str, typer.Option(
-        "--as", help="light, white (the white standard), paint or chart.")] = "light"
+        "--as", metavar="light|white|paint|chart", help="What is measured; white is the white "
+        "standard.")] = "light"
     name: Annotated[str | None, typer.Option(
-        help="Of a paint: its file becomes spectra/NAME.csv.")] = None
+        metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv.")] = None
     repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1
     integration_ms: Annotated[float | None, typer.Option(
-        min=0.1, help="Fixed exposure; default automatic.")] = None
+        min=0.1, help="Fixed exposure in milliseconds; automatic by default.")] = None
     averages: Annotated[int | None, typer.Option(
-        min=1, max=99, help="Inside the instrument.")] = None
+        min=1, max=99,
+        help="Readings that the instrument averages; its own setting by default.")] = None
     sync_hz: Annotated[float | None, typer.Option(
         min=10, help="Flicker frequency of the light.")] = None
     white_reflectance: Annotated[float, typer.Option(
-        min=0.01, max=1.1, help="Of the white standard.")] = 1.0
+        min=0.01, max=1.1, help="Reflectance of the white standard.")] = 1.0
     calibration: Annotated[tuple[str, ...], typer.Option(
         metavar="SERIAL=FILE", help="Factors of an instrument by wavelength; of each, where "
         "readings of several are to be compared.")] = ()
     again: Annotated[bool, typer.Option(
-        help="Start a new series; earlier readings are kept aside.")] = False
-    wait: Annotated[bool, typer.Option(help="Ask before each patch of a chart.")] = True
-    plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False
-    png: Png = None
+        "--again", help="Start a new series; earlier readings are kept aside.")] = False
+    wait: Annotated[bool, typer.Option(
+        "--wait/--no-wait", help="Ask before each patch of a chart.")] = True
+    draw: Drawn = False
+    plot: Png = None
 
 
 @command
@@ -128,7 +136,7 @@ def measure(request: MeasureRequest) -> Answer:
     """Measure into a session. Every reading is on disk before it is shown; a broken series goes on
     where it stopped.
     """
-    check_ending(request.png, {".png": "a picture of the spectrum"}, "--png")
+    check_ending(request.plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.instruments.interface import MeterSettings
     from spectrabox.capture.meter.measurement_targets import claim
     from spectrabox.capture.meter.meter_calibration import read_calibration
@@ -145,12 +153,12 @@ def measure(request: MeasureRequest) -> Answer:
     written, spectrum = _write_result(spectra, request.role, names, request.white_reflectance,
                                       calibrations)
     series = _series(spectra, names, calibrations)
-    if request.png is not None and spectrum is not None:
+    if request.plot is not None and spectrum is not None:
         from spectrabox.capture.meter.measurement_plot import png_plot
-        png_plot(spectrum, request.png)
+        png_plot(spectrum, request.plot)
     return Answer({"taken": len(readings), "file": written, "series": series,
-                   "png": request.png},
-                  _measured_text(written, series, spectrum if request.plot else None))
+                   "png": request.plot},
+                  _measured_text(written, series, spectrum if request.draw else None))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,24 +170,24 @@ class ReplayRequest(CommonOptions):
     speed: Annotated[float, typer.Option(
         min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0
     over_socket: Annotated[bool, typer.Option(
-        help="Through a socket in place of a pseudo-terminal.")] = False
-    plot: Annotated[bool, typer.Option(help="Draw the spectrum in the terminal.")] = False
-    png: Png = None
+        "--over-socket", help="Through a socket in place of a pseudo-terminal.")] = False
+    draw: Drawn = False
+    plot: Png = None
 
 
 @command
 def replay(request: ReplayRequest) -> Answer:
     """Play a recorded transcript to the driver's own code and show what it reads."""
-    check_ending(request.png, {".png": "a picture of the spectrum"}, "--png")
+    check_ending(request.plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.measurement_files import reading_facts
     from spectrabox.capture.transcripts.transcript import read_transcript
     from spectrabox.capture.transcripts.transcript_replay import replay_transcript
     played = replay_transcript(read_transcript(request.transcript), speed=request.speed,
                                over_socket=request.over_socket)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
-    if request.png is not None and spectra:
+    if request.plot is not None and spectra:
         from spectrabox.capture.meter.measurement_plot import png_plot
-        png_plot(spectra[-1], request.png)
+        png_plot(spectra[-1], request.plot)
     facts = {"instrument": played.instrument, "synthetic": played.synthetic,
              "problems": list(played.problems),
              "readings": [reading_facts(reading) for reading in played.readings]}
@@ -188,7 +196,7 @@ def replay(request: ReplayRequest) -> Answer:
     lines += [f"- {problem}" for problem in played.problems]
     if played.synthetic:
         lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
-    if request.plot and spectra:
+    if request.draw and spectra:
         from spectrabox.capture.meter.measurement_plot import text_plot
         lines.append(text_plot(spectra[-1]))
     return Answer(facts, "\n".join(lines))

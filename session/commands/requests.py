@@ -10,7 +10,10 @@ from typing import Annotated, Literal
 
 import typer
 
+from spectrabox.session.terminal.command_help import Was
 from spectrabox.session.terminal.command_line import (
+    CORNERS,
+    CORNERS_HELP,
     ChartLayout,
     CommonOptions,
     Outside,
@@ -20,23 +23,25 @@ from spectrabox.session.terminal.command_line import (
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")      # of camera fit
+FAMILY_WORDS = "paint|textile|leaves|skin|white|earth|animal"
 DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
 Sensitivity = Annotated[str, typer.Option(
-    help="CSV of sensitivities, or a camera or observer by its name.")]
+    metavar="FILE|NAME", help="CSV of sensitivities, or a camera or observer by its name.")]
 Light = Annotated[str, typer.Option(
-    help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
+    metavar="FILE|NAME", help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
 White = Annotated[str | None, typer.Option(
-    help="What a perfect white reads in each band; 1 by default.")]
+    metavar="V1,V2,V3", help="What a perfect white reads in each band; 1 by default.")]
 Noise = Annotated[str | None, typer.Option(
-    help="Standard error of the signal in each band, in its unit.")]
+    metavar="E1,E2,E3", help="Standard error of the signal in each band, in its unit.")]
 Families = Annotated[tuple[str, ...], typer.Option(
-    "--family", help="Kind of surface, if you know it: paint, textile, leaves, skin, white, earth "
-    "or animal; may be repeated. Bands then are conditional on it.")]
+    "--family", metavar=FAMILY_WORDS, help="Kind of surface, if you know it; may be repeated. The "
+    "bands then hold for surfaces of this kind.")]
 Coefficients = Annotated[int, typer.Option(
-    help="N of the B-spline class: bounds, and the methods uniform and paper.")]
-Seed = Annotated[int, typer.Option(help="The same seed gives the same draws.")]
+    help="Number of B-splines that a spectrum is made of, for exact bounds and for the methods "
+    "uniform and paper.")]
+Seed = Annotated[int, typer.Option(help="Random seed: the same seed gives the same draws.")]
 DeltaLights = Annotated[tuple[str, ...], typer.Option(
-    show_default=False,
+    metavar="FILE|NAME", show_default=False,
     help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]
 Baseline = Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")]
 Lamps = Annotated[str | None, typer.Option(
@@ -72,18 +77,23 @@ class ObserverAndDaylight(CameraAndLight):
 class MeasuredSignal(CommonOptions):
     """One signal, and further measurements of its surface."""
 
-    signal: Annotated[str | None, typer.Option(help="One signal: v1,v2,v3.")] = None
+    signal: Annotated[str | None, typer.Option(
+        metavar="V1,V2,V3", help="One signal: what the camera reads of a colour in each of its "
+        "bands.")] = None
     white: White = None
     noise: Noise = None
     reading: Annotated[tuple[str, ...], typer.Option(
-        help="One more reading, NM:REFLECTANCE[:ERROR], NM/FWHM for a band; may be repeated.")] = ()
-    photo: Annotated[tuple[str, ...], typer.Option(
-        help="A photo by this camera under another light, LIGHT=v1,v2,v3[:e1,e2,e3]; may be "
-        "repeated.")] = ()
+        metavar="NM[/FWHM]:REFLECTANCE[:ERROR]", help="A reading by an instrument at one "
+        "wavelength, or over a band of that full width at half maximum.")] = ()
+    signal_under: Annotated[tuple[str, ...], Was("--photo"), typer.Option(
+        metavar="LIGHT=V1,V2,V3[:E1,E2,E3]", help="The signal of this colour in a photo by the "
+        "same camera under another light, and its standard errors.")] = ()
     same: Annotated[tuple[str, ...], typer.Option(
-        help="Another patch of the same material, v1,v2,v3[:e1,e2,e3]; may be repeated.")] = ()
+        metavar="V1,V2,V3[:E1,E2,E3]", help="The signal of another patch of the same "
+        "material.")] = ()
     more: Annotated[Path | None, typer.Option(
-        help="TOML of further measurements: reading, band, spot, photo, same.")] = None
+        metavar="TOML",
+        help="File of further measurements: reading, band, spot, photo, same.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +101,7 @@ class PriorOptions(CommonOptions):
     """The prior on reflectances, and what kind of surface it is."""
 
     prior: Annotated[Path | None, typer.Option(
-        "--prior", help="A prior of your own; the shipped one by default.")] = None
+        "--prior", metavar="NPZ", help="A prior of your own; the shipped one by default.")] = None
     family: Families = ()
 
 
@@ -100,23 +110,31 @@ class SampleRequest(PriorOptions, MeasuredSignal, CameraAndLight):
     """Options of ``spectrabox sample``."""
 
     signals: Annotated[Path | None, typer.Option(
-        help="CSV: a header of bands, one signal per row.")] = None
+        metavar="CSV", help="Many signals: a header that names the bands, a row for each.")] = None
     swatches: Annotated[Path | None, typer.Option(
-        help="CSV of measured samples of the material: band names and wavelengths above, below of "
+        metavar="CSV",
+        help="Measured samples of the material: band names and wavelengths above, below of "
         "each its signals and its reflectances. They correct the spectra.")] = None
     coefficients: Coefficients = 13
-    method: Annotated[str, typer.Option(help="prior, uniform or paper.")] = "prior"
+    method: Annotated[str, typer.Option(
+        metavar="prior|uniform|paper", help="How spectra are drawn: by the learnt prior, uniformly "
+        "among all that fit, or as the paper draws them.")] = "prior"
     samples: Annotated[int, typer.Option(
-        help="T, draws per signal; 1000 at least for a 95 % band.")] = 2000
+        help="Draws of each signal; 1000 at least for a 95 % band.")] = 2000
     seed: Seed = 0
-    out: Annotated[Path | None, typer.Option(help=".npz of the draws.")] = None
-    level: Annotated[float, typer.Option(help="Level of the bands.")] = 0.95
+    out: Annotated[Path | None, typer.Option(
+        metavar="NPZ", help="Where to write the draws.")] = None
+    level: Annotated[float, typer.Option(
+        help="Level of the bands: 0.95 for 95 %.")] = 0.95
     twice: Annotated[str | None, typer.Option(
-        help="Signal of light reflected twice off the surface, v1,v2,v3:e1,e2,e3.")] = None
+        metavar="V1,V2,V3:E1,E2,E3", help="Signal of light reflected twice off the "
+        "surface.")] = None
     start: Annotated[str, typer.Option(
-        help="bounded or unbounded: c0 of the method paper.")] = "bounded"
-    keep: Annotated[int | None, typer.Option(
-        help="Method paper: rank by the further measurements and keep so many (Eqs. 9, "
+        metavar="bounded|unbounded",
+        help="Spectrum that the method paper starts from.")] = "bounded"
+    keep: Annotated[int | None, Was("--keep"), typer.Option(
+        "--best",
+        help="Method paper: rank by the further measurements and give the best so many (Eqs. 9, "
         "10).")] = None
     refine: Annotated[int | None, typer.Option(
         help="Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. "
@@ -128,7 +146,8 @@ class SampleRequest(PriorOptions, MeasuredSignal, CameraAndLight):
     baseline: Baseline = False
     truth: Annotated[Path | None, typer.Option(
         help="File of the measured spectrum, to judge by.")] = None
-    column: Annotated[str | None, typer.Option(help="Column of the truth.")] = None
+    column: Annotated[str | None, typer.Option(
+        metavar="NAME", help="Column of the truth.")] = None
     delta_light: DeltaLights = DELTA_LIGHTS
 
 
@@ -176,12 +195,16 @@ class PlanRequest(MeasuredSignal):
         metavar="[DIR]", help="A finished session, in place of --sensitivity, --light and "
         "--signal.")] = None
     sensitivity: Annotated[str | None, typer.Option(
+        metavar="FILE|NAME",
         help="CSV of sensitivities, or a camera or observer by its name.")] = None
     light: Annotated[str | None, typer.Option(
+        metavar="FILE|NAME",
         help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")] = None
-    steps: Annotated[int, typer.Option(help="Readings to plan.")] = 3
-    second_light: Annotated[tuple[str, ...], typer.Option(help="A light for another photo.")] = ()
-    second_camera: Annotated[tuple[str, ...], typer.Option(help="Another camera's curves.")] = ()
+    steps: Annotated[int, typer.Option(help="How many readings to plan.")] = 3
+    second_light: Annotated[tuple[str, ...], typer.Option(
+        metavar="FILE|NAME", help="A light for another photo.")] = ()
+    second_camera: Annotated[tuple[str, ...], typer.Option(
+        metavar="FILE|NAME", help="Another camera's curves.")] = ()
     lamps: Lamps = None
     filters: Filters = None
     reading_minutes: Annotated[float, typer.Option(help="Minutes of one spot reading.")] = 2.0
@@ -200,7 +223,8 @@ class CertifyRequest(PriorOptions, ObserverAndDaylight):
         metavar="FOLDER...", help="Measured reflectances, one folder per library.")]
     noise: Annotated[float, typer.Option(help="Relative standard error of the signals.")] = 0.0
     delta_light: DeltaLights = DELTA_LIGHTS
-    out: Annotated[Path | None, typer.Option(help="Write the page there (.md).")] = None
+    out: Annotated[Path | None, typer.Option(
+        metavar="MD", help="Where to write the page.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,7 +234,7 @@ class TrainRequest(ObserverAndDaylight):
     folders: Annotated[tuple[str, ...], typer.Argument(
         metavar="[FAMILY=]FOLDER...", help="One folder per library, and the family of surfaces "
         "that it is of, or mixed; paint by default.")]
-    out: Annotated[Path, typer.Option(help="The prior, .npz.")]
+    out: Annotated[Path, typer.Option(metavar="NPZ", help="Where to write the prior.")]
     models: Annotated[bool, typer.Option(
         "--models/--libraries-alone", help="Also learn from the models of skin, leaves, dyes ... "
         "that come with the program.")] = True
@@ -224,23 +248,23 @@ class JudgeRequest(PriorOptions, ObserverAndDaylight):
     cube: Annotated[Path, typer.Argument(
         metavar="CUBE", help="ENVI, .npy, .npz, .mat or spectral EXR.")]
     truth: Annotated[Path | None, typer.Option(
-        help="File of measured spectra; without it nothing is judged.")] = None
+        metavar="FILE", help="Measured spectra; without it nothing is judged.")] = None
     column: Annotated[str | None, typer.Option(
-        help="Column of the truth for all regions.")] = None
+        metavar="NAME", help="Column of the truth for all regions.")] = None
     regions: Annotated[Path | None, typer.Option(
-        help="TOML: [regions.NAME], rectangle, point or mask.")] = None
+        metavar="TOML", help="Regions: [regions.NAME], rectangle, point or mask.")] = None
     point: Annotated[tuple[str, ...], typer.Option(
-        help="One pixel, x,y or NAME=x,y; may be repeated.")] = ()
+        metavar="[NAME=]X,Y", help="One pixel.")] = ()
     wavelengths: Annotated[str | None, typer.Option(
-        help="400:700:10, a list, or a text file, in nm.")] = None
+        metavar="FIRST:LAST:STEP|FILE", help="In nm: 400:700:10, a list, or a text file.")] = None
     variable: Annotated[str | None, typer.Option(
-        help="Name of the array in a .npz or .mat.")] = None
+        metavar="NAME", help="Of which array in a .npz or .mat.")] = None
     full_scale: Annotated[float, typer.Option(
         help="What reflectance 1 reads in the picture.")] = 1.0
     white_region: Annotated[str | None, typer.Option(
-        help="Region of known reflectance to divide by.")] = None
+        metavar="NAME", help="Region of known reflectance to divide by.")] = None
     signals: Annotated[Path | None, typer.Option(
-        help="CSV of what our methods see, one row a region; the truths' own signals "
+        metavar="CSV", help="What our methods see, one row a region; the truths' own signals "
         "otherwise.")] = None
     white: White = None
     noise: Noise = None
@@ -249,7 +273,8 @@ class JudgeRequest(PriorOptions, ObserverAndDaylight):
     samples: Annotated[int, typer.Option(help="Draws of our methods.")] = 2000
     seed: Seed = 0
     baseline: Baseline = False
-    out: Annotated[Path | None, typer.Option(help="CSV of the regions' spectra.")] = None
+    out: Annotated[Path | None, typer.Option(
+        metavar="CSV", help="Where to write the regions' spectra.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,8 +286,8 @@ class MatchRequest(SessionOptions):
     library: Annotated[tuple[str, ...], typer.Argument(
         metavar="LIBRARY...", help="Files of reflectances of any format, folders of them, or "
         "published sets: \"CES99\", \"BabelColor Average\" ...", show_default=False)]
-    surface: Annotated[tuple[str, ...], typer.Option(
-        help="Of this surface or region alone; may be repeated.")] = ()
+    only: Annotated[tuple[str, ...], Was("--surface"), typer.Option(
+        metavar="NAME", help="This surface or region alone.")] = ()
     variation: Annotated[float, typer.Option(
         help="How far another sample of one material differs from the library's: standard "
         "deviation, of white.")] = 0.01
@@ -288,21 +313,21 @@ class CameraFitRequest(CommonOptions):
     patches: Annotated[tuple[Path, ...], typer.Option(
         metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
         "standard_error... hold their errors.")] = ()
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "prior"
+    method: Annotated[str, typer.Option(
+        metavar="|".join(METHODS), help="How the curves are fitted.")] = "prior"
     curves: Annotated[Path | None, typer.Option(
         metavar="CSV", help="Measured curves, with method file.")] = None
     out: Annotated[Path | None, typer.Option(
         metavar="CSV", help="Write the curves and their band.")] = None
-    samples: Annotated[Path | None, typer.Option(
+    draws_file: Annotated[Path | None, Was("--samples"), typer.Option(
         metavar="NPZ", help="Write 1000 draws of the curves.")] = None
     reference: Annotated[tuple[str, ...], typer.Option(
         metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you "
         "measured; by default the layout's own.")] = ()
     layout: ChartLayout = ""
     corners: Annotated[tuple[str, ...], typer.Option(
-        metavar="'X,Y X,Y X,Y X,Y'", help="Corners of the chart where it is not found: of a "
-        "ColorChecker the outer corners of the patches at dark skin, bluish green, black and "
-        "white.")] = ()
+        metavar=CORNERS, help=f"{CORNERS_HELP} Once for each photo, or once for all; may be "
+        "repeated.")] = ()
     leave_out: Annotated[str, typer.Option(
         metavar="N,N...", show_default=False, help="Patches that no fit uses, by number from "
         "1.")] = ""
@@ -346,7 +371,9 @@ class CameraProfileRequest(CommonOptions):
     out: Annotated[tuple[Path, ...], typer.Option(
         "--out", "-o", metavar="FILE", help=".dcp: DNG profile for A and D65; .json: rawtoaces; "
         ".txt: vkdt. May be repeated.")] = ()
-    samples: Annotated[Path | None, typer.Option(
-        metavar="NPZ", help="Draws of the curves, from 'camera fit --samples': gives every number "
+    draws_file: Annotated[Path | None, Was("--samples"), typer.Option(
+        metavar="NPZ",
+        help="Draws of the curves, from 'camera fit --draws-file': gives every number "
         "its spread.")] = None
-    idt_light: Annotated[str, typer.Option(help="CIE name, of the ACES matrix.")] = "D55"
+    idt_light: Annotated[str, typer.Option(
+        metavar="NAME", help="CIE name, of the ACES matrix.")] = "D55"

@@ -17,15 +17,15 @@ from spectrabox.session.commands.requests import (
     TrainRequest,
     UpliftRequest,
 )
-from spectrabox.session.terminal.command_line import Answer, CommandGroup, check_ending, command
+from spectrabox.session.terminal.command_help import Commands
+from spectrabox.session.terminal.command_line import Answer, check_ending, command
 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     for function in (sample, uplift, plan, certify, judge, match):
         app.command()(function)
-    prior = typer.Typer(cls=CommandGroup, no_args_is_help=True,
-                        help="The prior on reflectances: train one of your own.")
+    prior = Commands(help="The prior on reflectances: train one of your own.")
     prior.command("train")(prior_train)
     prior.callback()(lambda: None)  # keeps "train" a word of its own while it is the only command
     app.add_typer(prior, name="prior")

@@ -10,9 +10,9 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
+from spectrabox.session.terminal.command_help import Commands, Was
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommandGroup,
     CommonOptions,
     check_ending,
     command,
@@ -29,13 +29,12 @@ WRITTEN = {".csv": "CSV", ".sp": "Argyll's CGATS", ".spdx": "IES TM-27", ".sli":
            ".exr": "spectral EXR"}
 MAX_LISTED = 12
 OUT_HELP = f"A file ({', '.join(WRITTEN)}), or a folder for several files."
-QUANTITY_HELP = "reflectance, radiance, irradiance or relative, where the file does not state it."
+QUANTITIES = "reflectance|radiance|irradiance|relative"
 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    spectrum = typer.Typer(name="spectrum", cls=CommandGroup, no_args_is_help=True,
-                           help="Spectral files.")
+    spectrum = Commands(name="spectrum", help="Spectral files.")
     for function in (show, convert):
         spectrum.command()(function)
     app.add_typer(spectrum)
@@ -47,8 +46,10 @@ class ShowRequest(CommonOptions):
 
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="FILE...", show_default=False, help="Files of spectra, of any format.")]
-    column: Annotated[str | None, typer.Option(help="Name or number of one column.")] = None
-    plot: Annotated[bool, typer.Option(help="Draw in the terminal.")] = False
+    column: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Name or number of one column.")] = None
+    draw: Annotated[bool, Was("--plot"), typer.Option(
+        "--draw", help="Draw the spectrum in the terminal.")] = False
 
 
 @command
@@ -57,7 +58,7 @@ def show(request: ShowRequest) -> Answer:
     from spectrabox.radiometry.spectra.spectrum_files import read_table
     tables = [read_table(path) for path in request.files]
     shown = [_shown(table, request.column) for table in tables]
-    text = "\n\n".join(_text(table, each, request.column, request.plot)
+    text = "\n\n".join(_text(table, each, request.column, request.draw)
                        for table, (each, _) in zip(tables, shown, strict=True))
     facts = [to_json(each) | ({} if main is None else {"values": main.values, "column": main.name})
              for each, main in shown]
@@ -70,12 +71,17 @@ class ConvertRequest(CommonOptions):
 
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="FILE...", show_default=False, help="Files of spectra, of any format.")]
-    out: Annotated[Path, typer.Option("--out", "-o", help=OUT_HELP, show_default=False)]
-    column: Annotated[str | None, typer.Option(help="Name or number of one column.")] = None
-    quantity: Annotated[str | None, typer.Option(help=QUANTITY_HELP)] = None
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="FILE|FOLDER", help=OUT_HELP, show_default=False)]
+    column: Annotated[str | None, typer.Option(
+        metavar="COLUMN", help="Name or number of one column.")] = None
+    quantity: Annotated[str | None, typer.Option(
+        metavar=QUANTITIES, help="What the spectra are, where the file does not state it.")] = None
     grid: Annotated[str | None, typer.Option(
-        help="FIRST:LAST:STEP in nm, such as 400:700:5.")] = None
-    to: Annotated[str, typer.Option(help="Format of the files in a folder.")] = ".csv"
+        metavar="FIRST:LAST:STEP", help="In nm, such as 400:700:5; the file's own by "
+        "default.")] = None
+    to: Annotated[str, typer.Option(
+        metavar="|".join(WRITTEN), help="Format of the files in a folder.")] = ".csv"
 
 
 @command

@@ -35,11 +35,11 @@ def match_answer(request: MatchRequest) -> tuple[dict[str, Any], str]:
     config = read_session(request.folder, request.allow_outside)
     signals = load_finished(config).records.signals
     unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]
-    for name in request.surface:
+    for name in request.only:
         if name not in unknown:
             raise InputError(f"{name!r} is no surface of unknown spectrum in this session; these "
                              f"are {', '.join(unknown) or 'none'}")
-    chosen = request.surface or tuple(unknown)
+    chosen = request.only or tuple(unknown)
     if not chosen:
         raise InputError("every surface of this session has a known spectrum: there is nothing to "
                          "identify")

@@ -100,7 +100,7 @@ def further_measurements(request: MeasuredSignal, sensitivity: str, relative_res
     measurements = [MoreMeasurement(reading.name, (reading,))
                     for reading in map(parse_reading, request.reading)]
     measurements += [photo_of_text(text, sensitivity, len(relative_response))
-                     for text in request.photo]
+                     for text in request.signal_under]
     measurements += [patch_of_text(text, relative_response, white, number)
                      for number, text in enumerate(request.same, 1)]
     if request.more is not None:
@@ -117,7 +117,7 @@ def photo_of_text(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
     """
     light, equals, rest = text.partition("=")
     if not equals or not light:
-        raise InputError(f"--photo {text!r} cannot be read; write LIGHT=v1,v2,v3 or "
+        raise InputError(f"--signal-under {text!r} cannot be read; write LIGHT=v1,v2,v3 or "
                          "LIGHT=v1,v2,v3:e1,e2,e3")
     signal, noise = signal_and_noise(rest, bands, "photo")
     relative_response = named_spectra.relative_response(sensitivity, light, FINE_GRID)

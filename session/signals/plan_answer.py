@@ -52,7 +52,7 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
     """
     stated = (request.sensitivity, request.light, request.signal)
     if request.folder is not None:
-        if any(stated) or request.more or request.reading or request.photo or request.same:
+        if any(stated) or request.more or request.reading or request.signal_under or request.same:
             raise InputError("a session has its own camera, light and signals: give DIR with "
                              "--lamps and --filters alone, or no DIR")
         return _plan_session(request)

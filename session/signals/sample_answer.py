@@ -51,7 +51,7 @@ def sample_answer(request: SampleRequest) -> tuple[dict[str, Any], dict[str, np.
     """
     if (request.signal is None) == (request.signals is None):
         raise InputError("give either --signal v1,v2,v3 or --signals FILE.csv")
-    if request.signals is not None and (request.truth or request.photo or request.same
+    if request.signals is not None and (request.truth or request.signal_under or request.same
                                         or request.more or request.twice):
         raise InputError("a truth and further measurements belong to one surface; give its "
                          "--signal, not --signals")

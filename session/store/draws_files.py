@@ -68,7 +68,8 @@ def write_draws(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> 
     """
     rows = sum(values.size for _, values in draws.values())
     if path.suffix.lower() != ".npz" and rows > MAX_ROWS:
-        raise InputError(f"{path.name} would have {rows} rows; take fewer --draws, a wider --step, "
+        raise InputError(f"{path.name} would have {rows} rows; take fewer --samples, a wider "
+        "--step, "
                          "or .npz")
     with whole_file(path) as unfinished:
         {".npz": _npz, ".csv": _csv, ".parquet": _parquet}[path.suffix.lower()](unfinished, draws)

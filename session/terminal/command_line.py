@@ -11,16 +11,16 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NoReturn, TypeVar, get_type_hints
 
 import typer
-from typer.core import TyperGroup
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.system.words import message, plain
+from spectrabox.session.terminal.command_help import is_repeated, parameters_of
 from spectrabox.session.terminal.json_values import to_json
 
 Request = TypeVar("Request", bound="DebugOption")
@@ -33,19 +33,16 @@ ChartLayout = Annotated[str, typer.Option("--chart-layout", metavar="NAME|FILE",
                                           help="The chart: \"Digital SG\", \"SpyderCheckr 24\", a "
                                           "layout of your own, ...; a ColorChecker Classic by "
                                           "default.")]
+CORNERS = "X,Y,X,Y,X,Y,X,Y"     # pixels of the photo
+CORNERS_HELP = ("Corners of the chart in pixels, where it is not found: of a ColorChecker the "
+"outer "
+                "corners of the patches dark skin, bluish green, black and white.")
+RECTANGLE = "X0,Y0,X1,Y1"       # two opposite corners in pixels
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
-Device = Annotated[str, typer.Option(help="auto, cpu or cuda: where Mitsuba renders.")]
+Device = Annotated[str, typer.Option(metavar="auto|cpu|cuda", help="Where Mitsuba renders.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
-SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
-                          "rehearse", "draws"),
-            "Many sessions": ("batch", "compare", "catalogue"),
-            "Photos and cameras": ("develop", "chart", "camera", "filter", "geometry"),
-            "Instruments and spectral files": ("meter", "spectrum"),
-            "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
-            "Can they be trusted": ("certify", "judge"),
-            "Trying it out": ("demo", "doctor")}
 LAST = ("device", "allow_outside", "quiet", "as_json", "debug")
 INTERRUPTED = 130
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
@@ -117,16 +114,16 @@ def command(body: Callable[[Request], Answer | None]) -> Callable[..., None]:
     """
     request_of = get_type_hints(body)["request"]
     hints = get_type_hints(request_of, include_extras=True)
-    parameters = [_parameter(field.name, hints[field.name], field.default)
-                  for field in fields(request_of)]
+    parameters = [parameter for field in fields(request_of)
+                  for parameter in parameters_of(field.name, hints[field.name], field.default)]
     # Options that many commands have come last, in one order.
     parameters.sort(key=lambda each: LAST.index(each.name) if each.name in LAST else -1)
 
     @wraps(body)
     def run(**options: Any) -> None:
         given = {name: tuple(value) if isinstance(value, list) else value
-                 for name, value in options.items()}
-        request = request_of(**{name: () if value is None and _is_repeated(hints[name]) else value
+                 for name, value in options.items() if name in hints}    # no former names
+        request = request_of(**{name: () if value is None and is_repeated(hints[name]) else value
                                 for name, value in given.items()})
         as_json = options.get("as_json", False)
         with reported_errors(as_json, request.debug):
@@ -137,43 +134,6 @@ def command(body: Callable[[Request], Answer | None]) -> Callable[..., None]:
     run.__signature__ = inspect.Signature(parameters)       # type: ignore[attr-defined]
     run.__annotations__ = {}
     return run
-
-
-def _parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
-    """A parameter as Typer reads it, which knows lists in place of tuples of any length."""
-    if _is_repeated(hint):
-        kind, *options = get_args(hint)
-        repeated: Any = list.__class_getitem__(get_args(kind)[0])
-        hint = Annotated[repeated if default is MISSING else repeated | None, *options]
-        default = None if default == () else default
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=hint,
-                             default=inspect.Parameter.empty if default is MISSING else default)
-
-
-def _is_repeated(hint: Any) -> bool:
-    kind = get_args(hint)[0]
-    return get_origin(kind) is tuple and get_args(kind)[-1] is Ellipsis
-
-
-class CommandGroup(TyperGroup):
-    """Commands whose help lists them by subject, each with its whole first sentence."""
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands under their subjects, those of no subject under \"Commands\"."""
-        names = [name for name, each in self.commands.items() if not each.hidden]
-        subjects = {heading: [name for name in names if name in of_subject]
-                    for heading, of_subject in SUBJECTS.items()} if ctx.parent is None else {}
-        listed = [name for of_subject in subjects.values() for name in of_subject]
-        subjects["Commands"] = [name for name in names if name not in listed]
-        for heading, of_subject in subjects.items():
-            if of_subject:
-                with formatter.section(heading):
-                    formatter.write_dl([(name, _first_paragraph(self.commands[name].help))
-                                        for name in of_subject])
-
-
-def _first_paragraph(text: str | None) -> str:
-    return " ".join((text or "").split("\n\n")[0].split())
 
 
 class UsageProblem(SpectraboxError):
@@ -400,3 +360,28 @@ def check_device(device: str) -> None:
     """Refuse an unknown device as a usage error."""
     if device not in ("auto", "cpu", "cuda"):
         raise typer.BadParameter(f"{device!r} is not one of auto, cpu, cuda", param_hint="--device")
+
+
+def pixel_numbers(text: str, count: int, option: str, form: str) -> list[float]:
+    """Pixels of the photo in an option, separated by commas or spaces.
+
+    Parameters
+    ----------
+    text : str
+    count : int
+        How many numbers are needed.
+    option, form : str
+        As the operator writes it, for the error.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        numbers = [float(part) for part in text.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        raise InputError(f"{option} {text!r}: {count} numbers in pixels of the photo are needed, "
+                         f"{form}")
+    return numbers

@@ -1,0 +1,163 @@
+"""What the help of a command says: types in words, former names of options, examples at its end."""
+from __future__ import annotations
+
+import copy
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.models import OptionInfo
+
+SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
+                          "rehearse", "draws"),
+            "Many sessions": ("batch", "compare", "catalogue"),
+            "Photos and cameras": ("develop", "chart", "camera", "filter", "geometry"),
+            "Instruments and spectral files": ("meter", "spectrum"),
+            "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
+            "Can they be trusted": ("certify", "judge"),
+            "Trying it out": ("demo", "doctor")}
+TYPE_WORDS = {str: "TEXT", Path: "FILE", int: "NUMBER", float: "NUMBER"}    # of a value
+
+
+@dataclass(frozen=True)
+class Was:
+    """A former name of an option, which is refused with the name of today: it now means another
+    thing elsewhere, or meant one.
+    """
+
+    option: str
+
+
+def parameters_of(name: str, hint: Any, default: Any) -> Iterator[inspect.Parameter]:
+    """A parameter as Typer reads it, which knows lists in place of tuples of any length, and its
+    former names.
+
+    Parameters
+    ----------
+    name : str
+    hint : type
+        Annotated, with ``typer.Option`` or ``typer.Argument`` and ``Was`` for each former name.
+    default : Any
+        ``MISSING`` where there is none.
+    """
+    kind, *about = get_args(hint)
+    option = next((each for each in about if isinstance(each, OptionInfo)), None)
+    if option is not None:
+        option = copy.copy(option)
+        _describe_option(option, kind, is_repeated(hint))
+    about = [option if isinstance(each, OptionInfo) else each for each in about
+             if not isinstance(each, Was)]
+    if is_repeated(hint):
+        kind = list.__class_getitem__(get_args(kind)[0])
+        kind = kind if default is MISSING else kind | None
+        default = None if default == () else default
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    yield inspect.Parameter(name, keyword, annotation=Annotated[kind, *about],
+                            default=inspect.Parameter.empty if default is MISSING else default)
+    for former in (each for each in get_args(hint)[1:] if isinstance(each, Was)):
+        # Typer takes the first name of an option for its default until the command is made.
+        words = [] if option is None else [option.default, *(option.param_decls or ())]
+        today = next((str(word) for word in words if str(word).startswith("--")),
+                     f"--{name.replace('_', '-')}")
+        flag = kind is bool
+        yield inspect.Parameter(
+            f"was_{name}", keyword, default=False if flag else None,
+            annotation=Annotated[bool if flag else str | None, typer.Option(
+                former.option, hidden=True, callback=_refusal(today))])
+
+
+def _describe_option(option: OptionInfo, kind: Any, repeated: bool) -> None:
+    """Say in words what value an option takes, and whether it may be repeated."""
+    if get_origin(kind) in (Union, UnionType):
+        kind = next(each for each in get_args(kind) if each is not type(None))
+    if repeated:
+        kind = get_args(kind)[0]
+        if option.help and "repeated" not in option.help:
+            option.help += " May be repeated."
+    if option.metavar is None:
+        option.metavar = "|".join(get_args(kind)) if get_origin(kind) is Literal \
+            else TYPE_WORDS.get(kind)
+
+
+def _refusal(today: str) -> Callable[[Any], None]:
+    def refuse(value: Any) -> None:
+        if value not in (None, False):
+            raise typer.BadParameter(f"this option is called {today} now")
+    return refuse
+
+
+def is_repeated(hint: Any) -> bool:
+    """Whether a parameter may be given any number of times."""
+    kind = get_args(hint)[0]
+    return get_origin(kind) is tuple and get_args(kind)[-1] is Ellipsis
+
+
+class Commands(typer.Typer):
+    """A group of commands whose help says what types are in words and ends in examples."""
+
+    def __init__(self, name: str | None = None, **options: Any) -> None:
+        super().__init__(name=name, cls=CommandGroup, no_args_is_help=True, **options)
+
+    def command(self, name: str | None = None, **options: Any) -> Callable[..., Any]:
+        """Add a command under its own or another name."""
+        return super().command(name, **{"cls": ExplainedCommand, **options})
+
+
+class ExplainedCommand(TyperCommand):
+    """A command whose help ends in its examples."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Options, then the arguments, [in brackets] where they may be left out."""
+        pieces = [self.options_metavar or ""]
+        for each in self.params:
+            if each.param_type_name == "argument":
+                words = each.metavar or str(each.name).upper()
+                name, dots, _ = words.strip("[]").partition("...")
+                pieces.append((name if each.required else f"[{name}]") + dots)
+        return pieces
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments, without the names of Python's types, and options."""
+        records = [(each.param_type_name, record) for each in self.get_params(ctx)
+                   if (record := each.get_help_record(ctx)) is not None]
+        for heading in ("argument", "option"):
+            rows = [(name.split(" <")[0], said) for kind, (name, said) in records
+                    if kind == heading]
+            if rows:
+                with formatter.section(f"{heading.capitalize()}s"):
+                    formatter.write_dl(rows)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the examples as they can be typed."""
+        from spectrabox.session.terminal.examples import EXAMPLES, origin_of_files
+        examples = EXAMPLES.get(ctx.command_path.partition(" ")[2], ())
+        if examples:
+            with formatter.section("Examples"):
+                for line in [*"\n".join(examples).splitlines(), *origin_of_files(examples)]:
+                    formatter.write(f"{'':{formatter.current_indent}}{line}\n")
+
+
+class CommandGroup(TyperGroup):
+    """Commands whose help lists them by subject, each with its whole first sentence."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands under their subjects, those of no subject under \"Commands\"."""
+        names = [name for name, each in self.commands.items() if not each.hidden]
+        subjects = {heading: [name for name in names if name in of_subject]
+                    for heading, of_subject in SUBJECTS.items()} if ctx.parent is None else {}
+        listed = [name for of_subject in subjects.values() for name in of_subject]
+        subjects["Commands"] = [name for name in names if name not in listed]
+        for heading, of_subject in subjects.items():
+            if of_subject:
+                with formatter.section(heading):
+                    formatter.write_dl([(name, _first_paragraph(self.commands[name].help))
+                                        for name in of_subject])
+
+
+def _first_paragraph(text: str | None) -> str:
+    return " ".join((text or "").split("\n\n")[0].split())
