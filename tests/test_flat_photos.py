@@ -278,6 +278,16 @@ def test_photos_that_moved_are_measured_where_they_show_the_regions(tmp_path):
     assert signals.signal.shape == (len(PAINTS), 9)
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4    # as above
+    photo, glass = folder / "photos" / "sample.dng", folder / "photos" / "glass.dng"
+    regions, filtered = {name: rect_of(name) for name in PAINTS}, {glass: folder / "spectra" /
+                                                                   "glass.csv"}
+    seen = spectrabox.flat(photo, regions, draws=1000, filtered=filtered).signals.signal
+    # one computation: other regions' edges and seeds
+    np.testing.assert_allclose(seen, signals.signal[:, [0, 1, 2, 6, 7, 8]], rtol=0.02)
+    write_photo(glass, np.roll(picture(power=SECOND["glass"]), 50, axis=1), Fraction(1, 30),
+                np.random.default_rng(13))
+    with pytest.raises(CheckError, match=r"glass.dng is shifted by .* take all photos from one"):
+        spectrabox.flat(photo, regions, filtered=filtered)
 
 
 @pytest.mark.parametrize("said", ["spectra/filter.csv", "unknown"])

@@ -6,8 +6,7 @@ from spectrabox.capture.photo.registration import (
     find_edges,
     own_motion_px,
     register,
-    require_one_size,
-    require_registered,
+    registered,
 )
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage, PhotoKind
@@ -71,7 +70,7 @@ def test_a_shift_is_found_under_any_light(first, light, fall, shift, turn_deg):
     at_middle = found.matrix[:, :2] @ MIDDLE + found.matrix[:, 2] - MIDDLE
     np.testing.assert_allclose(at_middle, shift, atol=0.1)      # pixels, as the documentation says
     np.testing.assert_allclose(np.degrees(np.arctan2(*found.matrix[::-1, 0])), turn_deg, atol=0.02)
-    require_registered(found, own_motion_px(first, other, found, REGIONS), 720, "a", "b")
+    assert registered(first, other, ("a", "b"), REGIONS, None).shift_px == found.shift_px
 
 
 def test_a_photo_that_stayed_is_left_as_it_is(first):
@@ -94,9 +93,8 @@ def test_the_chart_and_parts_of_the_photo_say_what_is_left(first):
 def test_what_moved_too_far_or_by_itself_is_refused(first, changes, says):
     other = find_edges(photo(2, **changes))
     corners = patches_px(), patches_px(changes.get("shift", (0, 0)))
-    found = register(first, other, corners)
     with pytest.raises(CheckError, match=says):
-        require_registered(found, own_motion_px(first, other, found, REGIONS), 720, "a", "b")
+        registered(first, other, ("a", "b"), REGIONS, corners)
 
 
 def test_a_sample_that_moved_is_named(first):
@@ -120,4 +118,4 @@ def test_photos_without_edges_or_of_other_sizes_are_not_compared(first):
     half = LinearImage(**{**vars(dark), **{name: getattr(dark, name)[:120] for name in
                                            ("signal", "variance", "saturated")}})
     with pytest.raises(InputError, match="a of 720 x 480 and b of 720 x 240 pixels"):
-        require_one_size(first, find_edges(half), "a", "b")
+        registered(first, find_edges(half), ("a", "b"), REGIONS, None)

@@ -116,60 +116,34 @@ def register(first: Edges, other: Edges,
     return replace(registration, chart_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
 
 
-def require_one_size(first: Edges, other: Edges, first_name: str, other_name: str) -> None:
-    """Refuse photos of different sizes.
+def registered(first: Edges, other: Edges, names: tuple[str, str],
+               outlines: Mapping[str, Sequence[Sequence[float]]],
+               chart_px: tuple[np.ndarray, np.ndarray] | None) -> Registration | None:
+    """The motion between two photos from one tripod; None where they have too little in common.
 
     Parameters
     ----------
     first, other : Edges
-    first_name, other_name : str
+    names : two str
         Of the photos.
+    outlines : mapping
+        Corners [x, y] in pixels of the first photo of what both show, by name.
+    chart_px : two (I, 4, 2) arrays or None
+        As of ``register``.
 
     Raises
     ------
     InputError
-    """
-    if first.size.shape != other.size.shape or first.sensor_step != other.sensor_step:
-        said = " and ".join(f"{name} of {' x '.join(map(str, edges.photo_px))}" for name, edges
-                            in ((first_name, first), (other_name, other)))
-        raise InputError(f"{said} pixels show the same regions: take all photos with one camera in "
-                         "one position")
-
-
-def require_registered(registration: Registration, own_motion: Mapping[str, float],
-                       width_px: float, first: str, other: str) -> None:
-    """Refuse a photo that moved too far, or whose chart or samples moved by themselves.
-
-    Parameters
-    ----------
-    registration : Registration
-    own_motion : mapping
-        As of ``own_motion_px``.
-    width_px : float
-        Of the photo, in pixels of the sensor.
-    first, other : str
-        What the photos are called.
-
-    Raises
-    ------
+        If the photos are of different sizes.
     CheckError
+        If the other photo moved too far, or its chart or samples moved by themselves.
     """
-    if registration.shift_px > MAX_SHIFT * width_px:
-        raise CheckError(f"{other} is shifted by {registration.shift_px:.0f} pixels against "
-                         f"{first}, {registration.shift_px / width_px:.0%} of its width: the "
-                         "camera moved, and saw other light and gloss; take all photos from one "
-                         "tripod")
-    if own_motion:
-        name, distance = max(own_motion.items(), key=lambda item: item[1])
-        raise CheckError(f"from {first} to {other} region {name!r} moved by {distance:.0f} pixels "
-                         "against what else the photos show: leave the samples where they are "
-                         "from photo to photo, or give the region the one photo that shows it "
-                         "there")
-    chart = registration.chart_px
-    if chart is not None and chart > tolerated_px(width_px):
-        raise CheckError(f"from {first} to {other} the chart moved by {chart:.0f} pixels "
-                         "against what else the photos show: leave chart and samples where they "
-                         "are from photo to photo")
+    _require_one_size(first, other, *names)
+    registration = register(first, other, chart_px)
+    if registration is not None:
+        _require_registered(registration, own_motion_px(first, other, registration, outlines),
+                            float(first.photo_px[0]), *names)
+    return registration
 
 
 def tolerated_px(width_px: float) -> float:
@@ -214,6 +188,36 @@ def own_motion_px(first: Edges, other: Edges, registration: Registration,
                                                          likeness[row, column] + MARGIN):
             moved[name] = distance * step
     return moved
+
+
+def _require_one_size(first: Edges, other: Edges, first_name: str, other_name: str) -> None:
+    """Refuse photos of different sizes."""
+    if first.size.shape != other.size.shape or first.sensor_step != other.sensor_step:
+        said = " and ".join(f"{name} of {' x '.join(map(str, edges.photo_px))}" for name, edges
+                            in ((first_name, first), (other_name, other)))
+        raise InputError(f"{said} pixels show the same regions: take all photos with one camera in "
+                         "one position")
+
+
+def _require_registered(registration: Registration, own_motion: Mapping[str, float],
+                        width_px: float, first: str, other: str) -> None:
+    """Refuse a photo that moved too far, or whose chart or samples moved by themselves."""
+    if registration.shift_px > MAX_SHIFT * width_px:
+        raise CheckError(f"{other} is shifted by {registration.shift_px:.0f} pixels against "
+                         f"{first}, {registration.shift_px / width_px:.0%} of its width: the "
+                         "camera moved, and saw other light and gloss; take all photos from one "
+                         "tripod")
+    if own_motion:
+        name, distance = max(own_motion.items(), key=lambda item: item[1])
+        raise CheckError(f"from {first} to {other} region {name!r} moved by {distance:.0f} pixels "
+                         "against what else the photos show: leave the samples where they are "
+                         "from photo to photo, or give the region the one photo that shows it "
+                         "there")
+    chart = registration.chart_px
+    if chart is not None and chart > tolerated_px(width_px):
+        raise CheckError(f"from {first} to {other} the chart moved by {chart:.0f} pixels "
+                         "against what else the photos show: leave chart and samples where they "
+                         "are from photo to photo")
 
 
 def _by_edges(first: Edges, other: Edges) -> tuple[np.ndarray | None, float]:

@@ -14,10 +14,8 @@ from spectrabox.capture.photo.registration import (
     Edges,
     Registration,
     find_edges,
-    own_motion_px,
     register,
-    require_one_size,
-    require_registered,
+    registered,
 )
 from spectrabox.radiometry.records import LinearImage, RegionSamples
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
@@ -104,7 +102,7 @@ def _registration(task: StageTask, view: ViewInputs, first_edges: Edges,
     InputError
         If the photos are of different sizes.
     CheckError
-        As ``require_registered``.
+        As ``registered``.
     """
     config = task.config
     first, charts = config.all_views[0], task.records.chart.charts
@@ -112,14 +110,8 @@ def _registration(task: StageTask, view: ViewInputs, first_edges: Edges,
             if name in config.regions_in(view)}
     if not both or view.photo_files == first.photo_files:
         return None
-    edges = find_edges(photo)
-    names = first.photo_files[0], view.photo_files[0]
-    require_one_size(first_edges, edges, *names)
-    registration = registration_of(charts, first, view, first_edges, edges)
-    if registration is not None:
-        require_registered(registration, own_motion_px(first_edges, edges, registration, both),
-                           photo.signal.shape[1] * photo.sensor_step, *names)
-    return registration
+    return registered(first_edges, find_edges(photo), (first.photo_files[0], view.photo_files[0]),
+                      both, _charts_px(charts, first, view))
 
 
 def registration_of(charts: Mapping[str, MeasuredChart], first: ViewInputs, view: ViewInputs,
@@ -134,9 +126,16 @@ def registration_of(charts: Mapping[str, MeasuredChart], first: ViewInputs, view
     first_edges, edges : Edges
         Of their photos.
     """
+    return register(first_edges, edges, _charts_px(charts, first, view))
+
+
+def _charts_px(charts: Mapping[str, MeasuredChart], first: ViewInputs,
+               view: ViewInputs) -> tuple[np.ndarray, np.ndarray] | None:
+    """Patches (I, 4, 2) of the chart in the photos of two views; None where one does not show it.
+    """
     shown = [charts[each.name].detection.corners_px for each in (first, view)
              if each.chart_files == each.photo_files]
-    return register(first_edges, edges, (shown[0], shown[1]) if len(shown) == 2 else None)
+    return (shown[0], shown[1]) if len(shown) == 2 else None
 
 
 def outlines_in(config: SessionConfig, view: ViewInputs, registration: Registration | None

@@ -41,6 +41,7 @@ from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
+from spectrabox.capture.photo.registration import Edges, find_edges, registered
 from spectrabox.measure.chart_check import chart_level_notes, held_out_patches
 from spectrabox.measure.flat import flat_signals
 from spectrabox.measure.surface_spectra import DrawOptions, learn_from_swatches, sample_surfaces
@@ -189,7 +190,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     filtered : mapping, optional
         Further photos of the same view under the same light through a filter before the lens or
         the lamp, each with the chart in it: from the photo to the filter's transmittance, a file,
-        (nm, values), or "unknown". Every photo adds three bands.
+        (nm, values), or "unknown". Every photo adds three bands. Photos are registered to the
+        first; bands that are saturated on a region drop out there.
     chart_photo : path or Photo, optional
         The chart under the same light, by the same camera.
     layout, reference, corners
@@ -210,10 +212,11 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     Raises
     ------
     ChartNotFoundError, ClippedPhotoError, CheckError
-        If the chart is not found, chart or regions are clipped, or a known region contradicts the
-        chart's light.
+        If the chart is not found, chart or regions are clipped, a known region contradicts the
+        chart's light, or between photos the camera, the chart or a region moved.
     InputError
-        If a region leaves the photo, or the photos do not state how their exposures compare.
+        If a region leaves the photo, photos differ in size, or the photos do not state how their
+        exposures compare.
     CalibrationError
         If chart and light do not determine the camera.
 
@@ -243,10 +246,10 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         detection, quality = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
         patches = quality.samples
         outlines = {name: _outline(one) for name, one in regions.items()}
-        samples = sample_regions(opened.image, outlines)
+        samples = sample_regions(opened.image, outlines, without_clipped=bool(filtered))
+        first = _FirstPhoto(opened, detection, shows_chart=with_chart is opened)
         others = [_filtered_photo(file, as_filter(through), chart, reflectances, stated, outlines,
-                                  opened, detection)
-                  for file, through in (filtered or {}).items()]
+                                  first) for file, through in (filtered or {}).items()]
         step(0.2, "fitting sensitivities")
         options = CalibrationOptions(prior=None if camera_prior is None
                                      else load_camera_prior(Path(camera_prior)))
@@ -302,6 +305,20 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
 
 
 @dataclass(frozen=True)
+class _FirstPhoto:
+    """The photo with the regions, without a filter, as further photos are compared with it."""
+
+    photo: Photo
+    detection: ChartDetection
+    shows_chart: bool           # else the chart was found in a photo of its own
+
+    @cached_property
+    def edges(self) -> Edges:
+        """Where it has edges."""
+        return find_edges(self.photo.image)
+
+
+@dataclass(frozen=True)
 class _FilteredPhoto:
     """A further photo through a filter, with its chart and its regions."""
 
@@ -315,20 +332,26 @@ class _FilteredPhoto:
 
 def _filtered_photo(file: str | Path, through: Filter, chart: Chart, reflectances: np.ndarray,
                     light: Spectrum | UnknownLight,
-                    outlines: Mapping[str, list[tuple[float, float]]], first: Photo,
-                    before: ChartDetection) -> _FilteredPhoto:
-    """A photo through a filter: its regions, and its chart, where the first photo shows it."""
+                    outlines: Mapping[str, list[tuple[float, float]]],
+                    first: _FirstPhoto) -> _FilteredPhoto:
+    """A photo through a filter, registered to the first: its chart, and its regions."""
     photo = open_photo(file)
-    if np.array_equal(photo.signal, first.signal):
+    if np.array_equal(photo.signal, first.photo.signal):
         raise InputError(f"{file} is the photo without the filter; give the one that was taken "
                          "through it")
     power = spectrum_on_grid(light, FINE_GRID) if isinstance(light, Spectrum) else 1.0
     reference = typical_camera_signals(reflectances, FINE_GRID, power * through.transmittance)
-    detection = find_chart_again(photo.image, reference, before, chart)
+    detection = find_chart_again(photo.image, reference, first.detection, chart)
     patches = judge_chart(photo.image, detection, reference, chart).samples
     require_unclipped(patches, chart.names, photo.image.source, chart.neutrals)
+    registration = registered(
+        first.edges, find_edges(photo.image), (first.photo.image.source, photo.image.source),
+        outlines, (first.detection.corners_px, detection.corners_px) if first.shows_chart else None)
+    if registration is not None:
+        outlines = {name: registration.moved(np.array(corners)).tolist()
+                    for name, corners in outlines.items()}
     return _FilteredPhoto(Path(file).stem, photo.image, through, detection, patches,
-                          sample_regions(photo.image, outlines))
+                          sample_regions(photo.image, outlines, without_clipped=True))
 
 
 def _swatches(swatches: Mapping[str, KnownSpectrum] | str | Path | None,
