@@ -1,4 +1,6 @@
-"""What ``spectrabox camera profile`` answers: matrices of a camera with their spread over draws."""
+"""What ``spectrabox camera profile`` answers: matrices of a camera with their spread over draws,
+and its colour profile under one light.
+"""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -8,18 +10,22 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices
+from spectrabox.capture.photo.raw import decode
 from spectrabox.measure.camera import FITTED_SET, FRESH_SET, camera_profile
+from spectrabox.measure.colour_profile import ColourProfile, colour_profile, response_of_curves
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.profiles.profile_files import FORMS as PROFILE_FORMS
+from spectrabox.radiometry.profiles.profile_files import write_profile
 from spectrabox.radiometry.records import WavelengthGrid
-from spectrabox.radiometry.spectra.named_spectra import sensitivities
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.system.archives import DAMAGE
 from spectrabox.session.camera.profile_files import write_dcp, write_rawtoaces, write_vkdt
 from spectrabox.session.commands.requests import CameraProfileRequest
 
 MAX_DRAWS = 200             # of those in a file
-FORMS = {".json": "curves as rawtoaces stores them", ".txt": "curves as vkdt reads them",
-         ".dcp": "a DNG camera profile"}
+FORMS = PROFILE_FORMS | {".json": "curves as rawtoaces stores them",
+                         ".txt": "curves as vkdt reads them", ".dcp": "a DNG camera profile"}
 
 
 def profile_answer(request: CameraProfileRequest) -> tuple[dict[str, Any], str]:
@@ -39,11 +45,19 @@ def profile_answer(request: CameraProfileRequest) -> tuple[dict[str, Any], str]:
     profile = camera_profile(curves, grid, request.idt_light, draws)
     maker, _, model = request.camera.partition(" ")
     errors = None if draws is None else draws.std(axis=0, ddof=1)
+    power = light(request.light, grid)
+    colours = colour_profile(
+        response_of_curves(curves, power, grid),
+        None if draws is None else response_of_curves(draws, power, grid),
+        request.family, None if request.raw is None else _own_matrix(request.raw))
     for path in request.out:
         if path.suffix.lower() == ".json":
             write_rawtoaces(path, maker, model or maker, grid.nm, curves, errors)
         elif path.suffix.lower() == ".txt":
             write_vkdt(path, grid.nm, curves)
+        elif path.suffix.lower() in PROFILE_FORMS:
+            write_profile(path, f"{request.camera} {request.light}", colours.matrix.coefficients,
+                          colours.table.xyz)
         else:
             write_dcp(path, request.camera, f"{request.camera} spectrabox", profile.matrices)
     facts: dict[str, Any] = {
@@ -54,8 +68,38 @@ def profile_answer(request: CameraProfileRequest) -> tuple[dict[str, Any], str]:
         "aces_idt": {"light": request.idt_light, "draws": len(profile.aces_drawn),
                      **{name: _spread(profile.aces[index],
                                       [each[index] for each in profile.aces_drawn])
-                        for index, name in enumerate(("matrix", "white_balance"))}}}
+                        for index, name in enumerate(("matrix", "white_balance"))}},
+        "colour": {"light": request.light, "delta_e00": colour_facts(colours)}}
     return facts, _text(facts)
+
+
+def colour_facts(profile: ColourProfile) -> dict[str, Any]:
+    """Errors of a profile by transform and set of surfaces, each with its spread."""
+    return {name: {of: {"mean": {"value": one.mean, "standard_deviation": one.mean_spread},
+                        "percentile_95": {"value": one.percentile_95,
+                                          "standard_deviation": one.percentile_95_spread}}
+                   for of, one in sets.items()} for name, sets in profile.errors.items()}
+
+
+def error_lines(facts: dict[str, Any]) -> list[str]:
+    """A line for each transform and set of ``colour_facts``."""
+    return [f"  {name}, {of}: mean {_with_spread(one['mean'])}, 95 % below "
+            f"{_with_spread(one['percentile_95'])}"
+            for name, sets in facts.items() for of, one in sets.items()]
+
+
+def _with_spread(number: dict[str, Any]) -> str:
+    spread = number["standard_deviation"]
+    return f"{number['value']:.2f}" + ("" if spread is None else f" ± {spread:.2f}")
+
+
+def _own_matrix(photo: Path) -> np.ndarray:
+    """The matrix (3, 3) from X, Y, Z by which LibRaw knows the camera of a raw file."""
+    matrix = decode(photo).camera_from_xyz
+    if matrix is None:
+        raise InputError(f"LibRaw has no colour matrix for the camera of {photo.name}, and that of "
+                         "a DNG is not read; leave --raw out")
+    return matrix
 
 
 def _read_draws(path: Path, grid: WavelengthGrid, curves: np.ndarray) -> np.ndarray:
@@ -101,6 +145,8 @@ def _text(facts: dict[str, Any]) -> str:
                   f"{error['value']:.2f}" + ("" if error["standard_deviation"] is None
                                              else f" ± {error['standard_deviation']:.2f}")
                   for of, error in each["delta_e00"].items()]
+    lines += [f"CIEDE2000 under {facts['colour']['light']} to D50",
+              *error_lines(facts["colour"]["delta_e00"])]
     idt = facts["aces_idt"]
     lines += [f"ACES IDT, {idt['light']}", *_rows(idt["matrix"]),
               *(f"wrote {path}" for path in facts["files"])]

@@ -369,8 +369,18 @@ class CameraProfileRequest(CommonOptions):
         "--camera", metavar="'MAKER MODEL'", show_default=False, help="As the camera's raw files "
         "name it.")]
     out: Annotated[tuple[Path, ...], typer.Option(
-        "--out", "-o", metavar="FILE", help=".dcp: DNG profile for A and D65; .json: rawtoaces; "
-        ".txt: vkdt. May be repeated.")] = ()
+        "--out", "-o", metavar="FILE", help=".icc, .clf, .ocio: profile under --light for ICC "
+        "programs, as Common LUT Format, for OpenColorIO; .dcp: DNG profile for A and D65; .json: "
+        "rawtoaces; .txt: vkdt. May be repeated.")] = ()
+    light: Annotated[str, typer.Option(
+        metavar="FILE|NAME", help="Spectrum or CIE name of the photos' light, of .icc, .clf and "
+        ".ocio.")] = "D50"
+    family: Annotated[tuple[str, ...], typer.Option(
+        metavar="FAMILY", help="What will be photographed: paint, textile, leaves, skin, white, "
+        "earth or animal; any by default. May be repeated.")] = ()
+    raw: Annotated[Path | None, typer.Option(
+        metavar="PHOTO", help="A raw file of the camera: the errors of the matrix by which LibRaw "
+        "knows it stand beside the profile's.")] = None
     draws_file: Annotated[Path | None, Was("--samples"), typer.Option(
         metavar="NPZ",
         help="Draws of the curves, from 'camera fit --draws-file': gives every number "

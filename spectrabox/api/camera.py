@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spectrabox.api.chart_check import ChartCheck
-from spectrabox.api.inputs import LightLike, as_chart, as_light, one_blas_thread
+from spectrabox.api.colour_profile import ColourProfile, profile_of
+from spectrabox.api.inputs import LightLike, as_chart, as_light, families_of, one_blas_thread
 from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
@@ -112,6 +113,25 @@ class CameraEstimate:
     def chart_delta_e(self) -> float:
         """Mean CIEDE2000 of the chart patches, each predicted by a fit without it."""
         return float(self.fit.chart.held_out_delta_e.mean())
+
+    def colour_profile(self, families: str | Sequence[str] | None = None) -> ColourProfile:
+        """Colours under D50 of what the camera sees under this light, for colour management.
+
+        Parameters
+        ----------
+        families : str or sequence of str, optional
+            What will be photographed: paint, textile, leaves, skin, white, earth or animal.
+
+        Returns
+        -------
+        ColourProfile
+
+        Raises
+        ------
+        InputError
+            If the camera has other than three bands, or a word names no family.
+        """
+        return profile_of(self.calibration, families_of(families), self.photo.camera_from_xyz)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """The curves, shaded to two standard errors either side, as in the report.

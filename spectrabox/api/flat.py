@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.chart_check import ChartCheck
+from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
@@ -125,6 +126,25 @@ class FlatSpectra(SpectrumEstimates):
         """The chart's patches, each by a calibration without it."""
         assert self._chart.left_out is not None
         return ChartCheck(self._chart.layout.names, self._chart.left_out)
+
+    def colour_profile(self, families: str | Sequence[str] | None = None) -> ColourProfile:
+        """Colours under D50 of what the camera sees under this light, for colour management.
+
+        Parameters
+        ----------
+        families : str or sequence of str, optional
+            What will be photographed: paint, textile, leaves, skin, white, earth or animal.
+
+        Returns
+        -------
+        ColourProfile
+
+        Raises
+        ------
+        InputError
+            If the camera has other than three bands, or a word names no family.
+        """
+        return profile_of(self.calibration, families_of(families), self._photo.camera_from_xyz)
 
     @property
     def verdict(self) -> str:

@@ -1,0 +1,142 @@
+"""A camera's colour profile under one light, with the errors to expect of it.
+
+Its transforms are fitted to surfaces drawn from the prior of the stated families, and judged on
+others. The spread of an error is that over draws of the camera's response: the profile stays, and
+each draw is a camera that the calibration allows.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.calibrate.colour_profile import (
+    ColourTransform,
+    colour_errors,
+    fit_transform,
+    stated_transform,
+)
+from spectrabox.radiometry.error_model import curve_errors, light_errors
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.records import Calibration, WavelengthGrid
+from spectrabox.radiometry.response import relative_response
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.sampling.prior.mixture import (
+    PRIOR_GRID,
+    drawn_reflectances,
+    load_prior,
+    of_families,
+)
+
+STATED, MATRIX, TABLE = "camera's own matrix", "matrix", "table"
+CHART, FRESH = "BabelColor Average", "CES99"    # the second is of measured surfaces, never fitted
+FITTED, JUDGED = 3000, 1000     # drawn surfaces that a profile is fitted to, and judged by
+FITTED_DRAWS, JUDGED_DRAWS = 8, 100     # of the response
+MATRIX_DEGREE, TABLE_DEGREE = 1, 3
+SEED = 1                        # of the order of the surfaces
+
+
+@dataclass(frozen=True)
+class ColourError:
+    """CIEDE2000 of a set of surfaces without noise; spreads are None where no draws are known."""
+
+    mean: float
+    percentile_95: float
+    mean_spread: float | None
+    percentile_95_spread: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class ColourProfile:
+    """Transforms from a camera's signals under one light to colours under D50."""
+
+    matrix: ColourTransform
+    table: ColourTransform                          # what tables of profiles are made of
+    errors: dict[str, dict[str, ColourError]]       # by transform, by set of surfaces
+    draws: int                                      # of the response, behind the spreads
+
+
+def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
+                   families: Sequence[str] = (), camera_from_xyz: np.ndarray | None = None
+                   ) -> ColourProfile:
+    """The colour profile of a camera's response to reflectances.
+
+    Parameters
+    ----------
+    response : (3, 61) array
+        On ``PRIOR_GRID``, of any scale.
+    draws : (T, 3, 61) array or None
+        Of the same.
+    families : sequence of str
+        Of the surfaces that will be photographed; none for any.
+    camera_from_xyz : (3, 3) array or None
+        The camera's own matrix, of a raw file, whose errors are stated too.
+
+    Raises
+    ------
+    InputError
+        For a word that names no family.
+    CalibrationError
+        If the bands are too alike.
+    """
+    response = _relative(response)
+    cameras = response[None] if draws is None else _relative(draws)[:JUDGED_DRAWS]
+    surfaces = drawn_reflectances(of_families(load_prior(), families), FITTED + JUDGED)
+    surfaces = np.random.default_rng(SEED).permutation(surfaces)
+    fitted, judged = surfaces[:FITTED], surfaces[FITTED:]
+    known = response[None] if draws is None else np.concatenate(
+        [response[None], cameras[:FITTED_DRAWS]])
+    transforms = {} if camera_from_xyz is None else {STATED: stated_transform(camera_from_xyz)}
+    transforms |= {MATRIX: fit_transform(known, fitted, PRIOR_GRID, MATRIX_DEGREE),
+                   TABLE: fit_transform(known, fitted, PRIOR_GRID, TABLE_DEGREE)}
+    tests = test_reflectances(PRIOR_GRID)
+    kinds = ", ".join(families) if families else "any family"
+    sets = {CHART: tests[CHART], f"{JUDGED} surfaces of {kinds}": judged, FRESH: tests[FRESH]}
+    errors = {name: {of: _error(transform, cameras, reflectances)
+                     for of, reflectances in sets.items()}
+              for name, transform in transforms.items()}
+    return ColourProfile(transforms[MATRIX], transforms[TABLE], errors,
+                         0 if draws is None else len(cameras))
+
+
+def response_of_calibration(calibration: Calibration, seed: int = 0
+                            ) -> tuple[np.ndarray, np.ndarray | None]:
+    """A calibrated camera's response (3, 61) on ``PRIOR_GRID``, and draws (T, 3, 61) of it by the
+    calibration's errors; None where it states no errors of curves and light.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    seed : int
+        Of the draws.
+    """
+    response = relative_response(calibration, FINE_GRID)
+    errors = curve_errors(calibration, FINE_GRID).together_with(
+        light_errors(calibration, FINE_GRID, response)).at(PRIOR_GRID.nm, FINE_GRID)
+    on_prior = response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+    count = errors.by_spectrum.shape[2]
+    if count == 0:
+        return on_prior, None
+    parts = np.random.default_rng(seed).standard_normal((JUDGED_DRAWS, count))
+    return on_prior, _relative(on_prior + np.einsum("kpe,te->tkp", errors.by_spectrum, parts))
+
+
+def response_of_curves(curves: np.ndarray, power: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
+    """Response (..., 3, 61) on ``PRIOR_GRID`` of curves (..., 3, P) under a light (P,)."""
+    weights = curves * power * grid.weights_nm
+    return _relative(weights @ interpolation_matrix(PRIOR_GRID.nm, grid.nm))
+
+
+def _relative(response: np.ndarray) -> np.ndarray:
+    return np.asarray(response / response.sum(axis=-1, keepdims=True))
+
+
+def _error(transform: ColourTransform, cameras: np.ndarray, surfaces: np.ndarray) -> ColourError:
+    """Means over the cameras that it may be, and their standard deviations."""
+    errors = np.array([colour_errors(transform, response, surfaces, PRIOR_GRID)
+                       for response in cameras])
+    figures = np.column_stack([errors.mean(axis=1), np.percentile(errors, 95, axis=1)])
+    mean, high = figures.mean(axis=0).tolist()
+    spread = [None, None] if len(cameras) == 1 else figures.std(axis=0, ddof=1).tolist()
+    return ColourError(mean, high, *spread)

@@ -1,0 +1,1 @@
+"""Profiles for colour management: ICC files, CLF files and OpenColorIO configurations."""

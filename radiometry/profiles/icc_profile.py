@@ -1,0 +1,145 @@
+"""ICC profiles of version 4 (ICC.1:2022): input profiles of a camera, and two RGB spaces.
+
+A camera's profile holds a matrix and a table of colours; programs that know tables take these
+(clause 8.3). It expects linear signals relative to white, white-balanced: 1, 1, 1 is white.
+"""
+from __future__ import annotations
+
+import hashlib
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.radiometry.profiles.colour_table import ROOT, SIDE
+
+VERSION = 0x04400000
+PCS_WHITE = np.array([0.9642, 1.0, 0.8249])     # D50, as every header states it
+RELATIVE = 1                        # rendering intent: media-relative colorimetric
+XYZ_ONE = 32768 / 65535             # how a table's output of 16 bits encodes X, Y or Z of 1
+MADE = (2000, 1, 1, 0, 0, 0)        # no true date: the same profile is the same file
+NO_RIGHTS = "No rights reserved."
+
+
+@dataclass(frozen=True)
+class RgbSpace:
+    """An RGB space of a picture that is written: its primaries adapted to D50, and its curve."""
+
+    name: str
+    to_xyz: np.ndarray              # (3, 3) linear R, G, B to X, Y, Z under D50
+    curve: tuple[float, ...]        # of ICC's parametric curve, from code values to linear
+
+    def encode(self, linear: np.ndarray) -> np.ndarray:
+        """Code values, 0 to 1, of linear values, clipped to 0 to 1.
+
+        Parameters
+        ----------
+        linear : array of any shape
+        """
+        values = np.clip(linear, 0, 1)
+        if len(self.curve) == 1:
+            return np.asarray(values ** (1 / self.curve[0]))
+        gamma, a, b, slope, knee = self.curve       # type 3: (a x + b)^gamma from the knee on
+        return np.where(values < slope * knee, values / slope,
+                        (values ** (1 / gamma) - b) / a)
+
+
+# ROMM RGB (ISO 22028-2), with the plain exponent that programs write as "ProPhoto RGB", and Display
+# P3 (SMPTE EG 432-1 primaries, D65 adapted by Bradford), curve of IEC 61966-2-1
+SPACES = {
+    "prophoto": RgbSpace("ProPhoto RGB", np.array([
+        [0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857],
+        [0.0000000, 0.0000000, 0.8252100]]) * (PCS_WHITE / [0.96422, 1.0, 0.82521])[:, None],
+        (1.8,)),
+    "p3": RgbSpace("Display P3", np.array([
+        [0.515102, 0.291965, 0.157153], [0.241182, 0.692236, 0.066582],
+        [-0.001050, 0.041882, 0.784378]]) * (
+            PCS_WHITE / [0.964220, 1.0, 0.825210])[:, None],
+        (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045))}
+
+
+def camera_profile_bytes(name: str, matrix: np.ndarray, table: np.ndarray) -> bytes:
+    """An input profile with a matrix and a table.
+
+    Parameters
+    ----------
+    name : str
+        As programs list it.
+    matrix : (3, 3) array
+        From signals relative to white to X, Y, Z under D50; its rows sum to D50.
+    table : (SIDE, SIDE, SIDE, 3) array
+        As of ``colour_table``, white ``PCS_WHITE``.
+    """
+    return _profile(b"scnr", {**_matrix_tags(name, matrix, (1.0,)), b"A2B0": _lut(table)})
+
+
+def space_profile_bytes(space: RgbSpace) -> bytes:
+    """A profile of an RGB space, to embed in a picture.
+
+    Parameters
+    ----------
+    space : RgbSpace
+    """
+    return _profile(b"mntr", _matrix_tags(space.name, space.to_xyz, space.curve))
+
+
+def _matrix_tags(name: str, matrix: np.ndarray, curve: tuple[float, ...]) -> dict[bytes, bytes]:
+    tags = {b"desc": _text(name), b"cprt": _text(NO_RIGHTS), b"wtpt": _xyz(PCS_WHITE)}
+    for letter, column in zip((b"r", b"g", b"b"), np.transpose(matrix), strict=True):
+        tags |= {letter + b"XYZ": _xyz(column), letter + b"TRC": _curve(*curve)}
+    return tags
+
+
+def _profile(kind: bytes, tags: dict[bytes, bytes]) -> bytes:
+    """Header, table of tags and tags; equal tags are stored once (ICC.1:2022, 7.2 and 7.3)."""
+    start = 128 + 4 + 12 * len(tags)
+    where: dict[bytes, int] = {}
+    body, entries = b"", b""
+    for signature, content in tags.items():
+        if content not in where:
+            where[content] = start + len(body)
+            body += content + bytes(-len(content) % 4)
+        entries += struct.pack(">4sLL", signature, where[content], len(content))
+    header = struct.pack(
+        ">L4xL4s4s4s6H4s4xL8x8xL12s4x", start + len(body), VERSION, kind, b"RGB ", b"XYZ ", *MADE,
+        b"acsp", 0, RELATIVE, _fixed(PCS_WHITE))
+    rest = struct.pack(">L", len(tags)) + entries + body
+    # the profile's own digest, by a header without flags and rendering intent (7.2.18)
+    digest = hashlib.md5(header[:64] + bytes(4) + header[68:] + bytes(128 - len(header)) + rest,
+                         usedforsecurity=False).digest()
+    return header + digest + bytes(128 - len(header) - len(digest)) + rest
+
+
+def _lut(table: np.ndarray) -> bytes:
+    """lutAToBType: cube roots, table, cubes, white (ICC.1:2022, 10.12)."""
+    root, cube, straight = (3 * _curve(exponent) for exponent in (1 / ROOT, float(ROOT), 1.0))
+    to_pcs = _fixed((np.diag(PCS_WHITE) * XYZ_ONE).ravel()) + _fixed(np.zeros(3))
+    nodes = struct.pack(">16sB3x", bytes([SIDE] * 3), 2) \
+        + np.round(table * 65535).astype(">u2").tobytes()
+    nodes += bytes(-len(nodes) % 4)
+    at_matrix = 32 + len(straight)
+    at_cube = at_matrix + len(to_pcs)
+    at_table = at_cube + len(cube)
+    return struct.pack(">4s4xBB2x5L", b"mAB ", 3, 3, 32, at_matrix, at_cube, at_table,
+                       at_table + len(nodes)) + straight + to_pcs + cube + nodes + root
+
+
+def _curve(*parameters: float) -> bytes:
+    """parametricCurveType: an exponent alone, or the curve of type 3."""
+    return struct.pack(">4s4xH2x", b"para", 0 if len(parameters) == 1 else 3) \
+        + _fixed(np.array(parameters))
+
+
+def _xyz(values: np.ndarray) -> bytes:
+    return b"XYZ \0\0\0\0" + _fixed(values)
+
+
+def _text(words: str) -> bytes:
+    """multiLocalizedUnicodeType of one language."""
+    content = words.encode("utf-16-be")
+    return struct.pack(">4s4xLL2s2sLL", b"mluc", 1, 12, b"en", b"GB", len(content), 28) + content
+
+
+def _fixed(values: np.ndarray) -> bytes:
+    """s15Fixed16 numbers."""
+    return np.round(np.asarray(values) * 65536).astype(">i4").tobytes()

@@ -1,0 +1,206 @@
+"""Colour profiles: laws of their transforms, and files as other programs read them."""
+import io
+import json
+import os
+import shutil
+import subprocess
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from PIL import Image, ImageCms
+from typer.testing import CliRunner
+
+import spectrabox as sb
+from spectrabox.calibrate.camera_profile import D50
+from spectrabox.calibrate.colour_profile import (
+    colour_errors,
+    d50_weights,
+    fit_transform,
+    stated_transform,
+)
+from spectrabox.measure.colour_profile import (
+    FRESH,
+    MATRIX,
+    STATED,
+    TABLE,
+    colour_profile,
+    response_of_curves,
+)
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.profiles.icc_profile import SPACES, space_profile_bytes
+from spectrabox.radiometry.profiles.ocio_config import aces_from_d50
+from spectrabox.radiometry.profiles.profile_files import write_profile
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published_sets
+from spectrabox.session.cli import app
+
+GRID = visible_grid(5)
+SURFACES = published_sets(GRID)
+CAMERA = "Nikon D810"
+
+
+def response_of(name=CAMERA, lamp="LED-B3"):
+    return response_of_curves(sensitivities(name, GRID), light(lamp, GRID), GRID)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_white_stays_white_and_twice_the_light_gives_twice_the_colour(degree):
+    transform = fit_transform(response_of(), SURFACES["CES99"], GRID, degree)
+    np.testing.assert_allclose(transform.xyz(np.ones(3)), D50, rtol=1e-12)      # round-off
+    signals = np.random.default_rng(1).uniform(size=(20, 3))
+    np.testing.assert_allclose(transform.xyz(2 * signals), 2 * transform.xyz(signals), rtol=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_a_camera_that_sees_as_the_eye_does_has_no_error(degree):
+    seen = np.array([[0.8, 0.3, 0.1], [0.2, 0.9, 0.1], [0.05, 0.1, 0.7]]) @ d50_weights(GRID)
+    response = seen / seen.sum(axis=1, keepdims=True)
+    transform = fit_transform(response, SURFACES["BabelColor Average"], GRID, degree)
+    # The colours are a matrix of the signals: only round-off of the least squares is left.
+    assert colour_errors(transform, response, SURFACES["CES99"], GRID).max() < 1e-6
+
+
+def test_the_matrix_of_a_raw_file_takes_daylight_white_to_white():
+    camera_from_xyz = np.array([[0.9, -0.3, -0.1], [-0.4, 1.2, 0.2], [0.0, 0.1, 0.6]])
+    for scale in (1.0, 7.0):        # of any scale
+        transform = stated_transform(scale * camera_from_xyz)
+        # the matrix of sRGB has four decimals
+        np.testing.assert_allclose(transform.xyz(np.ones(3)), D50, atol=1e-12)
+
+
+def test_held_colours_are_nearer_than_by_the_cameras_own_matrix():
+    # by which LibRaw knows the Nikon D810 (Adobe's for D65)
+    own = np.array([[0.9369, -0.3195, -0.0791], [-0.4488, 1.2430, 0.2301],
+                    [-0.0893, 0.1796, 0.6872]])
+    errors = colour_profile(response_of(), None, ["paint"], own).errors
+    for of in errors[STATED]:
+        assert errors[TABLE][of].mean < errors[MATRIX][of].mean < 0.6 * errors[STATED][of].mean
+    assert FRESH in errors[TABLE] and errors[TABLE][FRESH].mean_spread is None
+
+
+def test_the_spread_of_an_error_follows_that_of_the_curves():
+    tilt = np.random.default_rng(3).standard_normal((40, 3, 1)) * (GRID.nm - 550) / 150
+    spreads = [colour_profile(response_of(), response_of_curves(
+        sensitivities(CAMERA, GRID) * (1 + size * tilt), light("LED-B3", GRID),
+        GRID)).errors[MATRIX][FRESH].mean_spread for size in (0.005, 0.02)]
+    assert 0 < spreads[0] < spreads[1]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Matrix, table's transform, and a folder with every form of a camera's profile."""
+    matrix, table = (fit_transform(response_of(), SURFACES["CES99"], GRID, degree)
+                     for degree in (1, 3))
+    folder = tmp_path_factory.mktemp("profiles")
+    for name in ("a.icc", "a.ocio"):
+        write_profile(folder / name, 'Camera "A" & <B>', matrix.coefficients, table.xyz)
+    return matrix, table, folder
+
+
+def through_littlecms(profile, rgb8):
+    """L*, a*, b* (n, 3) of code values (n, 3) by LittleCMS, in steps of 0.39 and 1."""
+    # Not optimised: of 8 bits LittleCMS would make a coarser table of its own, even in the signals.
+    convert = ImageCms.buildTransform(profile, ImageCms.createProfile("LAB"), "RGB", "LAB",
+                                      ImageCms.Intent.RELATIVE_COLORIMETRIC,
+                                      ImageCms.Flags.NOOPTIMIZE)
+    picture = ImageCms.applyTransform(Image.fromarray(rgb8[None]), convert)
+    stored = np.array(picture)[0]
+    return np.column_stack([stored[:, 0] * (100 / 255), stored[:, 1:].view(np.int8)])
+
+
+def test_littlecms_reads_the_table_of_an_icc_profile(written):
+    _, table, folder = written
+    profile = ImageCms.ImageCmsProfile(str(folder / "a.icc"))
+    assert profile.profile.version == 4.4 and profile.profile.device_class == "scnr"
+    assert ImageCms.getProfileDescription(profile).strip() == 'Camera "A" & <B>'
+    seen = np.round(SURFACES["CES99"] @ response_of().T * 255).astype(np.uint8)
+    difference = ciede2000(through_littlecms(profile, seen), table.lab(seen / 255))
+    # Answers are rounded to 0.2 in L* and 0.5 in a* and b*; interpolation adds up to 0.2.
+    assert difference.mean() < 0.4 and difference.max() < 1.2
+    white = through_littlecms(profile, np.full((1, 3), 255, np.uint8))
+    np.testing.assert_array_equal(white, [[100, 0, 0]])
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_littlecms_reads_the_spaces_of_pictures(name):
+    space = SPACES[name]
+    profile = ImageCms.ImageCmsProfile(io.BytesIO(space_profile_bytes(space)))
+    code = np.random.default_rng(2).integers(0, 256, (200, 3)).astype(np.uint8)
+    gamma, *rest = space.curve
+    values = code / 255
+    linear = values ** gamma if not rest else np.where(
+        values < 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(space.encode(linear), values, atol=1e-9)
+    lab = lab_from_xyz(linear @ space.to_xyz.T, D50)
+    shown = (np.abs(lab[:, 1:]) < 127).all(axis=1)
+    # rounding of 8 bits
+    np.testing.assert_allclose(through_littlecms(profile, code)[shown], lab[shown], atol=0.8)
+
+
+def test_display_p3_is_the_srgb_of_wider_primaries():
+    srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
+    grey = np.repeat(np.arange(0, 256, 5, np.uint8)[:, None], 3, axis=1)
+    ours = ImageCms.ImageCmsProfile(io.BytesIO(space_profile_bytes(SPACES["p3"])))
+    # one curve: greys are the same, within the steps of 8 bits
+    np.testing.assert_allclose(through_littlecms(ours, grey), through_littlecms(srgb, grey),
+                               atol=1)
+
+
+@pytest.mark.parametrize("form, tolerance", [
+    ("", 0.3),              # interpolation in the table, in CIEDE2000
+    (" by matrix", 1e-3)])  # single precision
+def test_opencolorio_reads_the_configuration(written, form, tolerance):
+    matrix, table, folder = written
+    config = str(folder / "a.ocio")
+    seen = (SURFACES["CES99"] @ response_of().T).astype(np.float32)
+    aces = oiio.ImageBufAlgo.colorconvert(oiio.ImageBuf(seen[None]), f'Camera "A" & <B>{form}',
+                                          "ACES2065-1", colorconfig=config)
+    assert not aces.has_error, aces.geterror()
+    xyz = np.linalg.solve(aces_from_d50(), aces.get_pixels()[0].T.astype(float)).T
+    expected = (table if not form else matrix).lab(seen)
+    assert np.percentile(ciede2000(lab_from_xyz(xyz, D50), expected), 95) < tolerance
+
+
+def test_opencolorio_shows_white_as_white(written):
+    *_, folder = written
+    grey = oiio.ImageBuf(np.full((1, 1, 3), 0.5, np.float32))
+    shown = oiio.ImageBufAlgo.colorconvert(grey, 'Camera "A" & <B>', "sRGB",
+                                           colorconfig=str(folder / "a.ocio")).get_pixels()
+    # sRGB of half the light; matrices have six decimals
+    np.testing.assert_allclose(shown, 0.7354, atol=2e-4)
+
+
+def test_exiftool_reads_an_icc_profile(written):
+    program = os.environ.get("EXIFTOOL") or shutil.which("exiftool")
+    if program is None:
+        pytest.skip("exiftool is not installed: apt install libimage-exiftool-perl")
+    *_, folder = written
+    tags = json.loads(subprocess.run([program, "-json", folder / "a.icc"], capture_output=True,
+                                     check=True).stdout)[0]
+    assert tags["ProfileVersion"] == "4.4.0" and tags["ColorSpaceData"].strip() == "RGB"
+
+
+def test_a_fitted_camera_gives_its_profile_with_spreads(_captured, tmp_path):
+    camera = sb.fit_camera(_captured / "photos" / "chart.dng",
+                           light=_captured / "spectra" / "light.csv")
+    profile = camera.colour_profile("paint")
+    for one in profile.errors[TABLE].values():
+        assert 0 < one.mean_spread < one.mean < one.percentile_95
+    np.testing.assert_allclose(profile.lab(np.ones(3)), [100, 0, 0], atol=1e-9)
+    assert profile.save(tmp_path / "a.icc", "demo") == (tmp_path / "a.icc",)
+    with pytest.raises(sb.InputError, match=r"ends in \.icc, \.clf, \.ocio"):
+        profile.save(tmp_path / "a.pdf", "demo")
+
+
+def test_camera_profile_writes_them_and_states_their_errors(tmp_path):
+    files = [tmp_path / name for name in ("a.icc", "a.ocio")]
+    result = CliRunner().invoke(app, [
+        "camera", "profile", CAMERA, "--camera", CAMERA, "--light", "A", "--family", "paint",
+        "--json", *(word for file in files for word in ("-o", str(file)))])
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)["colour"]
+    assert facts["light"] == "A" and set(facts["delta_e00"]) == {MATRIX, TABLE}
+    assert "1000 surfaces of paint" in facts["delta_e00"][TABLE]
+    assert all(file.is_file() for file in (*files, tmp_path / "a.clf"))
