@@ -135,15 +135,15 @@ def test_a_signal_ends_a_run_as_an_interrupt_does(captured, number):
 
 
 def test_a_signal_that_is_ignored_stays_ignored():
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    from spectrabox.session.terminal.interruption import stop_on_signals
-    terminate = signal.getsignal(signal.SIGTERM)
+    from spectrabox.session.terminal.interruption import SIGNALS, stop_on_signals
+    before = {number: signal.getsignal(number) for number in SIGNALS}
     try:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
         stop_on_signals()   # as under nohup
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
-        signal.signal(signal.SIGHUP, before)
-        signal.signal(signal.SIGTERM, terminate)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 STARTING = """
