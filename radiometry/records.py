@@ -70,6 +70,7 @@ class PhotoKind(Enum):
 
     RAW = "camera raw, decoded without demosaicing"
     LINEAR_FILE = "image file taken as linear"
+    PROCESSED = "image processed by the camera, decoded as sRGB"
 
 
 # ---- spectra -------------------------------------------------------------------------------------

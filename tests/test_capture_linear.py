@@ -260,17 +260,17 @@ def test_an_exr_of_another_name_is_known_by_its_content(tmp_path):
 
 
 @pytest.mark.parametrize("name, kind, attributes, message", [
-                             ("photo.png", oiio.UINT8, {}, "photo.png is a PNG of uint8 values"),
-                             ("photo.png", oiio.UINT16, {}, "photo.png is a PNG of uint16 values"),
-                             ("photo.jpg", oiio.UINT8, {}, "photo.jpg is a JPEG of uint8 values"),
-                             ("photo.tif", oiio.UINT8, {}, "photo.tif is a TIFF of uint8 values"),
+                             ("photo.png", oiio.UINT8, {}, "photo.png is a PNG, processed"),
+                             ("photo.png", oiio.UINT16, {}, "photo.png is a PNG, processed"),
+                             ("photo.jpg", oiio.UINT8, {}, "photo.jpg is a JPEG, processed"),
+                             ("photo.tif", oiio.UINT8, {}, "photo.tif is an 8-bit TIFF, processed"),
                              ("photo.tif", oiio.UINT16, {"oiio__ColorSpace": "sRGB"},
-                              "photo.tif is a TIFF of uint16 values tagged sRGB"),
+                              "photo.tif is a TIFF tagged sRGB, processed"),
                              ])
 def test_files_that_are_not_linear_are_refused(tmp_path, name, kind, attributes, message):
     write(tmp_path / name, noisy(), ("R", "G", "B"), kind, **attributes)
     with pytest.raises(InputError,
-                       match=f"{message}.*not proportional to light; give the camera raw"):
+                       match=f"{message}.*not proportional to light; give the camera's raw file"):
         open_photo(tmp_path / name)
 
 
@@ -278,7 +278,7 @@ def test_files_that_are_not_linear_are_refused(tmp_path, name, kind, attributes,
 def test_a_jpeg_handed_in_as_raw_is_known_by_its_content(tmp_path, name):
     write(tmp_path / "photo.jpg", noisy(), ("R", "G", "B"), oiio.UINT8)
     (tmp_path / "photo.jpg").rename(tmp_path / name)
-    with pytest.raises(InputError, match=f"{name} is a JPEG of uint8 values.*not proportional to "
+    with pytest.raises(InputError, match=f"{name} is a JPEG, processed.*not proportional to "
                        "light"):
         open_photo(tmp_path / name)
 

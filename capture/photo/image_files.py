@@ -35,8 +35,81 @@ MAX_SIGNAL = 1e9                    # its square is a variance, which single pre
 NO_DATE = "0000:00:00 00:00:00"     # unknown, as EXIF has it: the same image is the same file
 
 
+# By the first bytes, and those from the ninth on where the kind of a container stands there.
+PROCESSED_STARTS = {b"GIF8": "a GIF", b"8BPS": "a Photoshop document", b"%PDF": "a PDF",
+                    b"BM": "a BMP"}
+PROCESSED_CONTAINERS = {b"WEBP": "a WebP", b"avif": "an AVIF", b"avis": "an AVIF",
+                        **dict.fromkeys((b"heic", b"heix", b"hevc", b"mif1", b"msf1"), "a HEIC")}
+RAW_INSTEAD = ("give the camera's raw file, or a linear EXR or 16-bit TIFF; on a phone use the RAW "
+               "or ProRAW setting (iPhone: Settings > Camera > Formats > Apple ProRAW, then RAW "
+               "in the camera; Android: RAW in the Pro or Expert mode of the camera app)")
+NOT_LINEAR_GIVES = ("'spectrabox develop --not-linear' and not_linear of a session decode it as "
+                    "sRGB all the same: good for finding a chart, but what is measured on it has "
+                    "errors that nobody states")
+
+
 class NotLinearError(InputError):
     """A photo's values are not proportional to light."""
+
+
+def processed_error(name: str, what: str, decoded: bool) -> NotLinearError:
+    """The refusal of a photo that the camera processed.
+
+    Parameters
+    ----------
+    name : str
+        Of its file.
+    what : str
+        It is: "a JPEG", say.
+    decoded : bool
+        Whether it can be taken all the same.
+    """
+    return NotLinearError(f"photo {name} is {what}, processed by the camera: its values are not "
+                          f"proportional to light; {RAW_INSTEAD}"
+                          + (f". {NOT_LINEAR_GIVES}" if decoded else ""))
+
+
+def require_no_processed_file(path: Path) -> None:
+    """Refuse pictures of formats that hold no linear values and that are not decoded.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    NotLinearError
+        Of a HEIC, say.
+    """
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        start = file.read(12)
+    container = start.startswith(b"RIFF") or start[4:8] == b"ftyp"
+    what = PROCESSED_CONTAINERS.get(start[8:12]) if container else \
+        next((name for begin, name in PROCESSED_STARTS.items() if start.startswith(begin)), None)
+    if what is not None:
+        raise processed_error(path.name, what, decoded=False)
+
+
+def require_linear_file(path: Path) -> None:
+    """Refuse, by its header, a photo whose values are not proportional to light.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    NotLinearError
+    InputError
+        If a picture is missing or damaged.
+    """
+    if is_image_file(path):
+        file = _opened(path)
+        full_scale(path, file.spec(), file.format_name())
+    else:
+        require_no_processed_file(path)
 
 
 def is_image_file(path: Path) -> bool:
@@ -149,10 +222,10 @@ def full_scale(path: Path, spec: oiio.ImageSpec, file_format: str) -> int:
     kind = str(spec.format)
     tagged_encoded = "srgb" in _words(spec, "oiio:ColorSpace").lower() and kind in FULL_SCALE
     if file_format not in LINEAR_FORMATS or kind == "uint8" or tagged_encoded:
-        raise NotLinearError(f"photo {path.name} is a {file_format.upper()} of {kind} values"
-                             f"{' tagged sRGB' if tagged_encoded else ''}, processed by the "
-                             "camera: they are not proportional to light; give the camera raw, or "
-                             "develop it to a linear EXR or 16-bit TIFF")
+        bits = "an 8-bit" if file_format == "tiff" and kind == "uint8" else "a"
+        what = f"{bits} {file_format.upper()}" + (" tagged sRGB" if file_format == "tiff"
+                                                   and tagged_encoded else "")
+        raise processed_error(path.name, what, decoded=True)
     if kind not in (*FULL_SCALE, *FLOATS):
         raise InputError(f"photo {path.name} holds {kind} values, whose full scale nobody states; "
                          "export it as a linear EXR or a 16-bit TIFF")
@@ -176,7 +249,7 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
     full_scale = FULL_SCALE.get(str(spec.format), 1)
     encoded = np.clip(pixels / np.float32(full_scale), 0, 1)
     return _linear_image(path, decode_srgb(encoded).astype(np.float32), spec, clip=CLIP_FRACTION,
-                         quantum=1 / full_scale / 12.92)
+                         quantum=1 / full_scale / 12.92, kind=PhotoKind.PROCESSED)
 
 
 def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:
@@ -290,7 +363,7 @@ def _developed(path: Path, spec: oiio.ImageSpec) -> LinearImage:
         sensor_step=spec.get_float_attribute("spectrabox:sensor_step", 1.0),
         exposure_s=_positive(spec, "ExposureTime"),
         iso=_positive(spec, "Exif:PhotographicSensitivity"), f_number=_positive(spec, "FNumber"),
-        kind=PhotoKind.RAW if kind == "RAW" else PhotoKind.LINEAR_FILE,
+        kind=PhotoKind.__members__.get(kind, PhotoKind.LINEAR_FILE),
         camera=_words(spec, "spectrabox:camera"),
         source=_words(spec, "spectrabox:source") or path.name, sha256=sha256_of(path))
 
@@ -461,7 +534,7 @@ def band_order(names: Sequence[str]) -> list[int]:
 
 
 def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: float,
-                  quantum: float) -> LinearImage:
+                  quantum: float, kind: PhotoKind = PhotoKind.LINEAR_FILE) -> LinearImage:
     require_finite(path, signal)
     saturated = signal >= clip
     variance = photon_transfer(signal, saturated, quantum, path.name).variance(signal)
@@ -473,7 +546,7 @@ def _linear_image(path: Path, signal: np.ndarray, spec: oiio.ImageSpec, clip: fl
         exposure_s=_positive(spec, "ExposureTime"),
         iso=_positive(spec, "Exif:PhotographicSensitivity")
         or _positive(spec, "Exif:ISOSpeedRatings"), f_number=_positive(spec, "FNumber"),
-        kind=PhotoKind.LINEAR_FILE, camera=f"{make} {model}".strip(), source=path.name,
+        kind=kind, camera=f"{make} {model}".strip(), source=path.name,
         sha256=sha256_of(path))
 
 

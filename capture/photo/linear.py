@@ -16,6 +16,7 @@ from spectrabox.capture.photo.image_files import (
     is_image_file,
     picture_size,
     read_linear_file,
+    require_no_processed_file,
 )
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
 from spectrabox.capture.photo.raw import FullColourFrame, decode, visible_size
@@ -43,6 +44,7 @@ def open_photo(path: str | os.PathLike[str]) -> LinearImage:
     """
     if is_image_file(Path(path)):
         return read_linear_file(path)
+    require_no_processed_file(Path(path))
     frame = decode(path)
     return full_colour_image(frame) if isinstance(frame, FullColourFrame) else linear_image(frame)
 

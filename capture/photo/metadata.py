@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Rational
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import exifread
 
@@ -32,8 +32,10 @@ ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "0xC68D", "0xC68E"
 DNG_VERSION_TAG = "Image Tag 0xC612"
 BLACK_DELTA_TAGS = ("0xC61B", "0xC61C")  # BlackLevelDeltaH, BlackLevelDeltaV
 EXIF_TIME = re.compile(r"([12]\d{3}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)")
+COMPRESSION, PHOTOMETRY = 259, 262      # tags of TIFF
 RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
 UNCOMPRESSED = 1
+LOSSY_JPEG, JPEG_XL = 34892, 52546      # of DNG 1.4 and 1.7
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ class PhotoMetadata:
     is_dng: bool = False
     varying_black: bool = False                     # from column to column or row to row
     stated_bytes: tuple[int, int] | None = None     # of a plain mosaic: by its size, by its strips
+    compression: int | None = None                  # TIFF's number for that of a DNG's pixels
     taken_at: str = ""                              # "2026-11-23 14:05:09", by the camera's clock
 
     @property
@@ -81,8 +84,10 @@ def photo_metadata(path: Path) -> PhotoMetadata:
     try:
         with path.open("rb") as file:
             tags = exifread.process_file(file, details=False)
+            compression = _compression(file, _fractions(_values(tags, "Image SubIFDs"))) \
+                if DNG_VERSION_TAG in tags else None
     # as exifread meets damaged tags
-    except (LookupError, ValueError, TypeError, OverflowError, struct.error) as error:
+    except (LookupError, ValueError, TypeError, OverflowError, struct.error, EOFError) as error:
         raise InputError(f"photo {path.name} has damaged metadata ({error}); "
                          "copy it from the camera card again") from error
     finally:
@@ -101,7 +106,8 @@ def photo_metadata(path: Path) -> PhotoMetadata:
         is_dng=DNG_VERSION_TAG in tags,
         varying_black=any(value != 0 for name in BLACK_DELTA_TAGS
                           for value in _fractions(_values(tags, name))),
-        stated_bytes=_stated_bytes(tags), taken_at=_taken_at(_text(tags, TAKEN_TAGS)))
+        stated_bytes=_stated_bytes(tags), compression=compression,
+        taken_at=_taken_at(_text(tags, TAKEN_TAGS)))
 
 
 def _taken_at(text: str) -> str:
@@ -124,6 +130,24 @@ def _stated_bytes(tags: dict[str, Any]) -> tuple[int, int] | None:
         return None
     width, height = int(listed[2][0]), int(listed[3][0])
     return height * -(-width * int(sum(listed[4])) // 8), int(sum(listed[5]))
+
+
+def _compression(file: BinaryIO, directories_below: list[Fraction]) -> int | None:
+    """How the raw pixels of a DNG are compressed, in whichever directory holds them (TIFF 6.0, p.
+    14); exifread reads none below the first.
+    """
+    file.seek(0)
+    order = "<" if file.read(2) == b"II" else ">"
+    file.seek(4)
+    for offset in (*struct.unpack(f"{order}L", file.read(4)), *map(int, directories_below)):
+        file.seek(offset)
+        count = file.read(2)
+        entries = file.read(12 * struct.unpack(f"{order}H", count)[0]) if len(count) == 2 else b""
+        # LibRaw says what is wrong with a file that is cut short
+        values = dict(struct.iter_unpack(f"{order}H6xH2x", entries[:len(entries) // 12 * 12]))
+        if values.get(PHOTOMETRY) in RAW_PHOTOMETRY:
+            return values.get(COMPRESSION)
+    return None
 
 
 def _text(tags: dict[str, Any], names: tuple[str, ...]) -> str:

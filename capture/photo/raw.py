@@ -17,7 +17,12 @@ import numpy as np
 import rawpy
 
 from spectrabox.capture.photo.black_level import full_colour_black, tile_of
-from spectrabox.capture.photo.metadata import PhotoMetadata, photo_metadata
+from spectrabox.capture.photo.metadata import (
+    JPEG_XL,
+    LOSSY_JPEG,
+    PhotoMetadata,
+    photo_metadata,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
 from spectrabox.radiometry.records import RawFrame
@@ -82,6 +87,7 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
                          "again")
     metadata = photo_metadata(path)
     _require_consistent(metadata, path)
+    _require_known_compression(metadata, path)
     with _open(path) as raw:
         _require_known_sensor(raw, metadata, path)
         exposure: dict[str, Any] = {
@@ -183,6 +189,20 @@ def _require_consistent(metadata: PhotoMetadata, path: Path) -> None:
         raise InputError(f"raw photo {path.name} states black levels that change over rows or "
                          "columns (BlackLevelDelta), which are not read: convert it without them, "
                          "or give another format")
+
+
+def _require_known_compression(metadata: PhotoMetadata, path: Path) -> None:
+    """Refuse, by its name, a compression that is not read, or not as the sensor's signal."""
+    if metadata.is_dng and metadata.compression == LOSSY_JPEG:
+        raise InputError(f"raw photo {path.name} is a DNG with lossy compression (JPEG): its "
+                         "values passed a tone curve and are rounded to 8 bits; give the camera's "
+                         "own raw file, or convert that without lossy compression")
+    if metadata.is_dng and metadata.compression == JPEG_XL:
+        version = ".".join(map(str, rawpy.libraw_version))
+        raise InputError(f"raw photo {path.name} is a DNG compressed as JPEG XL, which LibRaw "
+                         f"{version} does not read; choose lossless JPEG in the camera (iPhone: "
+                         "Settings > Camera > Formats > Pro Default > JPEG Lossless), or convert "
+                         "it with Adobe DNG Converter for an older version of DNG")
 
 
 def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path) -> None:

@@ -40,7 +40,8 @@ class ChartRequest(CommonOptions):
     """Options of ``spectrabox chart``."""
 
     photo: Annotated[Path, typer.Argument(
-        metavar="PHOTO", show_default=False, help="Raw, DNG, EXR, TIFF, JPEG or PNG.")]
+        metavar="PHOTO", show_default=False, help="Camera raw, DNG, linear EXR or TIFF; or a "
+        "JPEG or PNG, of which light, glare and focus are judged.")]
     overlay: Annotated[Path | None, typer.Option(
         metavar="PNG", help="Write the photo with the samples drawn.")] = None
     corners: Annotated[str | None, typer.Option(metavar=CORNERS, help=CORNERS_HELP)] = None
@@ -103,8 +104,8 @@ class DevelopRequest(CommonOptions):
     flat_field: Annotated[Path | None, Was("--flat"), typer.Option(
         metavar="PHOTO", help="White card in the same place: divides the photo.")] = None
     not_linear: Annotated[bool, typer.Option(
-        "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked "
-        "so.")] = False
+        "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked so: "
+        "good for finding a chart, but not for measuring.")] = False
 
 
 @command
@@ -166,11 +167,27 @@ def _text(photo: Path, image: LinearImage, detection: ChartDetection, verdict: C
     lines = [f"{verdict.verdict.upper()}  {photo.name}: chart {detection.how_found}, "
              f"agreement {detection.confidence:.2f}"]
     lines += [f"- {reason}" for reason in verdict.reasons]
-    lines.append(f"white patch {verdict.white_signal:.0%} of full scale, light even to "
+    processed = image.kind.name == "PROCESSED"
+    white = f"{_encoded(verdict.white_signal):.0f} of 255" if processed \
+        else f"{verdict.white_signal:.0%} of full scale"
+    lines.append(f"white patch {white}, light even to "
                  f"{verdict.uneven:.0%}, glare {verdict.glare:.1%}, tilt {verdict.tilt_deg:.0f} "
                  f"degrees, edges {verdict.blur:.0%} of a patch, {verdict.pixels} pixels or more "
                  "per patch")
-    if image.kind.name != "RAW":
+    if processed:
+        from spectrabox.capture.photo.image_files import RAW_INSTEAD
+        lines.append(f"{image.kind.value}: its values are not proportional to light; position, "
+                     "light, glare and focus are judged here, noise is not, and nothing can be "
+                     f"measured on it: {RAW_INSTEAD}")
+    elif image.kind.name != "RAW":
         lines.append(f"{image.kind.value}: good for finding the chart; calibrate with the camera's "
                      "raw file")
     return "\n".join(lines)
+
+
+def _encoded(signal: float) -> float:
+    """What an 8-bit sRGB file holds of a signal."""
+    import numpy as np
+
+    from spectrabox.radiometry.appearance import encode_srgb
+    return 255 * float(encode_srgb(np.array(signal)))
