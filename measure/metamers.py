@@ -51,7 +51,7 @@ def metamer_pair(samples: SpectrumSamples) -> MetamerPair:
     pair = np.clip(spectra[chosen], 0.0, 1.0)
     colours, differences = [], []
     for name in LIGHTS:
-        weights, adapted = _weights(name, tuple(grid.nm.tolist()))
+        weights, adapted = colour_weights(name, tuple(grid.nm.tolist()))
         lab = lab_from_xyz(pair @ weights.T, weights.sum(axis=1))
         differences.append(float(ciede2000(lab[0], lab[1])))
         colours.append([encoded_srgb(adapted @ one) for one in pair])
@@ -60,6 +60,14 @@ def metamer_pair(samples: SpectrumSamples) -> MetamerPair:
 
 
 @functools.cache
-def _weights(light: str, nm: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (3, P) of X, Y, Z under a light, and of what looks alike under D65."""
+def colour_weights(light: str, nm: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (3, P) of X, Y, Z under a light, and of what looks alike under D65.
+
+    Parameters
+    ----------
+    light : str
+        CIE name.
+    nm : tuple of P floats
+        Ascending.
+    """
     return tristimulus_weights(np.array(nm), light), adapted_tristimulus(np.array(nm), light)

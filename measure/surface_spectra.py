@@ -28,7 +28,6 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_familie
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.summary import summarise
 
-MAX_NAMED_BANDS = 4         # of more, the errors are a range
 
 @dataclass(frozen=True)
 class DrawOptions:
@@ -78,7 +77,6 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
                     families: Sequence[str], draws: SpectrumSamples | None,
                     correction: SwatchCorrection | None) -> SurfaceSpectrum:
     seen, prior = measurement(signals, index), of_families(load_prior(), families)
-    bands = [signals.bands[band] for band in np.flatnonzero(np.isfinite(signals.signal[index]))]
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
     if options.method == "prior":
@@ -93,7 +91,7 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
     if correction is not None:
         # the shares are those of the prior's variance
         draws, variance_shares = corrected_samples(correction, seen.signal, draws), {}
-    summary = summarise(draws, seen, options.level, describe_conditions(draws, seen, bands))
+    summary = summarise(draws, seen, options.level, describe_conditions(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
                            family_shares)
 
@@ -129,16 +127,13 @@ def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
         [of_families(load_prior(), families.get(name, ())) for name in names])
 
 
-def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement,
-                        bands: Sequence[str]) -> str:
-    """What the band rests on, in words; ``bands`` are the names of the bands that show it."""
-    sds = 100 * np.sqrt(np.diag(measured.noise_covariance))
-    errors = f"{sds.min():.2g} to {sds.max():.2g} % of white in {len(bands)} bands"
-    if len(bands) <= MAX_NAMED_BANDS:
-        errors = ", ".join(f"{sd:.2g} % ({band})"
-                           for sd, band in zip(sds, bands, strict=True)) + " of white"
-    return (f"Assumes signal errors of {errors}; exact bounds are over splines of "
-            f"{draws.coefficients.shape[1]} coefficients. {draws.sentence}")
+def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -> str:
+    """What the band rests on, in words."""
+    errors = ", ".join(f"{100 * error:.2g}"
+                       for error in np.sqrt(np.diag(measured.noise_covariance)))
+    return (f"Assumes Gaussian signal errors of {errors} % of white, the prior and sampler "
+            f"{draws.method}, and, for the exact bounds, splines of "
+            f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.sentence}")
 
 
 def resample_summary(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:

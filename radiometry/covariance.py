@@ -45,6 +45,17 @@ def error_patterns(covariance: np.ndarray) -> np.ndarray:
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0))).T[values > 0])
 
 
+def symmetric_root(covariance: np.ndarray) -> np.ndarray:
+    """The symmetric matrix (K, K) whose square is a covariance.
+
+    Parameters
+    ----------
+    covariance : (K, K) array
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T)
+
+
 def symmetric(covariance: np.ndarray) -> np.ndarray:
     """The covariance (N, N) without what round-off made of its two halves.
 

@@ -202,6 +202,7 @@ def _correcting(config: SessionConfig) -> list[str]:
 
 def _developing(config: SessionConfig) -> dict[str, Any]:
     return {"not_linear": config.photos.not_linear, "flats": config.photos.flats,
+            "orientation": config.photos.orientation,
             "drift": _plain(config.drift)}
 
 

@@ -74,6 +74,11 @@ def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
             page.keyboard.press("Enter")            # a point is set, and can be cleared
             page.wait_for_selector("#clear:not([hidden])")
             nothing_serious()
+        page.click('[data-mode="compare"]')
+        for number in (1, 2):
+            page.click(f"#marks li:nth-child({number}) .row", position={"x": 2, "y": 2})
+        page.wait_for_selector("#comparison table")
+        nothing_serious()
         page.click("#run")
         page.wait_for_selector("#stop:not([disabled])")
         page.click("#log-box summary")

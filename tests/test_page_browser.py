@@ -193,6 +193,13 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         page.wait_for_selector("#values:has-text('%')")
         red, green, blue = bytes.fromhex(page.get_attribute("body", "data-pointed")[1:])
         assert green > red and green > blue         # the green paint
+        page.click("[data-mode=compare]")
+        page.mouse.click(*on_screen(page, 415, 70))     # a marked colour
+        page.mouse.click(*on_screen(page, 30, 300))     # and a point of the table
+        page.wait_for_selector("#comparison:has-text('tells these colours apart')")
+        said = page.inner_text("#comparison")
+        assert "green_wall" in said and "point 2" in said
+        assert page.locator("#comparison .pair").count() == 5
 
 
 def test_a_photo_that_is_dropped_opens_its_session(tmp_path, browser):

@@ -49,6 +49,17 @@ def test_what_the_page_shows_of_a_region_is_what_a_run_finds(tmp_path):
         x0, y0, x1, y1 = rect_of("green_wall")
         pointed = asked(f"{address}/api/spectrum?role=photo&x0={x0}&y0={y0}&x1={x1}&y1={y1}")[1]
         clipped = asked(f"{address}/api/spectrum?role=photo&x0=-9&y0=0&x1=20&y1=20")[1]
+
+        def compared(*picked):
+            return asked(f"{address}/api/compare", {"picked": picked})
+        part = {"role": "photo", "x0": x0, "y0": y0, "x1": x0 + 20, "y1": y1}
+        halves = compared(part, part | {"x0": x0 + 21, "x1": x1})[1]
+        different = compared({"name": "cube"}, {"name": "green_wall"})[1]
+        assert compared({"name": "nobody"}, part)[0] == 409 and compared(part)[0] == 409
+        assert compared(part, {"role": "photo"})[0] == 400
+    assert not halves["distinct"] and different["distinct"]
+    assert different["names"] == ["cube", "green_wall"]
+    assert all(light["delta_e00"] < 1 for light in halves["lights"])    # one paint
     assert CliRunner().invoke(app, ["run", str(session), "--quiet"]).exit_code == 0
     spectra = load_finished(read_session(session)).records.sample.spectra
     assert shown["white_wall"]["given"] and "leaves the photo" in clipped["refused"]

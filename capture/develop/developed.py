@@ -13,6 +13,7 @@ from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dar
 from spectrabox.capture.develop.flat_field import divide_by_flat
 from spectrabox.capture.photo.image_files import NotLinearError, read_encoded_file
 from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.orientation import AS_READ, turned
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, RawFrame
@@ -21,8 +22,8 @@ NOT_LINEAR = "NOT LINEAR: decoded as sRGB, colour matrix and tone curve remain"
 
 
 def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | None,
-                   not_linear: bool = False, channels: Sequence[int] | None = None
-                   ) -> tuple[LinearImage, tuple[str, ...]]:
+                   not_linear: bool = False, channels: Sequence[int] | None = None,
+                   orientation: int = AS_READ) -> tuple[LinearImage, tuple[str, ...]]:
     """One linear image from photos of one scene, and notes on dark frames and exposures.
 
     Dark frames are averaged by exposure and subtracted from the photos of theirs; photos of several
@@ -38,6 +39,9 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         As in ``open_any``.
     channels : sequence of int, optional
         Of the photos, those that the result has: a flat may be too dark in others. All by default.
+    orientation : int
+        1 to 8, as EXIF numbers them: how the result is turned, whatever the files state. By default
+        it is as the sensor read it.
 
     Raises
     ------
@@ -77,7 +81,7 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         merged = divide_by_flat(merged, only_channels(open_any(flat, not_linear), channels))
     if not_linear and any(NOT_LINEAR in image.source for image in images):
         notes.append(NOT_LINEAR)
-    return merged, (*notes, *ratios)
+    return turned(merged, orientation), (*notes, *ratios)
 
 
 def open_any(path: Path, not_linear: bool = False) -> LinearImage:

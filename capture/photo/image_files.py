@@ -182,6 +182,22 @@ def picture_size(path: str | os.PathLike[str]) -> tuple[int, int]:
     return round(spec.width * step), round(spec.height * step)
 
 
+def stated_orientation(path: str | os.PathLike[str]) -> int:
+    """Orientation of a picture, 1 to 8 as EXIF numbers them; 1 where its header states none.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        If it is no picture.
+    """
+    stated = _opened(Path(path)).spec().get_int_attribute("Orientation", 1)
+    return stated if 1 <= stated <= 8 else 1
+
+
 def stated_bands(path: Path) -> tuple[str, ...]:
     """Names of an EXR's bands, capitals, in the order in which they are read; none of other files.
 

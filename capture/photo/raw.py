@@ -27,6 +27,9 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
 from spectrabox.radiometry.records import RawFrame
 
+# orientation as EXIF numbers it, by the bits of LibRaw's flip: 1 left and right exchanged, 2 top
+# and bottom, 4 first rows and columns
+ORIENTATIONS = (1, 2, 4, 3, 5, 8, 6, 7)
 MAX_BLACK_SPREAD = 0.02     # of the white level: in cameras positions differ by less than 0.1 %
 # What LibRaw prints where it goes on regardless.
 TROUBLE = ("unexpected end of file", "data corrupted", "corrupt")
@@ -131,6 +134,24 @@ def visible_size(path: str | os.PathLike[str]) -> tuple[int, int]:
     """
     with _open(Path(path), unpack=False) as raw:
         return raw.sizes.width, raw.sizes.height
+
+
+def raw_orientation(path: str | os.PathLike[str]) -> int:
+    """Orientation of a raw file, 1 to 8 as EXIF numbers them, from its header alone.
+
+    LibRaw knows it of every format; EXIF readers do not.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        If it is no camera raw.
+    """
+    with _open(Path(path), unpack=False) as raw:
+        return ORIENTATIONS[raw.sizes.flip & 7]
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from spectrabox.calibrate.chart_calibration import (
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.orientation import photo_orientation, turned
 from spectrabox.measure.camera import CameraFit, fit_camera, measure_chart
 from spectrabox.radiometry.chart import CLASSIC, Chart, chart_reflectances, excluded_patches
 from spectrabox.radiometry.charts.layouts import chart_layout
@@ -182,7 +183,7 @@ def _patches_of_picture(path: Path, corners: str | None, chart: Chart, reflectan
                         grid: WavelengthGrid
                         ) -> tuple[PatchSamples, tuple[str, ...], tuple[str, ...]]:
     """Patch statistics and band names of a photo, and no notes."""
-    photo = open_photo(path)
+    photo = turned(open_photo(path), photo_orientation(path))
     corners_px = None if corners is None else corner_points(corners, chart)
     return (measure_chart(photo, chart, reflectances, grid, corners_px),
             default_band_names(photo.signal.shape[2]), ())

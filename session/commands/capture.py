@@ -131,11 +131,11 @@ def develop(request: DevelopRequest) -> Answer:
 def _open(photo: Path, encoded: bool | None) -> LinearImage:
     from spectrabox.capture.photo.image_files import is_image_file, read_encoded_file
     from spectrabox.capture.photo.linear import open_photo
+    from spectrabox.capture.photo.orientation import photo_orientation, turned
     if encoded is None:
         encoded = photo.suffix.lower() in ENCODED_SUFFIXES
-    if encoded and is_image_file(photo):
-        return read_encoded_file(photo)
-    return open_photo(photo)
+    image = read_encoded_file(photo) if encoded and is_image_file(photo) else open_photo(photo)
+    return turned(image, photo_orientation(photo))
 
 
 def _photo_facts(image: LinearImage) -> dict[str, Any]:

@@ -200,6 +200,9 @@ def _scene(config: SessionConfig) -> list[str]:
     if config.chart.scene is not None and config.box is not None and config.box.chart is not None:
         problems.append(f"{FILE_NAME}: chart.scene and [scene.box.chart] both say where the chart "
                         "stood; leave one out")
+    if config.photos.orientation != 1:
+        problems.append(f"{FILE_NAME}: photos.orientation belongs to a flat sample; a scene's lens "
+                        "and camera are those of the photo as the sensor read it")
     if config.scale.source == "material" and not any(m.known for m in config.materials.values()):
         problems.append(f"{FILE_NAME}: scale.from is \"material\", but no material has a known "
                         "spectrum; add known = \"spectra/NAME.csv\" to one")

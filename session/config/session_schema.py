@@ -81,6 +81,10 @@ class PhotosSection(Table):
                                               "vignetting")
     dark: Files | None = Field(None, description="dark frames, one or several at each exposure")
     not_linear: bool = Field(False, description="take JPEG or PNG photos, decoded as sRGB")
+    orientation: int = Field(1, ge=1, le=8, description="how all photos of a flat sample are "
+                             "turned before pixels are counted, as EXIF numbers it: 6 a quarter "
+                             "to the right, 8 to the left, 3 upside down; 1 as the sensor read "
+                             "them")
 
     @property
     def flats(self) -> dict[str, str]:

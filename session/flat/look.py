@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.binning import bin_image
+from spectrabox.capture.photo.orientation import photo_orientation, turned
 from spectrabox.capture.photo.preview import signal_rgb8
 
 WIDTH_PX, WIDTH_IN = 1400, 14.0
@@ -34,7 +35,7 @@ def write_picture(photo: Path, picture: Path) -> tuple[int, int]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.ticker import MultipleLocator
-    image = open_any(photo)
+    image = turned(open_any(photo), photo_orientation(photo))
     rows, columns = image.signal.shape[:2]
     width, height = round(columns * image.sensor_step), round(rows * image.sensor_step)
     if columns > WIDTH_PX:

@@ -11,10 +11,12 @@ import hashlib
 import json
 import re
 import shutil
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
 from spectrabox.radiometry.charts.layout_names import is_layout_file
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import InputError
@@ -159,10 +161,12 @@ def _write(order: FlatOrder, folder: Path) -> None:
     for key, path in (("chart", order.chart), ("flat", order.flat_field)):
         if path is not None:
             photos[key] = _copied(path, folder, "photos")
-    light = _spectrum(order.light, folder)
+    light, orientation = _spectrum(order.light, folder), _orientation(order.photo, folder)
     lines = ["#:schema ./session.schema.json", "", "[session]",
              f"name = {_quoted(_name(order.photo))}", "", "[photos]",
-             *(f"{key} = {_quoted(name)}" for key, name in photos.items()), "", "[light]",
+             *(f"{key} = {_quoted(name)}" for key, name in photos.items()),
+             # of all photos: a camera that looks down states any orientation
+             *([] if orientation == AS_READ else [f"orientation = {orientation}"]), "", "[light]",
              f"spectrum = {_quoted(light)}", ""]
     if chart := _chart(order, folder):
         lines += ["[chart]", *(f"{key} = {value}" for key, value in chart.items()), ""]
@@ -200,6 +204,17 @@ def _write(order: FlatOrder, folder: Path) -> None:
     write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
     if not (folder / SCHEMA_NAME).exists():
         write_schema(folder)
+
+
+def _orientation(photo: Path, folder: Path) -> int:
+    """How photos are turned: as the first states, or as in the session that is written anew, whose
+    regions must not move.
+    """
+    written = folder / FILE_NAME
+    if not written.exists():
+        return photo_orientation(photo)
+    with written.open("rb") as file:
+        return int(tomllib.load(file)["photos"].get("orientation", AS_READ))
 
 
 def _chart(order: FlatOrder, folder: Path) -> dict[str, str]:

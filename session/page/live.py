@@ -18,7 +18,9 @@ import numpy as np
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import Registration, find_edges
+from spectrabox.measure.colour_comparison import compare_colours
 from spectrabox.measure.flat import RegionSignal, signal_of_region
+from spectrabox.measure.metamers import LIGHTS
 from spectrabox.measure.surface_signals import errors_by_cause
 from spectrabox.measure.surface_spectra import DrawOptions
 from spectrabox.measure.white import FlatErrors, FlatPhoto
@@ -31,7 +33,7 @@ from spectrabox.radiometry.system.words import shortened
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.config.session_schema import RegionSection, SessionConfig, ViewInputs
 from spectrabox.session.keys import stage_keys
-from spectrabox.session.page.photo_views import PhotoViews
+from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.stages.inputs import OpenPhotos, band_names, read_photo, read_reflectance
 from spectrabox.session.stages.photo_stage import (
@@ -138,6 +140,22 @@ class Conditions:
             posterior.variance_shares(errors_by_cause(signal.signals, 0)))
 
 
+    def compared(self, picked: Sequence[tuple[str, RegionSection]]) -> dict[str, Any]:
+        """Two parts of photos beside each other, each with its title."""
+        (first, region), (second, other) = picked
+        both = compare_colours(self.signal("pointer", region), self.signal("pointer", other),
+                               (region.families, other.families))
+        return {"names": [first, second], "distinct": both.distinct,
+                "says": both.sentence,
+                "spectra": [{"nm": PRIOR_GRID.nm.tolist(), "mean": _rounded(mean)}
+                            for mean in both.spectra],
+                "lights": [
+                    {"light": light, "hex": [hex_colour(colour) for colour in srgb],
+                     "delta_e00": round(float(delta), 2), "error": round(float(error), 2)}
+                    for light, srgb, delta, error in zip(
+                        LIGHTS, both.srgb, both.delta_e00, both.standard_error, strict=True)]}
+
+
 class LiveSample:
     """What a flat session's page knows while it is open.
 
@@ -215,13 +233,35 @@ class LiveSample:
             Before the calibration is there.
         """
         conditions = self._require_ready()
-        titles = [view.title for view in conditions.config.all_views]
-        if role not in titles:
-            return {"refused": "a photo of the samples is needed"}
-        x0, y0, x1, y1 = rect
-        region = RegionSection(rect=(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),
-                               photo=role if len(titles) > 1 else None)
-        return answered_or_refused(lambda: conditions.pointed(region))
+        return answered_or_refused(lambda: conditions.pointed(part_of(conditions.config, role,
+                                                                      rect)))
+
+    def compare(self, picked: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        """Two picked colours beside each other.
+
+        Parameters
+        ----------
+        picked : two mappings
+            Each the ``name`` of a region, or ``role`` and ``rect`` as of ``point``.
+
+        Raises
+        ------
+        CheckError
+            Before the calibration is there.
+        InputError
+            If there is no such region, or they are not two.
+        """
+        conditions = self._require_ready()
+        regions = conditions.config.regions
+        if len(picked) != 2:
+            raise InputError("pick two colours to compare")
+        for one in picked:
+            if "name" in one and one["name"] not in regions:
+                raise InputError(f"there is no region {shortened(str(one['name']))}")
+        return answered_or_refused(lambda: conditions.compared(
+            [(one["name"], regions[one["name"]]) if "name" in one else
+             (f"point {number}", part_of(conditions.config, one["role"], one["rect"]))
+             for number, one in enumerate(picked, start=1)]))
 
     def region(self, name: str) -> dict[str, Any]:
         """The spectrum of a region of the session, which is the one of its report.
@@ -289,14 +329,16 @@ class LiveSample:
             self._conditions = None
             self._begin(wanted)
         shown = fingerprint({"files": keys["photo"]["files"]} | {
-            name: keys["photo"]["settings"][name] for name in ("photos", "not_linear", "flats")})
+            name: keys["photo"]["settings"][name]
+            for name in ("photos", "not_linear", "flats", "orientation")})
         if self._images[0] != shown:
             images = {}
             for view in config.all_views:
                 images[view.name] = read_photo(config, view.photo)[0]
                 if len(view.photo_files) == 1 and not (config.photos.flats
                                                        or config.photos.dark_files):
-                    self._views.keep(config.path(view.photo_files[0]), images[view.name])
+                    self._views.keep(PhotoFile(config.path(view.photo_files[0]),
+                                               config.photos.orientation), images[view.name])
             self._images = (shown, images)
         if len(done) == 2:
             key = wanted + shown
@@ -329,6 +371,30 @@ def calibrated_alike(config: SessionConfig, other: SessionConfig) -> bool:
     """Whether two versions of a session.toml have one calibration."""
     return config.model_dump_json(exclude=AFTER_CALIBRATION) == other.model_dump_json(
         exclude=AFTER_CALIBRATION)
+
+
+def part_of(config: SessionConfig, role: str, rect: Sequence[float]) -> RegionSection:
+    """A rectangle of a photo that is no region yet.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    role : str
+        Title of the photo.
+    rect : (x0, y0, x1, y1)
+        In its pixels.
+
+    Raises
+    ------
+    InputError
+        If the photo shows no samples.
+    """
+    titles = [view.title for view in config.all_views]
+    if role not in titles:
+        raise InputError("a photo of the samples is needed")
+    x0, y0, x1, y1 = rect
+    return RegionSection(rect=(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),
+                         photo=role if len(titles) > 1 else None)
 
 
 def answered_or_refused(estimate: Callable[[], dict[str, Any]]) -> dict[str, Any]:
@@ -409,10 +475,14 @@ def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: 
 
 def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:
     """A reflectance (P,) and its colour under D65."""
-    srgb = reflectance_to_srgb(nm, reflectance)
     return {"nm": nm.tolist(), "mean": _rounded(reflectance),
             "lab": _rounded(reflectance_to_lab(nm, reflectance)),
-            "hex": "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)}
+            "hex": hex_colour(reflectance_to_srgb(nm, reflectance))}
+
+
+def hex_colour(srgb: np.ndarray) -> str:
+    """Encoded sRGB (3,), 0 to 1, as CSS writes it."""
+    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)
 
 
 def _largest(shares: Mapping[str, float]) -> list[tuple[str, float]]:

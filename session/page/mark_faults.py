@@ -9,7 +9,7 @@ from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.check import readable, require_chart
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.page.photo_views import PhotoViews
+from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.stages.inputs import (
     power_of,
     read_chart_reference,
@@ -52,14 +52,14 @@ def _region(config: SessionConfig, name: str, photos: PhotoViews) -> None:
         region, files = config.regions_in(view).get(name), view.photo_files
         if region is None:
             continue
-        path = config.path(files[0])
-        photo = readable(photos.photo, path)
+        file = PhotoFile(config.path(files[0]), config.photos.orientation)
+        photo = readable(photos.photo, file)
         if photo is None:
             continue
         # of several files a shorter exposure may hold what is clipped
-        saturated = photos.clipped(path) if len(files) == 1 else np.zeros(photo.signal.shape, bool)
+        saturated = photos.clipped(file) if len(files) == 1 else np.zeros(photo.signal.shape, bool)
         region_pixels(saturated, photo.step, np.array(region.outline(), dtype=float),
-                      f"photo {path.name}: region {name!r}")
+                      f"photo {file.path.name}: region {name!r}")
 
 
 def _chart(config: SessionConfig) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.image_files import is_image_file, write_jpeg, write_png
 from spectrabox.capture.photo.linear import signal_alone, tile_step
+from spectrabox.capture.photo.orientation import AS_READ, turned, turned_array
 from spectrabox.capture.photo.preview import signal_rgb8, whites
 from spectrabox.capture.photo.raw import decode
 from spectrabox.radiometry.errors import InputError
@@ -21,8 +22,16 @@ from spectrabox.radiometry.records import LinearImage, RawFrame
 MAX_OPEN = 3            # photos kept decoded
 MAX_SIDE = 1600         # px, of the picture that is shown whole
 MAX_CROP = 800          # px, of a part
-FileKey = tuple[Path, int, int]         # with its time and its length
+FileKey = tuple[Path, int, int, int]    # with its orientation, time and length
 Kept = TypeVar("Kept")
+
+
+@dataclass(frozen=True)
+class PhotoFile:
+    """A photo's file, and how it is turned."""
+
+    path: Path
+    orientation: int = AS_READ      # as EXIF numbers it
 
 
 @dataclass(frozen=True)
@@ -55,7 +64,7 @@ class PhotoViews:
         self._clipped: dict[FileKey, np.ndarray] = {}
         self._lock = threading.Lock()
 
-    def photo(self, path: Path) -> OpenPhoto:
+    def photo(self, file: PhotoFile) -> OpenPhoto:
         """The photo of a file.
 
         Raises
@@ -63,11 +72,11 @@ class PhotoViews:
         InputError
             If it cannot be read.
         """
-        key = _key(path)
+        key = _key(file)
         with self._lock:        # of two that ask for one photo the second waits for it
-            return _kept(self._photos, key, lambda: _opened(path))
+            return _kept(self._photos, key, lambda: _opened(file))
 
-    def clipped(self, path: Path) -> np.ndarray:
+    def clipped(self, file: PhotoFile) -> np.ndarray:
         """Which bands (H, W, K) of a photo are clipped; worked out when it is first asked for.
 
         Raises
@@ -75,32 +84,33 @@ class PhotoViews:
         InputError
             If it cannot be read.
         """
-        key = _key(path)
+        key = _key(file)
         with self._lock:
-            return _kept(self._clipped, key, lambda: open_any(path, not_linear=True).saturated)
+            return _kept(self._clipped, key, lambda: turned_array(
+                open_any(file.path, not_linear=True).saturated, file.orientation))
 
-    def keep(self, path: Path, image: LinearImage) -> None:
+    def keep(self, file: PhotoFile, image: LinearImage) -> None:
         """Take a photo that has been developed elsewhere in place of decoding it again.
 
         Parameters
         ----------
-        path : Path
+        file : PhotoFile
         image : LinearImage
-            Of this file alone, without dark frame or flat field.
+            Of this file alone, turned, without dark frame or flat field.
         """
-        key = _key(path)
+        key = _key(file)
         with self._lock:
             _kept(self._photos, key, lambda: OpenPhoto(image.signal, image.sensor_step,
                                                        whites(image.signal)))
             _kept(self._clipped, key, lambda: image.saturated)
 
-    def whole(self, path: Path) -> bytes:
+    def whole(self, file: PhotoFile) -> bytes:
         """JPEG of the photo, at most ``MAX_SIDE`` pixels a side."""
-        photo = self.photo(path)
+        photo = self.photo(file)
         factor = max(1, int(np.ceil(max(photo.signal.shape[:2]) / MAX_SIDE)))
         return encoded(signal_rgb8(photo.signal, factor, photo.white), write_jpeg, ".jpg")
 
-    def part(self, path: Path, left: float, top: float, side: float) -> bytes:
+    def part(self, file: PhotoFile, left: float, top: float, side: float) -> bytes:
         """PNG of a square of the photo, its pixels as they are.
 
         Parameters
@@ -108,7 +118,7 @@ class PhotoViews:
         left, top, side : float
             In pixels of the sensor; what lies outside the photo is black.
         """
-        photo = self.photo(path)
+        photo = self.photo(file)
         first_row, first_column = round(top / photo.step), round(left / photo.step)
         count = min(max(round(side / photo.step), 1), MAX_CROP)
         cut = np.zeros((count, count, 3), np.uint8)
@@ -122,7 +132,7 @@ class PhotoViews:
                     shown, white=photo.white)
         return encoded(cut, write_png, ".png")
 
-    def value(self, path: Path, x: float, y: float) -> dict[str, object]:
+    def value(self, file: PhotoFile, x: float, y: float) -> dict[str, object]:
         """Signal and clipping of each band at a pixel of the sensor.
 
         Raises
@@ -130,13 +140,13 @@ class PhotoViews:
         InputError
             If it lies outside the photo.
         """
-        photo = self.photo(path)
+        photo = self.photo(file)
         at = photo.cell(x, y)
         if at is None:
             raise InputError(f"({x:.0f}, {y:.0f}) lies outside the photo of {photo.size[0]} x "
                              f"{photo.size[1]} pixels")
         return {"x": x, "y": y, "signal": [float(value) for value in photo.signal[at]],
-                "saturated": [bool(value) for value in self.clipped(path)[at]]}
+                "saturated": [bool(value) for value in self.clipped(file)[at]]}
 
 
 def encoded(rgb8: np.ndarray, write: Callable[[Path, np.ndarray], None], suffix: str) -> bytes:
@@ -147,12 +157,12 @@ def encoded(rgb8: np.ndarray, write: Callable[[Path, np.ndarray], None], suffix:
         return path.read_bytes()
 
 
-def _key(path: Path) -> FileKey:
+def _key(file: PhotoFile) -> FileKey:
     try:
-        stat = path.stat()
+        stat = file.path.stat()
     except OSError as error:
-        raise InputError(f"{path.name} cannot be read ({error.strerror})") from None
-    return path, stat.st_mtime_ns, stat.st_size
+        raise InputError(f"{file.path.name} cannot be read ({error.strerror})") from None
+    return file.path, file.orientation, stat.st_mtime_ns, stat.st_size
 
 
 def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) -> Kept:
@@ -165,12 +175,12 @@ def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) ->
     return known[key]
 
 
-def _opened(path: Path) -> OpenPhoto:
+def _opened(file: PhotoFile) -> OpenPhoto:
     """A raw's signal alone, which takes half the time; any other file as it is opened elsewhere."""
-    if not is_image_file(path):
-        frame = decode(path)
+    if not is_image_file(file.path):
+        frame = decode(file.path)
         if isinstance(frame, RawFrame):
-            signal = signal_alone(frame)
+            signal = turned_array(signal_alone(frame), file.orientation)
             return OpenPhoto(signal, float(tile_step(frame.cfa, frame.file)), whites(signal))
-    image = open_any(path, not_linear=True)
+    image = turned(open_any(file.path, not_linear=True), file.orientation)
     return OpenPhoto(image.signal, image.sensor_step, whites(image.signal))

@@ -23,6 +23,7 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from spectrabox.capture.photo.linear import photo_size
+from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import whole_file, writable
@@ -45,7 +46,7 @@ from spectrabox.session.page.marks import (
     marks_of,
     photos_of,
 )
-from spectrabox.session.page.photo_views import PhotoViews
+from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
 from spectrabox.session.pipeline import stage_states
@@ -129,7 +130,7 @@ class SessionPage:
                 "exports": list(self.exports()),
                 "shooting": None if self.shooting is None else self.shooting.state()}
 
-    def photo_path(self, role: str) -> Path:
+    def photo_file(self, role: str) -> PhotoFile:
         """File of a photo by what it is, or of a new shot of the watched folder.
 
         Raises
@@ -139,13 +140,15 @@ class SessionPage:
         """
         kind, _, name = role.partition(":")
         if kind == "shot" and self.shooting is not None:
-            return self.shooting.path(name)
-        named = photos_of(_toml_of(self.marks.read()[0]))
+            shot = self.shooting.path(name)
+            return PhotoFile(shot, photo_orientation(shot))
+        written = _toml_of(self.marks.read()[0])
+        named = photos_of(written)
         path = self._inside(named[role]) if role in named else None
         if path is None:
             raise InputError(f"the session has no photo {shortened(role)}; it has "
                              f"{', '.join(named)}")
-        return path
+        return PhotoFile(path, _orientation(written))
 
     def exports(self) -> dict[str, Path]:
         """Files with spectra that the last report left, by name in the session."""
@@ -448,24 +451,28 @@ def session_routes(page: SessionPage,
             return page.state()
         return answer
 
-    def of_photo(work: Callable[[Path, Any], Any]) -> Callable[[Any], Any]:
-        return lambda asked: work(page.photo_path(asked["role"]), asked)
+    def of_photo(work: Callable[[PhotoFile, Any], Any]) -> Callable[[Any], Any]:
+        return lambda asked: work(page.photo_file(asked["role"]), asked)
 
     return [
         Route("/", index), Route("/page", shell), Route("/report", report),
         Route("/api/export", export),
         Route("/api/state", answered(lambda asked: page.state())),
-        Route("/api/photo", answered(of_photo(lambda path, asked: page.photos.whole(path)))),
+        Route("/api/photo", answered(of_photo(lambda file, asked: page.photos.whole(file)))),
         Route("/api/size", answered(of_photo(
-            lambda path, asked: {"size": page.photos.photo(path).size,
-                                 "bands": page.photos.photo(path).signal.shape[2]}))),
-        Route("/api/part", answered(of_photo(lambda path, asked: page.photos.part(
-            path, *(_pixels(asked, name) for name in ("left", "top", "side")))))),
-        Route("/api/value", answered(of_photo(lambda path, asked: page.photos.value(
-            path, _pixels(asked, "x"), _pixels(asked, "y"))))),
+            lambda file, asked: {"size": page.photos.photo(file).size,
+                                 "bands": page.photos.photo(file).signal.shape[2]}))),
+        Route("/api/part", answered(of_photo(lambda file, asked: page.photos.part(
+            file, *(_pixels(asked, name) for name in ("left", "top", "side")))))),
+        Route("/api/value", answered(of_photo(lambda file, asked: page.photos.value(
+            file, _pixels(asked, "x"), _pixels(asked, "y"))))),
         Route("/api/spectrum", answered(lambda asked: page.live.point(
             asked["role"], [_pixels(asked, name) for name in ("x0", "y0", "x1", "y1")]))),
         Route("/api/region", answered(lambda asked: page.live.region(asked["name"]))),
+        Route("/api/compare", answered(lambda asked: page.live.compare([
+            one if "name" in one else {"role": one["role"], "rect": [
+                _pixels(one, name) for name in ("x0", "y0", "x1", "y1")]}
+            for one in asked["picked"]])), methods=["POST"]),
         Route("/api/mark", answered(changed(
             lambda asked: page.marks.apply(asked["mark"], asked["digest"]))), methods=["POST"]),
         Route("/api/undo", answered(changed(
@@ -581,6 +588,12 @@ def _toml_of(text: str) -> dict[str, Any]:
         return tomllib.loads(text_of(text.encode()))
     except (ValueError, RecursionError):
         return {}
+
+
+def _orientation(written: dict[str, Any]) -> int:
+    photos = written.get("photos")
+    stated = photos.get("orientation") if isinstance(photos, dict) else None
+    return stated if isinstance(stated, int) and 1 <= stated <= 8 else AS_READ
 
 
 def _name(written: dict[str, Any], folder: Path) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.capture.develop.developed import open_any
+from spectrabox.capture.photo.orientation import photo_orientation, turned
 from spectrabox.measure.photo_check import (
     brightest_signal,
     clipped_share,
@@ -135,7 +136,8 @@ class Shooting:
     def _judged(self, name: str, since: float, give_up: bool) -> Shot | None:
         """The verdict; None where the file cannot be read yet."""
         try:
-            image = open_any(self.folder / name, not_linear=True)
+            path = self.folder / name
+            image = turned(open_any(path, not_linear=True), photo_orientation(path))
             reasons, chart = judge_photo(image, self._chart)
         except (SpectraboxError, OSError, MemoryError) as error:
             verdict, reason = RE_SHOOT, describe_error(error)[0]

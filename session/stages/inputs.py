@@ -245,7 +245,8 @@ def read_photo(config: SessionConfig, photo: dict[str, tuple[str, ...]],
         image, said = develop_photos([config.path(name) for name in files], darks,
                                      None if flat is None else config.path(flat),
                                      config.photos.not_linear,
-                                     channels[number] if several else None)
+                                     channels[number] if several else None,
+                                     config.photos.orientation)
         images.append(image)
         notes += [note for note in said if note not in notes]
     if not several:

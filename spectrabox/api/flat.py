@@ -253,7 +253,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     with_chart = opened if chart_photo is None else (
-        chart_photo if isinstance(chart_photo, Photo) else open_photo(chart_photo))
+        chart_photo if isinstance(chart_photo, Photo) else open_photo(
+            chart_photo, orientation=opened.orientation))
     chart, stated = as_chart(layout), as_light(light)
     of_material = _swatches(swatches, regions)
     for name in (*(families or {}), *(known or {}), *of_material):
@@ -355,7 +356,7 @@ def _filtered_photo(file: str | Path, through: Filter, chart: Chart, reflectance
                     outlines: Mapping[str, list[tuple[float, float]]],
                     first: _FirstPhoto) -> _FilteredPhoto:
     """A photo through a filter, registered to the first: its chart, and its regions."""
-    photo = open_photo(file)
+    photo = open_photo(file, orientation=first.photo.orientation)
     if np.array_equal(photo.signal, first.photo.signal):
         raise InputError(f"{file} is the photo without the filter; give the one that was taken "
                          "through it")

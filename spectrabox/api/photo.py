@@ -13,6 +13,7 @@ from spectrabox.api.notebook import axes_for
 from spectrabox.capture.chart.detection import find_chart as detect_chart
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.develop.developed import develop_photos
+from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.camera import chart_signals
 from spectrabox.radiometry.chart import Chart
@@ -36,6 +37,8 @@ class Photo:
         Signal (H, W, K) as a fraction of (white - black), with its variance.
     notes : tuple of str
         What happened while it was developed.
+    orientation : int
+        How it was turned from what the sensor read, as EXIF numbers it: 1 not at all.
 
     References
     ----------
@@ -50,6 +53,7 @@ class Photo:
 
     image: LinearImage
     notes: tuple[str, ...] = ()
+    orientation: int = AS_READ
 
     @property
     def signal(self) -> np.ndarray:
@@ -99,8 +103,9 @@ class Photo:
 
 
 def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] | None = None,
-               flat: str | Path | None = None, not_linear: bool = False) -> Photo:
-    """Open a photo as linear camera signal.
+               flat: str | Path | None = None, not_linear: bool = False,
+               orientation: int | None = None) -> Photo:
+    """Open a photo as linear camera signal, turned upright as other programs show it.
 
     Parameters
     ----------
@@ -112,6 +117,9 @@ def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] |
         An evenly lit white card in the same place; divides the photo.
     not_linear : bool
         Take JPEG and PNG too, decoded as sRGB.
+    orientation : int, optional
+        How to turn it, 1 to 8 as EXIF numbers them: 1 leaves it as the sensor read it. By default
+        as the first file states.
 
     Returns
     -------
@@ -133,9 +141,11 @@ def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] |
     >>> photo = sb.open_photo("painting/photos/painting.dng")
     """
     paths = [Path(one) for one in (photo if isinstance(photo, list) else [photo])]
+    turn = photo_orientation(paths[0]) if orientation is None else orientation
     image, notes = develop_photos(paths, [Path(one) for one in dark or []],
-                                  None if flat is None else Path(flat), not_linear)
-    return Photo(image, tuple(notes))
+                                  None if flat is None else Path(flat), not_linear,
+                                  orientation=turn)
+    return Photo(image, tuple(notes), turn)
 
 
 @dataclass(frozen=True, eq=False)

@@ -182,7 +182,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     ...     camera=camera, light="mybox/spectra/light.csv",
     ...     materials=["white", "green", "red", "cube"], width=48)
     """
-    opened = photo if isinstance(photo, Photo) else open_photo(photo)
+    opened = photo if isinstance(photo, Photo) else open_photo(photo, orientation=1)
     spectrum, scale, glare = as_spectrum(light), None, np.zeros(1)
     if isinstance(camera, CameraEstimate):
         calibration = replace(camera.calibration, light=spectrum)

@@ -1,6 +1,6 @@
 // What the page shows, from what the server says of the session; the server keeps all that lasts.
 import { PhotoView } from "./photo.js";
-import { details, labWords, plot, swatch } from "./spectrum.js";
+import { comparison, details, labWords, plot, swatch } from "./spectrum.js";
 
 const base = location.pathname.replace(/\/(page)?$/, "");     // of this session, where one server has several
 const token = handedToken();
@@ -8,6 +8,7 @@ const $ = (id) => document.getElementById(id);
 const HINTS = {
   look: "Wheel or two fingers zoom, dragging moves. Arrow keys, + and - do the same.",
   region: "Drag a rectangle over one colour; its spectrum is shown at once. Click a region to move or size it. Space or the middle button moves the photo.",
+  compare: "Click two colours, marked or not, here or in the list: they are shown side by side under five lights.",
   chart: "Four corners in the order of the chart: of a ColorChecker dark skin, bluish green, black, white.",
   box: "Six corners or more, each by its name; then Save. A fov_deg in session.toml is taken as known: delete the line if it is not yours.",
   reference: "Four corners of a neutral reference that both photos show.",
@@ -18,6 +19,7 @@ const MIN_SIDE = 12;            // and its least, in pixels of the photo
 const STAGE_WORDS = { chart: "finding the chart", photo: "reading the photo", calibrate: "calibrating camera and light" };
 const STATE_WORDS = { missing: "not run yet", stale: "to run again" };
 let state = null, role = "", mode = "look", named = [], asking = false, reportStamp = null, size = [1, 1];
+let picks = [];                 // at most two: {name}, or {role, x0, y0, x1, y1, at}
 let spectra = {}, spectraOf = "", saving = false, chosenMode = false;
 
 // The token leaves the address bar; this tab keeps it, so that the page can be loaded again.
@@ -57,7 +59,7 @@ function button(text, does, current) {
 const view = new PhotoView($("canvas"), { onPoint: point, onPointer: pointer, onDraw: pointAt, onRect: addRect, onEdit: moveRegion, onSelect: showMarks });
 
 async function open(chosen) {
-  role = chosen; clearPoints(); say(`opening ${chosen} …`);
+  role = chosen; clearPoints(); showPicks(); say(`opening ${chosen} …`);
   try {
     const about = `role=${encodeURIComponent(chosen)}`;
     const [pixels, { size: of }] = await Promise.all([ask(`/api/photo?${about}`).then((a) => a.blob()), get(`/api/size?${about}`)]);
@@ -102,8 +104,7 @@ const outside = ([x, y]) => !role || x < -0.5 || y < -0.5 || x > size[0] - 0.5 |
 function pointer([x, y]) {
   clearTimeout(waiting);
   if (outside([x, y])) { $("values").textContent = "\u00a0"; return; }
-  const half = Math.max(POINTER_PX * view.perPixel(), MIN_SIDE) / 2;
-  pointAt([view.inside([x - half, y - half]), view.inside([x + half, y + half])]);
+  pointAt(squareAt([x, y]));
   waiting = setTimeout(async () => {
     const about = `role=${encodeURIComponent(role)}`;
     try {
@@ -116,6 +117,29 @@ function pointer([x, y]) {
       c.strokeStyle = "#00e5ff"; c.strokeRect(88, 88, 16, 16);
     } catch { /* the pointer has gone on */ }
   }, 60);
+}
+
+// ---- two colours beside each other
+function squareAt([x, y]) {
+  const half = Math.max(POINTER_PX * view.perPixel(), MIN_SIDE) / 2;
+  return [view.inside([x - half, y - half]), view.inside([x + half, y + half])];
+}
+async function pick(one) {
+  picks = [...picks, one].slice(-2); showPicks();
+  if (picks.length < 2) return;
+  try {
+    const asked = picks, answer = await (await ask("/api/compare", { method: "POST", body: JSON.stringify({ picked: asked }) })).json();
+    if (picks === asked) fill("comparison", answer.refused ? [words("p", answer.refused, "bad")] : comparison(answer));
+  } catch (error) { fill("comparison", [words("p", error.message, "bad")]); }
+}
+function pickAt(at) {
+  const name = view.outlineAt(at), [[x0, y0], [x1, y1]] = squareAt(at);
+  return pick(name ? { name } : { role, x0, y0, x1, y1, at });
+}
+function showPicks() {
+  $("compare").hidden = mode !== "compare";
+  if (picks.length < 2) fill("comparison", [words("p", picks.length ? "Click the second colour." : "Click two colours.", "soft")]);
+  view.picks = picks.flatMap(({ role: of, at, name }, i) => name ? [] : of === role ? [{ at, label: `point ${i + 1}` }] : []); view.draw();
 }
 
 // ---- marking
@@ -145,6 +169,7 @@ async function undo() { if (state?.undo && await send("/api/undo", {})) say("tak
 
 async function point(at) {
   if (mode === "look" || !role || outside(at)) return;
+  if (mode === "compare") { if (state.live?.ready) await pickAt(at); return; }
   if (mode === "box") { named = named.filter(([name]) => name !== $("corner").value); named.push([$("corner").value, at]);
     view.points = named.map(([, position]) => position); nextCorner(); view.draw(); show(); return; }
   if (mode === "region" && view.selected && !$("polygon").checked && !view.points.length) return;
@@ -173,7 +198,7 @@ async function save() {
 function clearPoints() { named = []; view.points = []; view.draw(); }
 
 function choose(nextMode) {
-  mode = nextMode; view.select(""); clearPoints(); setDrawing();
+  mode = nextMode; view.select(""); clearPoints(); setDrawing(); picks = []; showPicks();
   for (const one of document.querySelectorAll("[data-mode]")) one.setAttribute("aria-pressed", String(one.dataset.mode === nextMode));
   $("hint").textContent = HINTS[nextMode]; show();
 }
@@ -225,6 +250,7 @@ function show() {
     ? button(`${one}: ${file}`, () => open(one), one === role) : words("span", `${one}: ${file} is not there yet`, "missing"))));
   $("undo").disabled = !state.undo; $("stop").disabled = !run.running;
   $("run").disabled = (run.running && !run.until) || run.waiting || state.problems.length > 0 || (live && !regions.length);
+  document.querySelector('[data-mode="compare"]').hidden = !live;
   document.querySelector('[data-mode="box"]').hidden = !state.corner_names.length;
   $("name-label").hidden = $("polygon-label").hidden = mode !== "region"; $("corner-label").hidden = mode !== "box";
   $("mark-name").placeholder = nextName();
@@ -284,10 +310,13 @@ function regionItem(name) {
   input.value = name; input.size = 14; input.dataset.name = name; input.setAttribute("aria-label", `Name of ${name}`);
   input.addEventListener("change", () => rename(name, input.value.trim(), input));
   input.addEventListener("keydown", (event) => { if (event.key === "Enter") $("canvas").focus({ preventScroll: true }); });
-  input.addEventListener("focus", () => view.select(name));
+  input.addEventListener("focus", () => { if (mode !== "compare") view.select(name); });
   const drop = button("×", () => removeRegion(name)); drop.setAttribute("aria-label", `Remove ${name}`);
   head.append(input, drop); one.append(head, body, ...(state.live ? [statedOf(name)] : []));
-  one.addEventListener("click", (event) => { if (!event.target.closest("input, button, select")) view.select(name); });
+  one.addEventListener("click", ({ target }) => {
+    if (mode === "compare" && !target.closest("button, details")) pick({ name });
+    else if (!target.closest("input, button, select")) view.select(name);
+  });
   return one;
 }
 

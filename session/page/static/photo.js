@@ -8,7 +8,7 @@ export class PhotoView {
     this.canvas = canvas; this.context = canvas.getContext("2d");
     Object.assign(this, { onPoint, onPointer, onRect, onDraw, onEdit, onSelect });
     this.image = null; this.size = [1, 1]; this.scale = 1; this.left = 0; this.top = 0;
-    this.outlines = []; this.points = []; this.patches = []; this.selected = ""; this.draws = false;
+    this.outlines = []; this.points = []; this.patches = []; this.picks = []; this.selected = ""; this.draws = false;
     this.drag = null; this.rubber = null; this.space = false; this.fingers = new Map(); this.pinch = null;
     canvas.addEventListener("wheel", (event) => { event.preventDefault();
       this.zoom(event.deltaY < 0 ? 1.25 : 0.8, this.at(event)); }, { passive: false });
@@ -140,6 +140,7 @@ export class PhotoView {
     }
     const chosen = this.selectedOutline();
     if (chosen) for (const handle of this.handles({ ...chosen, outline: this.drag?.edit?.outline ?? chosen.outline })) this.square(handle);
+    for (const { at, label } of this.picks) { this.cross(at, "#fff"); this.label(label, at, "#fff"); }
     if (this.rubber) this.path(rectOutline(this.rubber), "", "#00e5ff", true);
     if (this.points.length) this.path(this.points, "", "#00e5ff", false);
     for (const point of this.points) this.cross(point, "#00e5ff");
@@ -152,8 +153,11 @@ export class PhotoView {
       outline.forEach(([x, y], i) => { const [u, v] = this.put(x, y); i ? c.lineTo(u, v) : c.moveTo(u, v); });
       if (closed) c.closePath(); c.stroke();
     }
-    if (name) { const [u, v] = this.put(...outline[0]); c.font = "14px system-ui"; c.lineWidth = 4; c.strokeStyle = "#000";
-      c.strokeText(name, u + 6, v - 6); c.fillStyle = colour; c.fillText(name, u + 6, v - 6); }
+    if (name) this.label(name, outline[0], colour);
+  }
+  label(text, at, colour) {
+    const c = this.context, [u, v] = this.put(...at); c.font = "14px system-ui"; c.lineWidth = 4; c.strokeStyle = "#000";
+    c.strokeText(text, u + 6, v - 6); c.fillStyle = colour; c.fillText(text, u + 6, v - 6);
   }
   square([x, y]) {
     const c = this.context, [u, v] = this.put(x, y), half = HANDLE * 0.6;

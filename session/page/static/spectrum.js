@@ -51,3 +51,26 @@ export function details({ families, causes, light, notes, next_nm: next, given }
   if (next) told.push(["A reading would tell most at", `${next.toFixed(0)} nm`]);
   return [...told, ...notes.map((note) => ["Note", note])];
 }
+
+const LIGHTS = { D65: "daylight (D65)", A: "incandescent (A)", FL11: "fluorescent (FL11)", "LED-B3": "white LED (LED-B3)", "LED-RGB1": "RGB LED (LED-RGB1)" };
+
+// Two colours under five lights: both swatches touch, as the eye compares best.
+export function comparison({ names, lights, spectra, says, distinct }) {
+  const table = document.createElement("table"), head = table.createTHead().insertRow();
+  for (const title of ["Light", `${names[0]} | ${names[1]}`, "\u0394E00"]) {
+    const cell = document.createElement("th"); cell.scope = "col"; cell.textContent = title; head.append(cell); }
+  const body = table.createTBody();
+  for (const { light, hex, delta_e00: delta, error } of lights) {
+    const row = body.insertRow(), both = row.insertCell();
+    row.insertBefore(Object.assign(document.createElement("th"), { scope: "row", textContent: LIGHTS[light] ?? light }), both);
+    both.append(pairOf(hex)); row.insertCell().textContent = `${one(delta)} ± ${one(error)}`;
+  }
+  const verdict = document.createElement("p"); verdict.className = distinct ? "" : "bad"; verdict.textContent = says;
+  return [plot(`Reflectances of ${names[0]} and ${names[1]} over wavelength in nm`, spectra[0], [spectra[1]]), verdict, table];
+}
+
+function pairOf(hex) {
+  const svg = node("svg", { class: "pair", viewBox: "0 0 64 20", role: "img", "aria-label": `colours ${hex[0]} and ${hex[1]}` });
+  hex.forEach((colour, i) => svg.append(node("rect", { x: 32 * i, width: 32, height: 20, fill: colour })));
+  return svg;
+}
