@@ -4,6 +4,8 @@ import json
 import os
 import shutil
 import subprocess
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import OpenImageIO as oiio
@@ -19,7 +21,13 @@ from spectrabox.calibrate.colour_profile import (
     fit_transform,
     stated_transform,
 )
-from spectrabox.measure.colour_profile import (
+from spectrabox.fixtures.demos.flat_demo import write_flat_demo
+from spectrabox.measure.profiles.archive_quantities import (
+    ChartColours,
+    archive_quantities,
+    chart_colours,
+)
+from spectrabox.measure.profiles.colour_profile import (
     FRESH,
     MATRIX,
     STATED,
@@ -32,8 +40,10 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.profiles.icc_profile import SPACES, space_profile_bytes
 from spectrabox.radiometry.profiles.ocio_config import aces_from_d50
 from spectrabox.radiometry.profiles.profile_files import write_profile
+from spectrabox.radiometry.records import PatchSamples, Quantity
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published_sets
+from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, spectrum_on_grid
 from spectrabox.session.cli import app
 
 GRID = visible_grid(5)
@@ -192,6 +202,81 @@ def test_a_fitted_camera_gives_its_profile_with_spreads(_captured, tmp_path):
     assert profile.save(tmp_path / "a.icc", "demo") == (tmp_path / "a.icc",)
     with pytest.raises(sb.InputError, match=r"ends in \.icc, \.clf, \.ocio"):
         profile.save(tmp_path / "a.pdf", "demo")
+
+
+@pytest.fixture(scope="module")
+def painting(tmp_path_factory):
+    """A finished session of the flat demo, with what ``spectrabox colour`` wrote and answered."""
+    folder = tmp_path_factory.mktemp("colour") / "painting"
+    write_flat_demo(folder)
+    assert CliRunner().invoke(app, ["run", str(folder)]).exit_code == 0
+    result = CliRunner().invoke(app, ["colour", str(folder), "--json"])
+    assert result.exit_code == 0, result.output
+    return folder, json.loads(result.stdout)
+
+
+def test_the_photo_shows_the_colours_that_its_surfaces_have(painting):
+    folder, facts = painting
+    with Image.open(folder / "colour" / "photo.tif") as small:
+        profile = ImageCms.ImageCmsProfile(io.BytesIO(small.info["icc_profile"]))
+    assert ImageCms.getProfileDescription(profile).strip() == facts["space"] == "ProPhoto RGB"
+    photo = oiio.ImageBuf(str(folder / "colour" / "photo.tif"))
+    assert photo.spec().format == oiio.UINT16
+    code = photo.get_pixels(oiio.FLOAT)
+    session = tomllib.loads((folder / "session.toml").read_text(encoding="utf-8"))
+    differences = []
+    for region in session["regions"].values():
+        if "truth" not in region:
+            continue
+        spectrum = spectrum_on_grid(read_spectrum(folder / region["truth"],
+                                                  role=Quantity.REFLECTANCE), GRID)
+        x0, y0, x1, y1 = (round(edge / 2) for edge in region["rect"])       # tiles of 2 x 2
+        linear = np.mean(code[y0:y1, x0:x1].astype(float) ** 1.8, axis=(0, 1))
+        shown = lab_from_xyz(SPACES["prophoto"].to_xyz @ linear, D50)
+        differences.append(ciede2000(shown, lab_from_xyz(d50_weights(GRID) @ spectrum, D50)))
+    assert len(differences) >= 4
+    # the table's own error on paint, and that of the light in the samples' plane (3 % of Y)
+    expected = facts["delta_e00"][TABLE]["1000 surfaces of paint"]
+    assert np.mean(differences) < expected["mean"]["value"] + 1.0
+    assert max(differences) < expected["percentile_95"]["value"] + 1.5
+
+
+def test_the_page_for_the_archive_states_limits_and_claims_no_more(painting):
+    folder, facts = painting
+    page = (folder / "colour" / "archive.html").read_text(encoding="utf-8")
+    assert "It is no certificate" in page and "gain modulation" in page
+    by_name = {one["name"]: one for one in facts["archive"]}
+    mean = by_name["Colour accuracy, mean"]
+    assert mean["value"] == facts["chart"]["mean"] and f"{mean['value']:.3g}" in page
+    assert mean["limits"]["FADGI 2023"]["4 stars"] == 2
+    assert not by_name["Noise"]["limits"] and by_name["Noise"]["value"] > 0
+
+
+@pytest.mark.parametrize("value, grade", [(1.9, "4 stars"), (2.0, "4 stars"), (2.1, "3 stars"),
+                                          (6.5, "1 star"), (6.6, "beyond 1 star")])
+def test_a_grade_is_the_strictest_whose_limit_is_kept(value, grade):
+    colours = ChartColours(("a",), np.array([[50.0, 0, 0]]), np.array([[50.0, 0, 0]]),
+                           np.zeros(1), (), None)
+    mean, *_ = archive_quantities(colours, np.array([[[1.0]], [[0.0]]]))
+    assert replace(mean, value=value).grade("FADGI 2023") == grade
+
+
+def test_noise_in_lightness_is_that_of_the_pixels():
+    rng = np.random.default_rng(5)
+    transform = fit_transform(response_of(), SURFACES["CES99"], GRID, 3)
+    signal, pixels, sigma = np.array([0.3, 0.32, 0.28]), 400, 0.01
+    cells = signal + sigma * rng.standard_normal((40_000, 3))
+    samples = PatchSamples(signal[None], np.eye(3)[None] * sigma**2 / pixels, np.array([pixels]),
+                           np.zeros((1, 3)), np.zeros((1, 3)))
+    chart = chart_colours(samples, np.ones((1, 3)), np.zeros(3), np.full((1, 301), 0.3), transform,
+                          ("grey",), (0,), None)
+    # to first order; the standard deviation of 40,000 values is known to 0.4 %
+    np.testing.assert_allclose(chart.noise, transform.lab(cells)[:, 0].std(), rtol=0.03)
+
+
+def test_a_scene_is_sent_to_camera_profile(_finished):
+    result = CliRunner().invoke(app, ["colour", str(_finished)])
+    assert result.exit_code == 3 and "spectrabox camera profile" in result.stderr
 
 
 def test_camera_profile_writes_them_and_states_their_errors(tmp_path):

@@ -469,6 +469,27 @@ def write_jpeg(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
     _write_for_screen(Path(path), rgb8, {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"})
 
 
+def write_tiff16(path: str | os.PathLike[str], rgb16: np.ndarray, icc_profile: bytes) -> None:
+    """Write a picture (H, W, 3) uint16 as TIFF with the ICC profile that its values are in.
+
+    Parameters
+    ----------
+    path : path
+    rgb16 : (H, W, 3) uint16 array
+    icc_profile : bytes
+
+    Raises
+    ------
+    EnvironmentProblem
+        If the file cannot be written.
+    """
+    spec = oiio.ImageSpec(rgb16.shape[1], rgb16.shape[0], rgb16.shape[2], oiio.UINT16)
+    spec.attribute("compression", "zip")
+    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(icc_profile)}]"),
+                   np.frombuffer(icc_profile, np.uint8))
+    _write(Path(path), np.ascontiguousarray(rgb16, dtype=np.uint16), spec)
+
+
 def _write_for_screen(path: Path, rgb8: np.ndarray, attributes: Mapping[str, int | str]) -> None:
     spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
     for name, value in attributes.items():

@@ -12,7 +12,11 @@ import numpy as np
 from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices
 from spectrabox.capture.photo.raw import decode
 from spectrabox.measure.camera import FITTED_SET, FRESH_SET, camera_profile
-from spectrabox.measure.colour_profile import ColourProfile, colour_profile, response_of_curves
+from spectrabox.measure.profiles.colour_profile import (
+    ColourProfile,
+    colour_profile,
+    response_of_curves,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.profiles.profile_files import FORMS as PROFILE_FORMS

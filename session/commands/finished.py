@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (relight, draws, rehearse, compare, catalogue):
+    for function in (relight, colour, draws, rehearse, compare, catalogue):
         app.command()(function)
 
 
@@ -99,6 +99,40 @@ def relight(request: RelightRequest) -> Answer:
                    "colours": [vars(colour) for colour in relit.colours],
                    "notes": list(notes), "stale": stale},
                   "\n".join([*lines, *notes, f"picture: {png}"]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColourRequest(SessionOptions):
+    """Options of ``spectrabox colour``."""
+
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="DIR", help="Folder of the files; DIR/colour by default.")] = None
+    space: Annotated[Literal["prophoto", "p3"], typer.Option(
+        help="RGB space of the photo: ProPhoto RGB or Display P3.")] = "prophoto"
+    family: Annotated[tuple[str, ...], typer.Option(
+        metavar="FAMILY", help="What the surfaces are: paint, textile, leaves, skin, white, earth "
+        "or animal; by default what the session states. May be repeated.")] = ()
+
+
+@command
+def colour(request: ColourRequest) -> Answer:
+    """Colour management of a finished session of flat samples: the photo as 16-bit TIFF, ICC and
+    OpenColorIO profiles with their errors, and a page for the archive.
+    """
+    from spectrabox.session.colour.colour_outputs import write_colour
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.outputs.run_outputs import require_results
+    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
+    from spectrabox.session.store.locks import outputs_writer
+    config = read_session(request.folder, request.allow_outside)
+    finished = load_finished(config)
+    stale = warn_of_stale_stages(config, tell)
+    digests = finished.result_digests()
+    with outputs_writer(config.folder):
+        facts, text = write_colour(config, finished, request.out or request.folder / "colour",
+                                   request.space, request.family)
+        require_results(finished, digests, "spectrabox colour")
+    return Answer({**facts, "stale": stale}, text)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
-                          "rehearse", "draws"),
+                          "colour", "rehearse", "draws"),
             "Many sessions": ("batch", "compare", "catalogue"),
             "Photos and cameras": ("develop", "chart", "camera", "filter", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),

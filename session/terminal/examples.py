@@ -24,6 +24,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
              "    --white-card 1006,751,1165,806=0.94"),
     "relight": ("spectrabox relight mybox --light FL11 --width 64",
                 "spectrabox relight mybox --light A --width 64 --out evening.png"),
+    "colour": ("spectrabox colour painting", "spectrabox colour painting --space p3 --out p3"),
     "draws": ("spectrabox draws mybox --out draws.npz",
               "spectrabox draws mybox --samples 100 --step 10 --out draws.csv"),
     "rehearse": ("spectrabox rehearse mybox", "spectrabox rehearse mybox --times 20 --seed 2"),

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.measure.colour_profile import (
+from spectrabox.measure.profiles.colour_profile import (
     ColourError,
     colour_profile,
     response_of_calibration,
 )
-from spectrabox.measure.colour_profile import ColourProfile as Profile
+from spectrabox.measure.profiles.colour_profile import ColourProfile as Profile
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.profiles.profile_files import FORMS, write_profile
 from spectrabox.radiometry.records import Calibration
@@ -56,6 +56,10 @@ class ColourProfile:
         ----------
         signals : (..., 3) array
             Of the camera's bands relative to white.
+
+        Returns
+        -------
+        (..., 3) array
         """
         return self.profile.table.lab(np.asarray(signals, float))
 
@@ -103,7 +107,7 @@ def profile_of(calibration: Calibration, families: tuple[str, ...],
     calibration : Calibration
     families : tuple of str
     camera_from_xyz : (3, 3) array or None
-        As of ``measure.colour_profile.colour_profile``.
+        As of ``measure.profiles.colour_profile.colour_profile``.
 
     Raises
     ------

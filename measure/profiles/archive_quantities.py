@@ -1,0 +1,141 @@
+"""What a chart tells of a picture for an archive, beside limits that are published.
+
+The limits are those of ISO 19264-1:2021 (levels A to C) and of the FADGI guidelines of 2023 (4 to 1
+stars, bound general collections), as a published comparison tabulates them (``SOURCE``); neither
+text was at hand, so nothing here is a test after either. Quantities whose limits are not known to
+us stand without any.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.calibrate.camera_profile import D50
+from spectrabox.calibrate.colour_profile import ColourTransform, d50_weights
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import PatchSamples
+
+SOURCE = "https://skandalski.pl/tabela-fadgi-iso-metamorfoze/"
+ISO, FADGI = "ISO 19264-1:2021", "FADGI 2023"
+ISO_LEVELS, STARS = ("level A", "level B", "level C"), ("4 stars", "3 stars", "2 stars", "1 star")
+STEP = 1e-4                 # of white: for derivatives of L*
+Limits = dict[str, tuple[tuple[str, float], ...]]
+
+
+def _limits(iso: tuple[float, ...] = (), fadgi: tuple[float, ...] = ()) -> Limits:
+    """Limits by guideline, strictest first; fewer stars than four are the best ones."""
+    by_name = {ISO: tuple(zip(ISO_LEVELS, iso, strict=False)),
+               FADGI: tuple(zip(STARS, fadgi, strict=False))}
+    return {name: limits for name, limits in by_name.items() if limits}
+
+
+@dataclass(frozen=True)
+class ArchiveQuantity:
+    """A quantity of a picture, in what unit, measured on what, and its limits by guideline."""
+
+    name: str
+    value: float
+    unit: str
+    measured_on: str
+    limits: Limits
+
+    def grade(self, guideline: str) -> str:
+        """The strictest grade of a guideline whose limit the value keeps."""
+        limits = self.limits[guideline]
+        return next((grade for grade, limit in limits if self.value <= limit),
+                    f"beyond {limits[-1][0]}")
+
+
+@dataclass(frozen=True, eq=False)
+class ChartColours:
+    """A chart's patches in a picture, and as its reference states them."""
+
+    names: tuple[str, ...]
+    lab: np.ndarray             # (I, 3) under D50
+    reference: np.ndarray       # (I, 3)
+    noise: np.ndarray           # (I,) standard deviation of L* from pixel to pixel
+    neutrals: tuple[int, ...]
+    own: np.ndarray | None      # (I, 3) by the camera's own matrix, where it is known
+
+    @property
+    def differences(self) -> np.ndarray:
+        """CIEDE2000 (I,)."""
+        return ciede2000(self.lab, self.reference)
+
+
+def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
+                  reflectances: np.ndarray, transform: ColourTransform, names: tuple[str, ...],
+                  neutrals: tuple[int, ...], own: ColourTransform | None) -> ChartColours:
+    """A chart's patches through a profile.
+
+    Parameters
+    ----------
+    samples : PatchSamples
+    white : (I, 3) array
+        Signal of a perfect reflector in each patch's place.
+    glare : (3,) array
+        Signal.
+    reflectances : (I, P) array
+        Of the chart, on ``FINE_GRID``.
+    transform : ColourTransform
+    names : tuple of I str
+    neutrals : tuple of int
+        Indices of the neutral patches.
+    own : ColourTransform or None
+        The camera's own matrix.
+    """
+    shown = ~samples.saturated
+    signals = ((samples.mean - glare) / white)[shown]
+    slope = np.stack([(transform.lab(signals + STEP * one) - transform.lab(signals - STEP * one))
+                      [:, 0] / (2 * STEP) for one in np.eye(3)], axis=1) / white[shown]
+    variance = np.einsum("ij,ijk,ik->i", slope, samples.covariance_of_mean[shown], slope)
+    kept = np.flatnonzero(shown)
+    return ChartColours(
+        tuple(names[index] for index in kept), transform.lab(signals),
+        lab_from_xyz(reflectances[shown] @ d50_weights(FINE_GRID).T, D50),
+        np.sqrt(variance * samples.pixels[shown]),
+        tuple(int(np.flatnonzero(kept == index)[0]) for index in neutrals if index in kept),
+        None if own is None else own.lab(signals))
+
+
+def archive_quantities(chart: ChartColours, light: np.ndarray) -> list[ArchiveQuantity]:
+    """What the chart tells of the picture.
+
+    Parameters
+    ----------
+    chart : ChartColours
+    light : (2, h, w) array
+        Over the photo, relative to the chart's mean, and its relative error.
+    """
+    differences, count = chart.differences, len(chart.names)
+    all_patches = f"all {count} patches of the chart, CIEDE2000 under D50 to its reference"
+    quantities = [
+        ArchiveQuantity("Colour accuracy, mean", float(differences.mean()), "CIEDE2000",
+                        all_patches, _limits((4, 5, 5), (2, 3.5, 5, 6.5))),
+        ArchiveQuantity("Colour accuracy, 90th percentile",
+                        float(np.percentile(differences, 90)), "CIEDE2000", all_patches,
+                        _limits(fadgi=(4, 7, 10))),
+        ArchiveQuantity("Colour accuracy, largest", float(differences.max()), "CIEDE2000",
+                        f"the worst patch, {chart.names[int(differences.argmax())]}",
+                        _limits((10, 15, 15)))]
+    if chart.neutrals:
+        grey = list(chart.neutrals)
+        off = chart.lab[grey] - chart.reference[grey]
+        on = f"the worst of {len(grey)} neutral patches"
+        quantities += [
+            ArchiveQuantity("White balance", float(np.hypot(off[:, 1], off[:, 2]).max()),
+                            "difference in a*, b*", on, _limits((3, 4, 5), (2, 4, 6, 8))),
+            ArchiveQuantity("Tone response", float(np.abs(off[:, 0]).max()), "difference in L*",
+                            on, _limits((2, 3, 4), (1.5, 3, 4.5, 6))),
+            ArchiveQuantity("Noise", float(chart.noise[grey].max()),
+                            "standard deviation of L*", f"pixels of {on}", {})]
+    level, error = light
+    return [*quantities,
+            ArchiveQuantity("Unevenness of the light, as lit", float(1 - level.min() / level.max()),
+                            "of the brightest place", "estimated over the photo from the chart's "
+                            "patches and known regions; no even card was photographed", {}),
+            ArchiveQuantity("Unevenness that may be left in the picture", float(error.max()),
+                            "relative standard error", "of that estimate in the worst place, by "
+                            "which the picture was divided", {})]

@@ -1,0 +1,1 @@
+"""Profiles, pictures and archive pages of finished sessions."""

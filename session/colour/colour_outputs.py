@@ -1,0 +1,149 @@
+"""What ``spectrabox colour`` writes of a finished session of flat samples."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spectrabox.calibrate.colour_profile import stated_transform
+from spectrabox.capture.photo.image_files import write_tiff16
+from spectrabox.measure.profiles.archive_quantities import (
+    FADGI,
+    ISO,
+    SOURCE,
+    ArchiveQuantity,
+    ChartColours,
+    archive_quantities,
+    chart_colours,
+)
+from spectrabox.measure.profiles.colour_photo import colour_picture, relative_signals
+from spectrabox.measure.profiles.colour_profile import (
+    ColourProfile,
+    colour_profile,
+    response_of_calibration,
+)
+from spectrabox.radiometry.appearance import ciede2000
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.profiles.icc_profile import SPACES, space_profile_bytes
+from spectrabox.radiometry.profiles.profile_files import write_profile
+from spectrabox.radiometry.response import relative_response
+from spectrabox.session.camera.profile import colour_facts, error_lines
+from spectrabox.session.config.session_chart import session_chart
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.report.page import style_sheet, templates
+from spectrabox.session.stages.inputs import read_chart_reference, read_photo
+from spectrabox.session.stages.signals_stage import flat_errors, flat_photos, known_spectra
+
+PHOTO, PAGE = "photo.tif", "archive.html"
+CHART_CHECK = "chart colour difference"
+NOT_MEASURED = ("resolution and sharpening", "colour misregistration", "geometric distortion",
+                "reproduction scale", "gain modulation", "evenness on a card over the whole field")
+
+
+def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: str,
+                 families: Sequence[str]) -> tuple[dict[str, Any], str]:
+    """Write profile, photo and page for the archive; JSON object and text of the command.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    run : FinishedRun
+    folder : Path
+        Made where it is missing.
+    space : str
+        One of ``SPACES``, of the photo.
+    families : sequence of str
+        Of the surfaces; none for those that the session states, if it states one of every region.
+
+    Raises
+    ------
+    InputError
+        For a session of a scene, or of a camera of other than three bands.
+    """
+    if not config.flat:
+        raise InputError("spectrabox colour takes a session of flat samples; of a camera alone "
+                         "'spectrabox camera profile' writes profiles")
+    records, view = run.records, config.all_views[0]
+    calibration, chart = records.calibrations(config)[0], records.chart.charts[""]
+    fit, layout = records.calibrate.chart, session_chart(config)
+    if len(calibration.sensitivity.curves) != 3 or fit is None:
+        raise InputError("a colour profile is of a camera of three bands, R, G and B, that was "
+                         f"calibrated by a chart; {view.photo_files[0]} has "
+                         f"{len(calibration.sensitivity.curves)}")
+    own = chart.samples.camera_from_xyz
+    response, draws = response_of_calibration(calibration)
+    profile = colour_profile(response, draws, families or _stated_families(config), own)
+    camera = chart.thumbnail.camera or "camera"
+    files = [path for name in ("camera.icc", "camera.ocio")
+             for path in write_profile(folder / name, f"{camera}, {config.session.name}",
+                                       profile.matrix.coefficients, profile.table.xyz)]
+    photo, _ = read_photo(config, view.photo)
+    picture, clipped = colour_picture(
+        relative_signals(photo, flat_photos(config, records)[0], known_spectra(config),
+                         flat_errors(config, records)), profile.table, SPACES[space])
+    write_tiff16(folder / PHOTO, picture, space_profile_bytes(SPACES[space]))
+    reflectances = read_chart_reference(config)
+    relative = reflectances @ relative_response(calibration, FINE_GRID).T
+    glare = records.calibrate.whites[""].glare
+    patches = chart_colours(chart.samples, (fit.predicted - glare) / relative, glare, reflectances,
+                            profile.table, layout.names, layout.neutrals,
+                            None if own is None else stated_transform(own))
+    quantities = archive_quantities(patches, records.flat.light[view.name].over_photo)
+    facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
+             "space": SPACES[space].name, "clipped": clipped,
+             "delta_e00": colour_facts(profile),
+             "chart": {"mean": float(patches.differences.mean()),
+                       "by_own_matrix": _own_mean(patches)},
+             "archive": [_quantity_facts(one) for one in quantities]}
+    write_text_whole(folder / PAGE, _page(config, facts, profile, patches,
+                                          calibration.checks))
+    return facts, _text(facts)
+
+
+def _stated_families(config: SessionConfig) -> list[str]:
+    """Families of the regions, if every one states its own."""
+    stated = [region.families for region in config.regions.values() if region.known is None]
+    return sorted({name for families in stated for name in families}) if all(stated) else []
+
+
+def _own_mean(patches: ChartColours) -> float | None:
+    if patches.own is None:
+        return None
+    return float(np.mean(ciede2000(patches.own, patches.reference)))
+
+
+def _quantity_facts(one: ArchiveQuantity) -> dict[str, Any]:
+    return {"name": one.name, "value": one.value, "unit": one.unit, "measured_on": one.measured_on,
+            "limits": {name: dict(limits) for name, limits in one.limits.items()},
+            "grades": {name: one.grade(name) for name in one.limits}}
+
+
+def _text(facts: dict[str, Any]) -> str:
+    own = facts["chart"]["by_own_matrix"]
+    return "\n".join([
+        "CIEDE2000 to D50, expected", *error_lines(facts["delta_e00"]),
+        f"chart as photographed: mean {facts['chart']['mean']:.2f}"
+        + ("" if own is None else f", by the camera's own matrix {own:.2f}"),
+        *(f"{one['name']}: {one['value']:.3g} {one['unit']}"
+          + "".join(f"; {guideline}: {grade}" for guideline, grade in one["grades"].items())
+          for one in facts["archive"]),
+        f"{facts['clipped']:.2%} of the pixels lie outside {facts['space']} or above white and are "
+        "clipped", *(f"wrote {path}" for path in facts["files"])])
+
+
+def _page(config: SessionConfig, facts: dict[str, Any], profile: ColourProfile,
+          patches: ChartColours, checks: Sequence[str]) -> str:
+    rows = [{"name": name, "lab": lab, "reference": reference, "difference": difference}
+            for name, lab, reference, difference in zip(
+                patches.names, patches.lab.tolist(), patches.reference.tolist(),
+                patches.differences.tolist(), strict=True)]
+    of_the_chart = [check for check in checks if check.startswith(CHART_CHECK)]
+    return templates().get_template("archive.html.j2").render(
+        name=config.session.name, style=style_sheet(), facts=facts, patches=rows,
+        of_the_chart=of_the_chart, iso=ISO, fadgi=FADGI, source=SOURCE, draws=profile.draws,
+        not_measured=NOT_MEASURED)
