@@ -58,7 +58,7 @@ def colour_picture(signals: Iterator[np.ndarray], transform: ColourTransform, sp
     for rows in signals:
         linear = transform.xyz(rows) @ to_rgb.T
         outside = (linear < -0.5 / FULL_SCALE) | (linear > 1 + 0.5 / FULL_SCALE)
-        clipped += np.count_nonzero(outside.any(axis=2))
+        clipped += int(np.count_nonzero(outside.any(axis=2)))
         parts.append(np.round(space.encode(linear) * FULL_SCALE).astype(np.uint16))
     picture = np.concatenate(parts)
     return picture, clipped / picture[..., 0].size
