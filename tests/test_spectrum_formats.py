@@ -13,6 +13,7 @@ from spectrabox.fixtures.spectral_files import (
     NM,
     REFLECTANCE,
     asd_bytes,
+    ocean_text,
     rawtoaces_text,
     spectral_exr_bytes,
     svc_text,
@@ -32,12 +33,13 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 
 WRITERS = {".csv": table_text, ".sp": sp_text, ".spdx": spdx_text}
-FORMATS = ("CSV", "ASD", "CGATS", "TM-27", "ENVI", "SVC", "Spectral Evolution", "rawtoaces",
+FORMATS = ("CSV", "ASD", "CGATS", "TM-27", "ENVI", "SVC", "Spectral Evolution", "Ocean Optics",
+           "rawtoaces",
            "spectral EXR")
 # Relative rounding: nine significant digits, six decimals of a percentage of at least 10, single or
 # double precision.
 PRECISION = {"CSV": 5e-9, "ASD": 1e-15, "CGATS": 5e-9, "TM-27": 5e-9, "ENVI": 0, "SVC": 5e-8,
-             "Spectral Evolution": 5e-8,
+             "Spectral Evolution": 5e-8, "Ocean Optics": 5e-9,
              "rawtoaces": 0, "spectral EXR": 6e-8}
 
 
@@ -63,6 +65,15 @@ def test_every_format_is_read_as_the_reflectance_it_holds(tmp_path, name):
     # wavelengths are written with nine digits or more
     np.testing.assert_allclose(spectrum.grid.nm, NM, rtol=1e-9)
     np.testing.assert_allclose(spectrum.values, REFLECTANCE, rtol=PRECISION[name])
+
+
+def test_a_spectrum_of_ocean_optics_over_raman_shifts_is_refused(tmp_path):
+    text = ocean_text().replace("Wavelengths", "Raman Shifts")
+    with pytest.raises(InputError, match="'Raman Shifts' for its x axis"):
+        read_table(write(tmp_path, text, "a.txt"))
+    processed = ocean_text().replace("Begin Spectral", "Begin Processed Spectral") \
+        + ">>>>>End Processed Spectral Data<<<<<\n"
+    assert read_table(write(tmp_path, processed, "b.txt")).nm.size == NM.size
 
 
 @pytest.mark.parametrize("name", FORMATS)

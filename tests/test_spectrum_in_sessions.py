@@ -13,7 +13,7 @@ from spectrabox.session.stages.inputs import read_light, read_reflectance
 
 @pytest.mark.parametrize("name",
                          ["CSV", "ASD", "CGATS", "TM-27", "ENVI", "SVC", "Spectral Evolution",
-                          "rawtoaces", "spectral EXR"])
+                          "Ocean Optics", "rawtoaces", "spectral EXR"])
 def test_a_known_material_may_be_in_any_format(tmp_path, name):
     path = write_examples(tmp_path)[name]
     config = SimpleNamespace(path=lambda file: tmp_path / file)

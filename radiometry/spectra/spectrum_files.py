@@ -20,7 +20,14 @@ from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
 from spectrabox.radiometry.spectra.formats.cxf import is_cxf, read_cxf
 from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
 from spectrabox.radiometry.spectra.formats.envi import is_envi_header, read_envi
-from spectrabox.radiometry.spectra.formats.field_text import is_sed, is_svc, read_sed, read_svc
+from spectrabox.radiometry.spectra.formats.field_text import (
+    is_ocean,
+    is_sed,
+    is_svc,
+    read_ocean,
+    read_sed,
+    read_svc,
+)
 from spectrabox.radiometry.spectra.formats.light_meters import (
     is_sekonic,
     is_uprtek,
@@ -53,7 +60,7 @@ SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 s
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
     "ASD": read_asd, "CGATS": read_cgats, "CxF": read_cxf, "TM-27": read_tm27, "ENVI": read_envi,
     "Sekonic": read_sekonic, "UPRTek": read_uprtek, "SVC": read_svc,
-    "Spectral Evolution": read_sed, "rawtoaces": read_rawtoaces,
+    "Spectral Evolution": read_sed, "Ocean Optics": read_ocean, "rawtoaces": read_rawtoaces,
     "spectral EXR": read_spectral_exr}
 SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS", ".cxf": "CxF",
             ".spdx": "TM-27", ".sli": "ENVI",
@@ -128,7 +135,7 @@ def format_of(content: bytes, path: Path) -> str:
     text = text_of(content, path.name)
     tests = (("Sekonic", is_sekonic), ("UPRTek", is_uprtek), ("CGATS", is_cgats), ("CxF", is_cxf),
              ("TM-27", is_tm27), ("SVC", is_svc),
-             ("Spectral Evolution", is_sed),
+             ("Spectral Evolution", is_sed), ("Ocean Optics", is_ocean),
              ("rawtoaces", is_rawtoaces))
     return next((kind for kind, test in tests if test(text)), "CSV")
 

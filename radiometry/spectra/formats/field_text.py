@@ -1,4 +1,4 @@
-"""Text files of field spectrometers: SVC .sig and Spectral Evolution .sed."""
+"""Text files of spectrometers: SVC .sig, Spectral Evolution .sed, Ocean Optics .txt."""
 from __future__ import annotations
 
 import re
@@ -22,6 +22,8 @@ SED_COLUMNS = {"reflect. %": ("reflectance", PERCENT), "tgt./ref. %": ("reflecta
                "irrad. (ref.)": ("reference irradiance", NO_UNIT),
                "norm. dn (target)": ("target counts", COUNTS),
                "norm. dn (ref.)": ("reference counts", COUNTS)}
+# before the spectrum in files of SpectraSuite and OceanView, and after it in some
+OCEAN_START, OCEAN_END = re.compile(r"^>+Begin .*Spectral Data<+", re.MULTILINE), ">>>>>End"
 NO_UNIT_NOTE = "the file states no unit for its radiance or irradiance: it is taken as relative"
 
 
@@ -35,6 +37,43 @@ def is_sed(text: str) -> bool:
     # the column of wavelengths may follow one of channel numbers
     return all(re.search(pattern, text, re.MULTILINE)
                for pattern in (r"^Data:", r"^(\"?Chan[^\t,]*[\t,])?\"?Wvl"))
+
+
+def is_ocean(text: str) -> bool:
+    """Whether text is a spectrum as SpectraSuite or OceanView of Ocean Optics save it."""
+    return OCEAN_START.search(text) is not None
+
+
+def read_ocean(content: bytes, path: Path) -> SpectralTable:
+    """The one spectrum of a text file of SpectraSuite or OceanView, with decimal point or comma.
+
+    Its header states neither quantity nor unit.
+
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+        Its name, for errors.
+
+    Raises
+    ------
+    InputError
+        If it is cut, or its axis is another than wavelengths.
+    """
+    text = text_of(content, path.name)
+    start = OCEAN_START.search(text)
+    assert start is not None
+    header = [line.partition(":") for line in text[:start.start()].splitlines()]
+    keys = {key.strip().lower(): value.strip() for key, _, value in header}
+    axis = keys.get("xaxis mode", "Wavelengths")
+    if axis.lower() != "wavelengths":
+        raise InputError(f"{path.name} has {axis!r} for its x axis; save it with wavelengths in nm")
+    table, _, _ = text[start.end():].partition(OCEAN_END)
+    rows = [[number(cell) for cell in line.replace(",", ".").split()]
+            for line in table.splitlines() if line.strip()]
+    numbers = _rectangle(rows, 2, path.name)
+    facts = {"source": f"{keys.get('spectrometer') or 'Ocean Optics'}, {path.name}"}
+    return SpectralTable(numbers[:, 0], ("value",), numbers[:, 1:].T, facts, path.name)
 
 
 def read_svc(content: bytes, path: Path) -> SpectralTable:
