@@ -6,15 +6,18 @@ in a pixel, nine published test colours. Every further photo is another raw file
 through a filter whose file is off by about 1 %, or under another lamp from another side. The
 sessions run as ``spectrabox flat`` writes them. Filters: a CSV of transmittances, a column each,
 ``--filters``; without it, and beside it, two gels of the kind that are sold for lamps, which are
-given here by seven values.
+given here by seven values. What ``spectrabox plan`` expects of each, from the first photo alone,
+stands beside what comes out. With ``--card`` a white card of known spectrum takes the place of the
+fifth colour.
+
+    python -m benchmarks.bench_more_bands --data FOLDER --filters CSV --names "Tiffen Orange 16"
 """
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -40,8 +43,10 @@ from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, table_text
+from spectrabox.session.commands.requests import PlanRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.signals.plan_answer import plan_answer
 
 from benchmarks.bench_flat import CHART, HEAD, REGIONS, SIZE, places, regions_toml
 from benchmarks.bench_unknown_makers import makers_of, prior_without
@@ -50,6 +55,9 @@ GEL_NM = np.arange(400, 701, 50)
 GELS = {"magenta gel": (0.14, 0.47, 0.04, 0.002, 0.002, 0.02, 0.87),
         "orange gel": (0.15, 0.10, 0.01, 0.02, 0.66, 0.88, 0.93)}
 FILE_ERROR = 0.01           # of each of three slow waves by which a filter's file is off
+CARD, CARD_REFLECTANCE = 4, 0.9     # which colour, in the middle
+FIGURES = ("rmse", "inside", "width", "delta_e00")
+Kind = tuple[dict[str, np.ndarray], int, bool]      # filters, lamps, whether filters are unknown
 PRIOR = '[sensitivity]\nprior = "prior.npz"\n[light]\nspectrum = "unknown"\n'
 
 
@@ -85,19 +93,21 @@ def photograph(path: Path, scene: Scene, lamp: int, transmittance: np.ndarray | 
     write_photo(path, even * light[..., None], Fraction(1, 60), noise)
 
 
-def write_session(folder: Path, scene: Scene, filters: dict[str, np.ndarray], lamps: int,
-                  unknown: bool) -> None:
+def write_session(folder: Path, scene: Scene, kind: Kind, card: bool) -> None:
     """A session of a first photo, one through each filter, and one under each further lamp."""
+    filters, lamps, unknown = kind
     (folder / "photos").mkdir()
     photograph(folder / "photos" / "p.dng", scene, 0, 1.0)
     text = HEAD + PRIOR + regions_toml(SIZE[1])
+    if card:
+        (folder / "card.csv").write_text(table_text(
+            NM, {"value": scene.surfaces[CARD]}, quantity=Quantity.REFLECTANCE, source="card"),
+            encoding="utf-8")
+        text = text.replace(f"[regions.s{CARD}]\n", f'[regions.s{CARD}]\nknown = "card.csv"\n')
+    stated = stated_filters(scene, filters)
     for number, (name, transmittance) in enumerate(filters.items()):
         photograph(folder / "photos" / f"f{number}.dng", scene, 0, transmittance)
-        rng = np.random.default_rng([scene.seed, number])
-        waves = np.cos(np.outer(np.arange(3), (NM - 400) / 300 * np.pi))
-        stated = np.clip(transmittance * (1 + FILE_ERROR * rng.standard_normal(3) @ waves), 0, 1)
-        (folder / f"f{number}.csv").write_text(table_text(
-            NM, {name: stated}, quantity=Quantity.RELATIVE, source=name), encoding="utf-8")
+        write_filters(folder / f"f{number}.csv", {name: stated[name]})
         stated_as = "unknown" if unknown else f"f{number}.csv"
         text += f'[views.f{number}]\nphoto = "photos/f{number}.dng"\nfilter = "{stated_as}"\n'
     for lamp in range(1, lamps):
@@ -106,22 +116,50 @@ def write_session(folder: Path, scene: Scene, filters: dict[str, np.ndarray], la
     (folder / "session.toml").write_text(text, encoding="utf-8")
 
 
+def stated_filters(scene: Scene, filters: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Transmittances (P,) as the files of a case state them, each off by three slow waves."""
+    waves = np.cos(np.outer(np.arange(3), (NM - 400) / 300 * np.pi))
+    return {name: np.clip(transmittance * (1 + FILE_ERROR * np.random.default_rng(
+        [scene.seed, number]).standard_normal(3) @ waves), 0, 1)
+        for number, (name, transmittance) in enumerate(filters.items())}
+
+
+def write_filters(path: Path, filters: dict[str, np.ndarray]) -> None:
+    """A CSV with a column for each filter."""
+    path.write_text(table_text(NM, filters, quantity=Quantity.RELATIVE, source="filters"),
+                    encoding="utf-8")
+
+
+def forecasts(folder: Path, scene: Scene, filters: dict[str, np.ndarray]) -> dict[str, float]:
+    """RMSE that a finished session of one photo expects of filters, pairs and the second lamp."""
+    write_filters(folder / "filters.csv", stated_filters(scene, filters))
+    write_filters(folder / "lamp.csv", {"lamp": scene.lamps[1] / scene.lamps[1].max()})
+    facts, _ = plan_answer(PlanRequest(folder=folder, filters=str(folder / "filters.csv"),
+                                       lamps=str(folder / "lamp.csv")))
+    expected = {_in_order(step["lamp"].split(" and ")): step["rmse_after"]
+                for step in facts["lamps"]}
+    expected["two lamps"] = expected.pop(str(folder / "lamp.csv"))
+    return expected | {"one photo": facts["lamps"][0]["rmse_before"]}
+
+
 def scores(folder: Path, scene: Scene) -> list[dict[str, Any]]:
     """RMSE, coverage and width of the 95 % band, and CIEDE2000 under D65, of every surface."""
     finished = run_stages(read_session(folder), device="cpu", only=None, force=False,
                           progress=lambda *_: None)
     rows = []
-    for number, (truth, published) in enumerate(zip(scene.surfaces, scene.sets, strict=True)):
-        known = finished.records.sample.spectra[f"s{number}"].summary
-        true = np.interp(known.grid.nm, NM, truth)
-        rows.append({"set": published, "rmse": float(np.sqrt(np.mean((known.mean - true) ** 2))),
+    for name in finished.records.sample.spectra:
+        known, number = finished.records.sample.spectra[name].summary, int(name[1:])
+        true = np.interp(known.grid.nm, NM, scene.surfaces[number])
+        rows.append({"set": scene.sets[number],
+                     "rmse": float(np.sqrt(np.mean((known.mean - true) ** 2))),
                      "inside": float(np.mean((known.lower <= true) & (true <= known.upper))),
                      "width": float(np.mean(known.upper - known.lower)),
                      "delta_e00": delta_e00(known.grid.nm, known.mean, true)})
     return rows
 
 
-def scene_of(data: Path, case: int, seed: int) -> tuple[Scene, Any, np.ndarray]:
+def scene_of(data: Path, case: int, seed: int,
+             card: bool) -> tuple[Scene, Any, np.ndarray]:
     """One case, the cameras and which of them its maker made."""
     rng = np.random.default_rng([seed, case])
     database = read_camera_database(data / "cameras")
@@ -134,47 +172,81 @@ def scene_of(data: Path, case: int, seed: int) -> tuple[Scene, Any, np.ndarray]:
              if name not in REFERENCES for row in rows]
     picked = [named[index] for index in rng.choice(len(named), REGIONS, replace=False)]
     surfaces = np.array([np.pad(row, (20, 30), mode="edge") for _, row in picked])
+    if card:
+        surfaces[CARD] = CARD_REFLECTANCE
     curves = np.array([np.interp(NM, database.nm, row) for row in database.curves[camera]])
     return (Scene(curves, lamps, surfaces, tuple(name for name, _ in picked), 1000 * seed + case),
             database, makers == makers[camera])
 
 
-def measure(data: Path, kinds: dict[str, tuple[dict[str, np.ndarray], int, bool]], cases: int,
-            seed: int) -> dict[str, Any]:
-    """Figures of every kind of session over the cases in which none was refused."""
-    found: dict[str, list[list[dict[str, Any]]]] = {kind: [] for kind in kinds}
+def measure(data: Path, kinds: dict[str, Kind], cases: int, seed: int,
+            card: bool) -> dict[str, list[tuple[list[dict[str, Any]], float]]]:
+    """Rows and forecast of every kind of session, of the cases in which none was refused."""
+    collected: dict[str, list[tuple[list[dict[str, Any]], float]]] = {kind: [] for kind in kinds}
+    filters = {name: curve for of_kind, _, _ in kinds.values() for name, curve in of_kind.items()}
     for case in range(cases):
-        scene, database, own_maker = scene_of(data, case, seed)
-        rows = {}
-        for kind, (filters, lamps, unknown) in kinds.items():
+        scene, database, own_maker = scene_of(data, case, seed, card)
+        rows, expected = {}, {}
+        for kind, what in kinds.items():
             with tempfile.TemporaryDirectory() as written:
                 save_camera_prior(Path(written) / "prior.npz", prior_without(database, own_maker))
-                write_session(Path(written), scene, filters, lamps, unknown)
+                write_session(Path(written), scene, what, card)
                 try:
                     rows[kind] = scores(Path(written), scene)
+                    if kind == "one photo":
+                        expected = forecasts(Path(written), scene, filters)
                 except SpectraboxError as error:
                     print(f"{case} {kind}: refused, {error}", file=sys.stderr)
         if len(rows) == len(kinds):
             for kind, of_kind in rows.items():
-                found[kind].append(of_kind)
+                collected[kind].append((of_kind, expected.get(_planned_as(kind, kinds), np.nan)))
         print(case, {kind: round(float(np.mean([row["rmse"] for row in of_kind])), 4)
                      for kind, of_kind in rows.items()}, file=sys.stderr, flush=True)
-    return {kind: _means(of_kind, found["one photo"]) for kind, of_kind in found.items()}
+    return collected
 
 
-def _means(cases: Sequence[list[dict[str, Any]]],
-           one: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
-    rows = [row for case in cases for row in case]
-    figures = {key: float(np.mean([row[key] for row in rows]))
-               for key in ("rmse", "inside", "width", "delta_e00")}
-    by_case, first = (np.array([np.mean([row["rmse"] for row in case]) for case in each])
-                      for each in (cases, one))
-    ratio = by_case.mean() / first.mean()
-    # of a ratio of means over the same cases [Cochran 1977, Eq. 6.13]
-    error = np.std(by_case - ratio * first, ddof=1) / np.sqrt(len(first)) / first.mean()
-    return figures | {"ratio": [float(ratio), float(error)], "by_set": {
-        name: float(np.mean([row["rmse"] for row in rows if row["set"] == name]))
-        for name in sorted({row["set"] for row in rows})}}
+def _planned_as(kind: str, kinds: dict[str, Kind]) -> str:
+    """What a forecast calls a kind of session."""
+    filters, _, unknown = kinds[kind]
+    return "" if unknown else _in_order(filters) or kind
+
+
+def _in_order(names: Iterable[str]) -> str:
+    return " and ".join(sorted(names))
+
+
+def print_tables(collected: dict[str, list[tuple[list[dict[str, Any]], float]]]) -> None:
+    """One line for each kind of session, then RMSE and coverage by set of test colours."""
+    one = np.array([np.mean([row["rmse"] for row in rows]) for rows, _ in collected["one photo"]])
+    print(f"{len(one)} scenes; +-: standard errors\n{'':24s} RMSE  +-    in band width dE00  "
+          "to one photo  forecast / RMSE")
+    for kind, cases in collected.items():
+        figures = np.array([[np.mean([row[key] for row in rows]) for key in FIGURES]
+                            for rows, _ in cases])
+        by_case, mean = figures[:, 0], figures.mean(axis=0)
+        error = by_case.std(ddof=1) / np.sqrt(len(one))
+        ratio, forecast = (_ratio(*pair) for pair in (
+            (by_case, one), (np.array([expected for _, expected in cases]), by_case)))
+        print(f"{kind:24s} {mean[0]:.4f} {error:.4f} {mean[1]:.3f} {mean[2]:.3f} {mean[3]:.2f}   "
+              f"{ratio[0]:.3f} +- {ratio[1]:.3f}  {forecast[0]:.3f} +- {forecast[1]:.3f}")
+    for kind, cases in collected.items():
+        rows = [row for case, _ in cases for row in case]
+        print(f"{kind:24s}", *(f"{name}: {np.mean([row['rmse'] for row in mine]):.4f} "
+                               f"{np.mean([row['inside'] for row in mine]):.3f} ({len(mine)})"
+                               for name in sorted({row["set"] for row in rows})
+                               for mine in [[row for row in rows if row["set"] == name]]), sep="  ")
+
+
+def _ratio(over: np.ndarray, under: np.ndarray) -> tuple[float, float]:
+    """Ratio of means over the cases that have both, and its standard error [Cochran 1977,
+    Eq. 6.13].
+    """
+    over, under = over[np.isfinite(over)], under[np.isfinite(over)]
+    if over.size == 0:
+        return np.nan, np.nan
+    ratio = over.mean() / under.mean()
+    return float(ratio), float(np.std(over - ratio * under, ddof=1)
+                               / np.sqrt(len(over)) / under.mean())
 
 
 def main() -> None:
@@ -185,18 +257,22 @@ def main() -> None:
     parser.add_argument("--names", nargs="*", default=(), help="columns of it, one kind each")
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--card", action="store_true", help="a white card is among the colours")
     asked = parser.parse_args()
     at_hand = gels()
     if asked.filters is not None:
         nm, names, curves = read_curves(asked.filters)
         at_hand |= {name: np.interp(NM, nm, curve) for name, curve in zip(names, curves,
                                                                           strict=True)}
-    kinds = {"one photo": ({}, 1, False)} | {
+    kinds: dict[str, Kind] = {"one photo": ({}, 1, False)} | {
         name: ({name: at_hand[name]}, 1, False) for name in (*asked.names, *GELS)} | {
+        "two filters": ({name: at_hand[name] for name in asked.names[:2]}, 1, False),
         "two gels": ({name: at_hand[name] for name in GELS}, 1, False),
         "magenta gel, unknown": ({"magenta gel": at_hand["magenta gel"]}, 1, True),
         "two lamps": ({}, 2, False), "three lamps": ({}, 3, False)}
-    print(json.dumps(measure(asked.data, kinds, asked.cases, asked.seed), indent=1))
+    if len(asked.names) < 2:
+        del kinds["two filters"]
+    print_tables(measure(asked.data, kinds, asked.cases, asked.seed, asked.card))
 
 
 if __name__ == "__main__":

@@ -2,9 +2,10 @@
 
 Cameras are drawn from the prior, lamps from what is known of the light, surfaces of every family
 from the learnt prior. A chart photo is simulated, fitted as a photo would be, and the surfaces are
-recovered with the errors that the fit states; beside it stands what camera, lamp and white, known
-exactly, would leave. Light over chart and samples is taken as even, with its field unknown to the
-fit, as always.
+recovered with the errors that the fit states and that flat samples have besides; beside it stands
+what camera, lamp and white, known exactly, would leave. Light over chart and samples is taken as
+even, with its field unknown to the fit, as always. Further photos have the errors with which
+``more_bands.second_photo`` forecasts them after a photo.
 """
 from __future__ import annotations
 
@@ -20,25 +21,43 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.measure.flat import DARK_BAND
 from spectrabox.measure.more_bands.planning import PAIRED
 from spectrabox.measure.more_bands.second_photo import (
-    LEAST_SIGNAL,
     FurtherPhoto,
     LampsAtHand,
     SecondPhoto,
+    Surface,
+    curves_and_light,
+    joined_errors_of_several,
     photos_at_hand,
+    simulated_errors,
+    white_of_bands,
 )
-from spectrabox.radiometry.error_model import curve_errors, proportional_covariance
+from spectrabox.measure.surface_signals import FEW_BANDS, with_errors
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    PLANE_ERROR,
+    SAMPLE_PLANE,
+    SENSITIVITIES,
+    SURFACE_REFLECTION,
+    SURFACE_REFLECTIONS,
+    WHITE,
+    added_covariance,
+    proportional_covariance,
+    sensitivity_covariance,
+)
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import (
     Calibration,
     PatchSamples,
     Quantity,
+    SpectralMeasurement,
     Spectrum,
+    SurfaceSignals,
     UnknownLight,
+    default_band_names,
 )
-from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.response import relative_response, response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.further.planner import PHOTO_MINUTES
@@ -49,11 +68,11 @@ from spectrabox.sampling.prior.mixture import (
     of_families,
     reflectance,
 )
-from spectrabox.sampling.prior.mixture_posterior import calibrated_bands, posterior
 from spectrabox.sampling.prior.summaries import summaries
 
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LEVEL, REFERENCE_LIGHT = 0.95, "D65"
+REFLECTION = SURFACE_REFLECTIONS[None]
 PHOTOS, SURFACES, SEED = 3, 20, 1
 FEW = 42                        # surfaces of all families, for what further photos bring
 # of the RMSE that camera and lamp, known exactly, would leave; of that under a full daylight
@@ -136,14 +155,14 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
     rows, taken = [], []
     for curves, lamp in zip(cameras, lamps, strict=True):
         truth = np.vstack([_surfaces(known, family, surfaces, rng) for family in known.families])
-        noise = 1 + shoot.noise * rng.standard_normal((len(truth), len(curves)))
-        fitted = _recovered(shoot, _fit(shoot, curves, lamp, rng), curves * lamp, truth, noise,
-                            known)
-        exact, daylight = (_exact(shoot, curves * light, truth, noise, known)
+        off = _errors(shoot, len(truth), len(curves), rng)
+        photo = _fit(shoot, curves, lamp, rng)
+        fitted, signals = _recovered(photo, curves * lamp, truth, off, known)
+        exact, daylight = (_exact(shoot, curves * light, truth, off, known)
                            for light in (lamp, named_light(REFERENCE_LIGHT, FINE_GRID)))
         rows.append(np.array([*fitted, *exact[:2], daylight[0]]).reshape(
             6, len(known.families), surfaces).mean(axis=2))
-        taken.append((curves, lamp, truth[::max(len(truth) // FEW, 1)]))
+        taken.append((photo, signals, truth))
     means = np.mean(rows, axis=0)
     return Expectation(tuple(FamilyExpectation(family, *(float(value) for value in column[:5]))
                              for family, column in zip(known.families, means.T, strict=True)),
@@ -168,11 +187,34 @@ def _surfaces(prior: LogitMixture, family: str, count: int,
         for one in component]))
 
 
-def _fit(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray,
-         rng: np.random.Generator) -> PriorFit:
-    """The fit to a simulated photo by curves (K, P) under a lamp (P,)."""
+@dataclass(frozen=True)
+class _Photo:
+    """A chart photo that was simulated and fitted."""
+
+    fit: PriorFit
+    calibration: Calibration
+    scale: float                # of the chart's signals
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """What the signals (n, K) of surfaces are off by: factors, and mirrored light that is added."""
+
+    factors: np.ndarray         # (n, K)
+    added: np.ndarray           # (n, 1)
+
+
+def _errors(shoot: Shoot, count: int, bands: int, rng: np.random.Generator) -> _Errors:
+    plane = 1 + PLANE_ERROR * rng.standard_normal((count, 1))
+    return _Errors(plane * (1 + shoot.noise * rng.standard_normal((count, bands))),
+                   REFLECTION * rng.standard_normal((count, 1)))
+
+
+def _fit(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, rng: np.random.Generator) -> _Photo:
+    """The photo by curves (K, P) under a lamp (P,)."""
     signal = shoot.reflectances @ response_matrix(FINE_GRID, curves, lamp).T
-    signal = signal / signal.max() * (1 + shoot.noise * rng.standard_normal(signal.shape))
+    scale = 1 / signal.max()
+    signal = signal * scale * (1 + shoot.noise * rng.standard_normal(signal.shape))
     patches, bands = signal.shape
     samples = PatchSamples(signal, np.zeros((patches, bands, bands)), np.ones(patches),
                            0 * signal, 0 * signal)
@@ -180,48 +222,60 @@ def _fit(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray,
     photo = chart_equations(samples, shoot.reflectances, lamp if stated else np.ones_like(lamp),
                             np.full(patches, np.pi), FINE_GRID, positions=shoot.positions)
     if isinstance(shoot.light, UnknownLight):
-        return fit_products([photo], shoot.cameras, lamps_like(shoot.light), FINE_GRID,
-                            shoot.light.words).fit
-    return fit_with_prior([photo], shoot.cameras, FINE_GRID)
+        products = fit_products([photo], shoot.cameras, lamps_like(shoot.light), FINE_GRID,
+                                shoot.light.words)
+        fit, posterior = products.fit, products.light
+        light = Spectrum(FINE_GRID, np.ones(FINE_GRID.nm.size), Quantity.RELATIVE, "products")
+    else:
+        fit, posterior, light = fit_with_prior([photo], shoot.cameras, FINE_GRID), None, shoot.light
+    return _Photo(fit, Calibration(fit.sensitivity, light, None, np.zeros((bands, bands)), (),
+                                   light_posterior=posterior), scale)
 
 
-def _recovered(shoot: Shoot, fit: PriorFit, products: np.ndarray, truth: np.ndarray,
-               off: np.ndarray, prior: LogitMixture) -> list[np.ndarray]:
-    """RMSE, width and share inside (n,) of surfaces (n, 61) seen by true products (K, P).
-
-    Their signals are off by factors (n, K).
+def _recovered(photo: _Photo, products: np.ndarray, truth: np.ndarray, off: _Errors,
+               prior: LogitMixture) -> tuple[list[np.ndarray], SurfaceSignals]:
+    """RMSE, width and share inside (n,) of surfaces (n, 61) seen by true products (K, P), and their
+    signals with errors by cause.
     """
-    white = fit.photos[0].white
     exact = response_matrix(FINE_GRID, products, np.ones(FINE_GRID.nm.size))
-    # the photo's scale, from its brightest patch
-    scale = 1 / (shoot.reflectances @ exact.T).max()
-    signals = scale * truth @ TO_FINE.T @ exact.T * off / white.level
-    light = (Spectrum(FINE_GRID, np.ones(FINE_GRID.nm.size), Quantity.RELATIVE, "products")
-             if isinstance(shoot.light, UnknownLight) else shoot.light)
-    response = response_matrix(FINE_GRID, fit.sensitivity.curves,
-                               spectrum_on_grid(light, FINE_GRID))
-    response = response / white_signal(response)[:, None]
-    bands = len(response)
-    calibration = Calibration(fit.sensitivity, light, None, np.zeros((bands, bands)), ())
-    curves = curve_errors(calibration, FINE_GRID)
-    relative = white.covariance[:bands, :bands] + fit.patch_error.among_bands(bands)
+    white = photo.fit.photos[0].white
+    signal = photo.scale * truth @ TO_FINE.T @ exact.T * off.factors / white.level + off.added
+    response = relative_response(photo.calibration, FINE_GRID)
+    count, bands = signal.shape
     estimate = truth.mean(axis=0) * np.ones_like(truth)
     for _ in range(2):
-        covariance = curves.covariance(signals, estimate @ TO_FINE.T)
-        judged = _judged(prior, response, signals,
-                         covariance + proportional_covariance(signals, relative), truth)
+        signals = SurfaceSignals(
+            tuple(f"{number}" for number in range(count)), (False,) * count, FINE_GRID,
+            estimate @ TO_FINE.T, default_band_names(bands), np.zeros(bands, int), response,
+            signal, ())
+        signals = with_errors(signals, {
+            SENSITIVITIES: sensitivity_covariance([photo.calibration], signals),
+            WHITE: proportional_covariance(signal, white.covariance[:bands, :bands]),
+            DISAGREEMENT: proportional_covariance(signal,
+                                                  photo.fit.patch_error.among_bands(bands)),
+            **_of_sample(signal)})
+        judged = _judged(prior, response, signal,
+                         np.sum([error.covariance for error in signals.errors], axis=0), truth)
         estimate = judged[0]
-    return list(judged[1:])
+    return list(judged[1:]), signals
 
 
-def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: np.ndarray,
+def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: _Errors,
            prior: LogitMixture) -> list[np.ndarray]:
-    """The same with products and white known."""
+    """The same figures with products and white known."""
     response = response_matrix(FINE_GRID, products, np.ones(FINE_GRID.nm.size))
     response = response / white_signal(response)[:, None]
-    signals = truth @ TO_FINE.T @ response.T * off
+    signals = truth @ TO_FINE.T @ response.T * off.factors + off.added
     noise = (shoot.noise * signals)[:, :, None] ** 2 * np.eye(len(response))
-    return list(_judged(prior, response, signals, noise, truth)[1:])
+    return list(_judged(prior, response, signals,
+                        noise + np.sum(list(_of_sample(signals).values()), axis=0), truth)[1:])
+
+
+def _of_sample(signals: np.ndarray) -> dict[str, np.ndarray]:
+    """Covariance (n, K, K) of signals (n, K) by what the plane and the surface of samples do."""
+    bands = signals.shape[1]
+    return {SAMPLE_PLANE: proportional_covariance(signals, np.full((bands, bands), PLANE_ERROR**2)),
+            SURFACE_REFLECTION: added_covariance(np.full(signals.shape, REFLECTION))}
 
 
 def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
@@ -233,17 +287,17 @@ def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
             np.mean(known.upper - known.lower, axis=1), inside.mean(axis=1))
 
 
-def _second(shoot: Shoot, taken: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+def _second(shoot: Shoot, taken: Sequence[tuple[_Photo, SurfaceSignals, np.ndarray]],
             hand: LampsAtHand, prior: LogitMixture) -> tuple[SecondPhoto, ...]:
-    """What further photos bring by cameras and lamps that are known, the best first; of each photo
-    that was simulated: curves, lamp, and surfaces.
+    """What further photos bring, the best first; of each photo that was simulated: the fit, and
+    signals and spectra (n, 61) of surfaces.
     """
-    at_hand = [photos_at_hand(curves, lamp, hand) for curves, lamp, _ in taken]
+    at_hand = [photos_at_hand(*curves_and_light(photo.calibration), hand) for photo, _, _ in taken]
 
     def after(chosen: Sequence[int]) -> SecondPhoto:
-        each = [[_errors(shoot, curves, lamp, truth, photos, prior)
+        each = [[_errors_after(shoot, *one, photos, prior)
                  for photos in ([], [further[index] for index in chosen])]
-                for (curves, lamp, truth), further in zip(taken, at_hand, strict=True)]
+                for one, further in zip(taken, at_hand, strict=True)]
         (before, width_before), (rmse, width) = np.mean(each, axis=0).tolist()
         photos = [at_hand[0][index] for index in chosen]
         stops = np.mean([[further[index].stops for index in chosen] for further in at_hand], axis=0)
@@ -260,17 +314,19 @@ def _second(shoot: Shoot, taken: Sequence[tuple[np.ndarray, np.ndarray, np.ndarr
     return tuple(sorted([*singles, *pairs], key=lambda step: step.rmse_after))
 
 
-def _errors(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, truth: np.ndarray,
-            photos: Sequence[FurtherPhoto], prior: LogitMixture) -> tuple[float, float]:
-    """Mean RMSE and width of surfaces (n, 61) in a photo and further ones, errors being noise."""
-    first = response_matrix(FINE_GRID, curves, lamp)
-    response = np.vstack([first / white_signal(first)[:, None], *(
-        photo.response[photo.white >= DARK_BAND] for photo in photos)]) @ TO_FINE
-    signals = truth @ response.T
-    error = shoot.noise * np.maximum(signals, LEAST_SIGNAL)
-    signals = signals + error * np.random.default_rng(SEED).standard_normal(signals.shape)
+def _errors_after(shoot: Shoot, photo: _Photo, signals: SurfaceSignals, truth: np.ndarray,
+                  photos: Sequence[FurtherPhoto], prior: LogitMixture) -> tuple[float, float]:
+    """Mean RMSE and width of some of the surfaces (n, 61) in a photo and further ones."""
+    white = white_of_bands(*curves_and_light(photo.calibration))
+    some = range(0, len(truth), max(len(truth) // FEW, 1))
+    measured = [SpectralMeasurement(
+        FINE_GRID, signals.response, signals.signal[index],
+        np.sum([error.covariance[index] for error in signals.errors], axis=0)) for index in some]
+    # of more bands each surface has a choice of its own
+    surfaces = [Surface(signals, index, photo.calibration, shoot.reflectances,
+                        photo.fit.patch_error.own)
+                for index in some] if len(white) <= FEW_BANDS else None
+    response, covariances = joined_errors_of_several(measured, truth[some] @ TO_FINE.T, photos,
+                                                     white, surfaces)
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        mean, ends = calibrated_bands(prior, posterior(
-            prior, response, signals, error[:, :, None] ** 2 * np.eye(len(response))), (LEVEL,))
-    return (float(np.sqrt(np.mean((mean - truth) ** 2, axis=1)).mean()),
-            float(np.mean(ends[0][1] - ends[0][0])))
+        return simulated_errors(prior, response, covariances, truth[some])

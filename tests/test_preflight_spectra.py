@@ -1,5 +1,6 @@
 """What camera preflight expects of spectra: nothing known costs, poor lamps are said."""
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ from spectrabox.measure.more_bands.second_photo import LampsAtHand
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra.filters import stated_filter
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.session.cli import app
 
@@ -66,6 +68,16 @@ def test_a_second_photo_never_harms_and_the_best_comes_first(in_daylight):
     assert {step.name for step in second} == {"A", "LED-B3"}
     assert all(step.rmse_after < step.rmse_before for step in second)
     assert [step.rmse_after for step in second] == sorted(step.rmse_after for step in second)
+
+
+def test_a_filter_that_is_badly_known_brings_less():
+    stated = stated_filter("exact", 0.02 + 0.88 / (1 + np.exp((560 - FINE_GRID.nm) / 12)))
+    vague = replace(stated, modes=10 * stated.modes)
+    shoot = Shoot(spectrum(light("D65", FINE_GRID)), shipped_prior(), CHART, CLASSIC.centres_uv,
+                  0.01)
+    after = {step.name: step.rmse_after for step in expected_spectra(
+        shoot, LampsAtHand({}, {"exact": stated, "vague": vague}), photos=1, surfaces=6).second}
+    assert after["exact"] < after["vague"]
 
 
 def test_the_command_says_it_without_a_stated_light():

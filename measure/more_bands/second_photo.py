@@ -195,10 +195,11 @@ def forecasts(known: KnownSurface, chosen: Sequence[Sequence[FurtherPhoto]],
     prior, measured = known.prior, known.measured
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
         spectra = _likely(prior, measured, known.spectra)
-        before = _estimated(prior, measured.relative_response, measured.noise_covariance, spectra)
+        before = simulated_errors(prior, measured.relative_response, measured.noise_covariance,
+                                  spectra)
         steps = []
         for photos in chosen:
-            rmse, width = _estimated(prior, *joined_errors(
+            rmse, width = simulated_errors(prior, *joined_errors(
                 measured, spectra.mean(axis=0) @ TO_FINE.T, photos, white, known.surface), spectra)
             dark = [number * len(white) + int(band) + 1 for number, photo in enumerate(photos)
                     for band in photo.dark]
@@ -225,28 +226,52 @@ def joined_errors(measured: SpectralMeasurement, spectrum: np.ndarray,
     surface : Surface or None
         None: photos err by noise alone.
     """
-    known, bands = measured.signal.size, len(white)
-    response = np.vstack([measured.relative_response, *(photo.response for photo in photos)])
-    signal = np.concatenate([measured.signal, response[known:] @ spectrum])
-    total = np.zeros((len(response),) * 2)
-    total[:known, :known] = measured.noise_covariance
+    response, covariances = joined_errors_of_several(
+        [measured], spectrum[None], photos, white, None if surface is None else [surface])
+    return response, covariances[0]
+
+
+def joined_errors_of_several(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
+                             photos: Sequence[FurtherPhoto], white: np.ndarray,
+                             surfaces: Sequence[Surface] | None) -> tuple[np.ndarray, np.ndarray]:
+    """The same of n surfaces of one photo, whose responses are one: response (J, 301), covariances
+    (n, J, J).
+
+    Parameters
+    ----------
+    measured : sequence of n SpectralMeasurement
+    spectra : (n, 301) array
+    photos, white
+        As of ``joined_errors``.
+    surfaces : sequence of n Surface or None
+    """
+    before = np.array([one.noise_covariance for one in measured])
+    if not photos:
+        return measured[0].relative_response, before
+    known, bands = measured[0].signal.size, len(white)
+    response = np.vstack([measured[0].relative_response, *(photo.response for photo in photos)])
+    signals = np.hstack([[one.signal for one in measured], spectra @ response[known:].T])
+    total = np.zeros((len(measured), len(response), len(response)))
+    total[:, :known, :known] = before
     blocks = [slice(known + number * bands, known + (number + 1) * bands)
               for number in range(len(photos))]
-    causes = ({PHOTO_NOISE: measured.noise_covariance} if surface is None
-              else errors_by_cause(surface.signals, surface.index))
-    for cause, covariance in causes.items():
-        own = covariance[:bands, :bands]
-        if cause in NOISES:
-            level = np.maximum(signal, LEAST_SIGNAL)
-            each = float(np.mean(np.diag(own) * white / level[:bands]))
-            for block, photo in zip(blocks, photos, strict=True):
-                total[block, block] += np.diag(each * level[block] / np.maximum(photo.white, DARK))
-        elif cause not in (SENSITIVITIES, LIGHT_SPECTRUM, FILTER):
-            total += _of_cause(cause, own, signal, known, blocks, photos)
-    if surface is not None:
-        total += _of_response(surface, signal, spectrum, response, known, photos)
+    for index, signal in enumerate(signals):
+        causes = ({PHOTO_NOISE: before[index]} if surfaces is None
+                  else errors_by_cause(surfaces[index].signals, surfaces[index].index))
+        for cause, covariance in causes.items():
+            own = covariance[:bands, :bands]
+            if cause in NOISES:
+                level = np.maximum(signal, LEAST_SIGNAL)
+                each = float(np.mean(np.diag(own) * white / level[:bands]))
+                for block, photo in zip(blocks, photos, strict=True):
+                    total[index, block, block] += np.diag(
+                        each * level[block] / np.maximum(photo.white, DARK))
+            elif cause not in (SENSITIVITIES, LIGHT_SPECTRUM, FILTER):
+                total[index] += _of_cause(cause, own, signal, known, blocks, photos)
+    if surfaces is not None:
+        total += _of_response(surfaces, signals, spectra, response, known, photos)
     seen = np.concatenate([np.ones(known, bool), *(photo.white >= DARK_BAND for photo in photos)])
-    return response[seen], symmetric(total[np.ix_(seen, seen)])
+    return response[seen], np.array([symmetric(one) for one in total[:, seen][:, :, seen]])
 
 
 def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, known: int,
@@ -271,28 +296,29 @@ def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, known: int,
     return total
 
 
-def _of_response(surface: Surface, signal: np.ndarray, spectrum: np.ndarray, response: np.ndarray,
-                 known: int, photos: Sequence[FurtherPhoto]) -> np.ndarray:
-    """What errors of curves, light and filters add to the covariance (J, J); of the first photo
+def _of_response(surfaces: Sequence[Surface], signals: np.ndarray, spectra: np.ndarray,
+                 response: np.ndarray, known: int, photos: Sequence[FurtherPhoto]) -> np.ndarray:
+    """What errors of curves, light and filters add to the covariances (n, J, J); of the first photo
     what they then add less than now.
     """
     bands = len(photos[0].white)
-    seen = np.r_[0:bands, known:signal.size]
-    now = surface.calibration
+    seen = np.r_[0:bands, known:signals.shape[1]]
+    now = surfaces[0].calibration
     calibrations = [now, *(_calibration_of(now, photo) for photo in photos)]
-    calibrations = _with_charts(surface, calibrations, photos)
+    calibrations = _with_charts(surfaces[0], calibrations, photos)
     views = np.repeat(np.arange(len(photos) + 1), bands)
-    joint = SurfaceSignals(("surface",), (False,), FINE_GRID, spectrum[None],
-                           tuple(f"{number}" for number in seen), views, response[seen],
-                           signal[None, seen], ())
-    total = np.zeros((signal.size,) * 2)
-    total[np.ix_(seen, seen)] = (
+    joint = SurfaceSignals(
+        tuple(f"{number}" for number in range(len(signals))), (False,) * len(signals), FINE_GRID,
+        spectra, tuple(f"{number}" for number in seen), views, response[seen], signals[:, seen], ())
+    total = np.zeros((*signals.shape, signals.shape[1]))
+    total[:, seen[:, None], seen] = (
         sensitivity_covariance(calibrations, joint) + light_covariance(calibrations, joint)
-        + filter_covariance(calibrations, joint))[0]
+        + filter_covariance(calibrations, joint))
     own = slice(0, bands)
-    present = {error.cause: error.covariance[surface.index] for error in surface.signals.errors}
-    total[own, own] -= sum(present[cause][own, own] for cause in (SENSITIVITIES, LIGHT_SPECTRUM)
-                           if cause in present)
+    for index, surface in enumerate(surfaces):
+        for error in surface.signals.errors:
+            if error.cause in (SENSITIVITIES, LIGHT_SPECTRUM):
+                total[index, own, own] -= error.covariance[surface.index][own, own]
     return total
 
 
@@ -377,16 +403,27 @@ def _likely(prior: LogitMixture, measured: SpectralMeasurement, spectra: np.ndar
     return np.asarray(np.clip(mean + (chosen - spectra.mean(axis=0)) * shrink, 0, 1))
 
 
-def _estimated(prior: LogitMixture, response: np.ndarray, covariance: np.ndarray,
-               spectra: np.ndarray) -> tuple[float, float]:
-    """Mean RMSE of the estimates from simulated signals of spectra (T, 61), and mean width of their
-    bands.
+def simulated_errors(prior: LogitMixture, response: np.ndarray, covariance: np.ndarray,
+                     spectra: np.ndarray) -> tuple[float, float]:
+    """Mean RMSE of the estimates from simulated signals of spectra, and mean width of their bands.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    response : (J, 301) array
+        Of the bands to reflectances; rows sum to 1.
+    covariance : (J, J) or (T, J, J) array
+        Of the signals.
+    spectra : (T, 61) array
     """
     coarse = response @ TO_FINE
     values, vectors = np.linalg.eigh(covariance)
-    normal = np.random.default_rng(1).standard_normal((len(spectra), len(values)))
-    signals = spectra @ coarse.T + normal * np.sqrt(np.maximum(values, 0)) @ vectors.T
-    mean, ends = calibrated_bands(prior, posterior(prior, coarse, signals, covariance), (LEVEL,))
+    # of all roots the symmetric one: like covariances give like errors, whatever their eigenvectors
+    root = (vectors * np.sqrt(np.maximum(values, 0))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    normal = np.random.default_rng(1).standard_normal((len(spectra), len(coarse)))
+    off = (root @ normal[..., None])[..., 0]
+    mean, ends = calibrated_bands(prior, posterior(prior, coarse, spectra @ coarse.T + off,
+                                                   covariance), (LEVEL,))
     lower, upper = ends[0]
     return (float(np.sqrt(np.mean((mean - spectra) ** 2, axis=1)).mean()),
             float(np.mean(upper - lower)))
