@@ -22,7 +22,7 @@ from spectrabox.radiometry.spectra.kept_cameras import known_camera
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_file import try_read_session
+from spectrabox.session.config.session_file import missing_files, try_read_session
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.stages.inputs import (
@@ -99,6 +99,8 @@ def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEV
     if folder.is_dir() and not os.access(folder, os.W_OK):
         problems.append(Problem(f"{folder} cannot be written: change its permissions",
                                 EnvironmentProblem.exit_code))
+    missing = missing_files(folder)
+    problems += [Problem(sentence, InputError.exit_code) for sentence in missing.values()]
     if config is None:
         return CheckResult(problems, None)
 
@@ -109,7 +111,8 @@ def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEV
         except SpectraboxError as error:
             problems.extend(Problem(sentence, error.exit_code)
                             for sentence in str(error).splitlines()
-                            if sentence not in [problem.sentence for problem in problems])
+                            if sentence not in [problem.sentence for problem in problems]
+                            and not any(str(path) in sentence for path in missing))
             return None
 
     _attempt_inputs(config, attempt)

@@ -89,11 +89,11 @@ def test_another_chart_at_the_corners_is_refused():
     chart, printed = LAYOUTS["SpyderCheckr 24"], PRINTED["SpyderCheckr 24"]
     photo = photograph(printed, camera_signals(true_reflectances(chart, seed=5)), printed.corners())
     reference = typical_camera_signals(true_reflectances(chart), GRID, POWER)
-    with pytest.raises(ChartNotFoundError, match="corners_px as the outer corners of the patch "
+    with pytest.raises(ChartNotFoundError, match=r"--corners .* as the outer corners of the patch "
                                                  "grid at E1, H1, H6 and E6"):
         find_chart(photo, reference, printed.corners(), chart)
     with pytest.raises(ChartNotFoundError, match="a SpyderCheckr 24 cannot be found in photo "
-                                                 r"chart\.exr by itself; give corners_px"):
+                                                 r"chart\.exr by itself; give --corners X,Y"):
         find_chart(photo, reference, None, chart)
 
 

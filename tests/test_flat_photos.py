@@ -1,5 +1,6 @@
 """Flat samples in several photos: other lights and filters, other exposures, one after another."""
 import json
+import tomllib
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +10,7 @@ from flat_example import CHART, HEAD, PAINTS, picture, rect_of, regions_toml, wr
 from typer.testing import CliRunner
 
 import spectrabox
+from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.fixtures import lamp
@@ -20,7 +22,8 @@ from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat.new_session import FlatOrder, session_of
+from spectrabox.session.flat.look import write_picture
+from spectrabox.session.flat.new_session import FlatOrder, known_file, session_of
 from spectrabox.session.store.locks import only_writer
 
 from tests.session_runs import run
@@ -204,7 +207,53 @@ def test_a_photo_that_will_not_do_is_one_sentence_and_leaves_nothing(tmp_path, n
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_a_card_in_per_cent_is_asked_back(tmp_path):
+def _spectra(folder):
+    (folder / "spectra").mkdir()
+    return folder
+
+
+def test_without_a_region_the_chart_is_looked_for_and_drawn(tmp_path):
+    write_raw()(tmp_path / "a.dng")
+    outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng"), "--json"])
+    facts = json.loads(outcome.stdout)
+    assert facts["verdict"] in ("good", "re-shoot") and len(facts["corners_px"]) == 24
+    plain = tmp_path / "plain.png"
+    write_picture(open_any(tmp_path / "a.dng"), plain)
+    drawn, blank = (oiio.ImageBuf(str(path)).get_pixels() for path in (facts["picture"], plain))
+    assert 0.001 < (drawn != blank).any(axis=2).mean() < 0.2
+
+
+@pytest.mark.parametrize("chart", [None, (-0.02, *CHART[1:])], ids=["none", "cut by the frame"])
+def test_a_photo_without_a_whole_chart_is_told_which_option_to_use(tmp_path, chart):
+    write_raw(chart=chart)(tmp_path / "a.dng")
+    outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng")])
+    assert outcome.exit_code == 4 and "the whole chart" in outcome.stderr
+    assert (chart is not None) or "--corners X,Y" in outcome.stderr
+    assert (tmp_path / "a-pixels.png").exists()     # from which corners can be read
+
+
+def test_photos_of_a_day_have_their_regions_in_a_file_and_a_session_each(tmp_path):
+    write_raw()(tmp_path / "a.dng")
+    write_raw(seed=2)(tmp_path / "b.dng")
+    write_raw(chart=None)(tmp_path / "none.dng")
+    (tmp_path / "regions.toml").write_text("".join(
+        f"[regions.{name}]\nrect = {rect_of(name)}\n" + more for name, more in
+        (("cube", 'family = "paint"\nsurface = "matt"\n'), ("white_wall", "known = 0.9\n"))),
+        encoding="utf-8")
+    words = ["flat", *(str(tmp_path / f"{name}.dng") for name in ("a", "none", "b")), "--regions",
+             str(tmp_path / "regions.toml"), "--each", "--json", "--quiet"]
+    outcome = CliRunner().invoke(app, words)
+    facts = json.loads(outcome.stdout)["photos"]
+    assert outcome.exit_code == 4 and "no ColorChecker" in facts[1]["error"]
+    for name in "ab":
+        written = tomllib.loads((tmp_path / f"{name}-flat" / "session.toml").read_text())["regions"]
+        assert written["cube"] == {"rect": rect_of("cube"), "family": ["paint"], "surface": "matt"}
+        assert written["white_wall"]["known"].endswith(".csv")
+        assert (tmp_path / f"{name}-flat" / "report.html").exists()
+
+
+def test_a_card_in_per_cent_is_asked_back_or_understood(tmp_path):
+    assert known_file("94%", "card", _spectra(tmp_path)) == known_file("0.94", "card", tmp_path)
     write_raw()(tmp_path / "a.dng")
     outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng"), "--region",
                                        "a=300,50,340,90", "--white-card", "300,10,340,40=94"])

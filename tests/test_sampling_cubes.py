@@ -235,11 +235,11 @@ def test_masks_choose_pixels_by_their_label(values, tmp_path):
 
 
 @pytest.mark.parametrize("text, message", [
-    ("[regions.a]\nrectangle = [0, 0, 9, 2]", "the picture has 5 x 6 pixels"),
-    ("[regions.a]\nrectangle = [0, 0, 2]", "4 whole numbers in brackets"),
+    ("[regions.a]\nrect = [0, 0, 9, 2]", "the picture has 5 x 6 pixels"),
+    ("[regions.a]\nrect = [0, 0, 2]", "4 whole numbers in brackets"),
     ("[regions.a]\npoint = [0.5, 1]", "a whole number is needed"),
-    ("[regions.a]\nrectange = [0, 0, 1, 1]", "did you mean 'rectangle'"),
-    ("[regions.a]\nlabel = 2", "needs one of rectangle"),
+    ("[regions.a]\nrec = [0, 0, 1, 1]", "did you mean 'rect'"),
+    ("[regions.a]\nlabel = 2", "needs one of rect"),
     ("[regions.a]\npoint = [0, 1]\ntrue = 'x'",
      r"unknown key 'true' in \[regions.a\]; did you mean 'truth'"),
     ("[regions.a]\nmask = '../m.png'", "lies outside the folder"),
@@ -360,7 +360,7 @@ def folder(tmp_path):
     (tmp_path / "truth.csv").write_text(f"nm,{','.join(truths)}\n" + "\n".join(
                                             ",".join(f"{value:.6g}" for value in row)
                                             for row in zip(NM, *truths.values(), strict=True)))
-    (tmp_path / "r.toml").write_text("".join(f"[regions.{name}]\nrectangle = [{40 * at}, 0, "
+    (tmp_path / "r.toml").write_text("".join(f"[regions.{name}]\nrect = [{40 * at}, 0, "
                                              f"{40 * at + 40}, 50]\n"
                                              for at, name in enumerate(truths)))
     return tmp_path

@@ -12,10 +12,19 @@ from spectrabox.radiometry.spectra.stated_light import stated_light
 
 
 @pytest.mark.parametrize("word, kind, cct", [("unknown", None, None), ("led", "led", None),
-                                             ("halogen", "halogen", None), ("3200K", None, 3200.0)])
+                                             ("halogen", "halogen", None), ("3200K", None, 3200.0),
+                                             ("tungsten", "halogen", None),
+                                             ("3200", None, 3200.0), ("sun", "daylight", None),
+                                             ("Daylight", "daylight", None)])
 def test_a_word_narrows_the_lamps(word, kind, cct):
     light = stated_light(word, GRID)
     assert (light.kind, light.cct) == (kind, cct)
+
+
+@pytest.mark.parametrize("word", ["tungsten", "3200", "unknown"])
+def test_where_a_spectrum_is_needed_a_kind_of_light_is_asked_back_with_names_near_it(word):
+    with pytest.raises(InputError, match=r"its spectrum is needed: .*A \(tungsten, 2856 K\)"):
+        named_light(word, GRID)
 
 
 def test_a_cie_name_states_a_spectrum():

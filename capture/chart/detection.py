@@ -35,6 +35,8 @@ QUAD_SHARE = 0.6                         # of a patch's side that is sampled
 PICTURE_SIDES = (1600, 1000, 2400)       # px, long side of the picture searched, in this order
 REGION_SHARE = 0.55                      # of the picture's sides, for a search of its parts
 MAX_MAGNIFIED = 2.0                      # more only blurs
+# as commands call it, and session.toml
+CORNERS = "--corners X,Y,X,Y,X,Y,X,Y (corners_px of [chart] in session.toml)"
 ACCEPTED_CONTRAST = (0.6, 1.9)           # power of the light; sRGB taken as linear has 0.5
 CONFIDENCE_SCALE = 0.25                  # confidence = exp(-residual / 0.25)
 # Lengths are in units of which a patch's side is 40: mm on the large card.
@@ -321,7 +323,7 @@ def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
 def _other_order(image: LinearImage, chart: Chart, reading: str) -> str:
     return (f"photo {image.source}: the patches agree with the reference of the {chart.name} only "
             f"if one of the two is read {reading}; list the reference row by row, "
-            f"{chart.names[0]} first, or name its samples after the patches, and give corners_px "
+            f"{chart.names[0]} first, or name its samples after the patches, and give {CORNERS} "
             f"at {chart.corner_words}")
 
 
@@ -416,16 +418,17 @@ def _not_found(image: LinearImage, residual: float, chart: Chart, by_hand: bool)
         misfit = (f"disagree with a chart by {residual:.2f}" if np.isfinite(residual)
                 else "are nothing like a chart")
         return (f"photo {image.source}: the patches at the given corners {misfit} (relative rms, "
-                f"{limit}); give corners_px as the outer corners of the patch grid at "
+                f"{limit}); give {CORNERS} as the outer corners of the patch grid at "
                 f"{chart.corner_words}")
     if not chart.detectable:
-        return (f"a {chart.name} cannot be found in photo {image.source} by itself; give "
-                f"corners_px ({chart.corner_words}) in pixels of the photo")
+        return (f"a {chart.name} cannot be found in photo {image.source} by itself; give {CORNERS} "
+                f"({chart.corner_words}) in pixels of the photo")
     nearest = ""
     if np.isfinite(residual):
         nearest = f" (the likeliest place disagrees by {residual:.2f}, {limit})"
-    remedy = _dark_bands(image) or ("let the chart fill at least a quarter of the frame in even "
-                                    "light without glare, or give its corners as corners_px in "
-                                    "session.toml")
+    remedy = _dark_bands(image) or (
+        "photograph the whole chart, none of its patches cut off, so that it fills at least a "
+        "quarter of the frame in even light without glare; where it is there and only not found, "
+        f"give {CORNERS} at {chart.corner_words}")
     named = "ColorChecker" if chart.name == CLASSIC.name else chart.name
     return f"no {named} was found in photo {image.source}{nearest}; {remedy}"

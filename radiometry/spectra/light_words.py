@@ -5,6 +5,9 @@ from spectrabox.radiometry.errors import InputError
 
 UNKNOWN = "unknown"
 LIGHT_KINDS = ("daylight", "halogen", "led", "fluorescent")
+SAME_KIND = {"tungsten": "halogen", "incandescent": "halogen", "bulb": "halogen",
+             "sun": "daylight", "sunlight": "daylight", "sky": "daylight",
+             "leds": "led", "tube": "fluorescent", "tubes": "fluorescent"}
 CCT_KELVIN = (1500.0, 25000.0)      # candles to blue sky
 
 
@@ -21,12 +24,13 @@ def vague_words(word: str) -> tuple[str | None, float | None] | None:
     InputError
         If it is a temperature that no lamp has.
     """
-    if word == UNKNOWN:
+    plain = SAME_KIND.get(word.strip().lower(), word.strip().lower())
+    if plain == UNKNOWN:
         return None, None
-    if word in LIGHT_KINDS:
-        return word, None
-    if word.endswith("K") and word[:-1].replace(".", "", 1).isdigit():
-        cct, (low, high) = float(word[:-1]), CCT_KELVIN
+    if plain in LIGHT_KINDS:
+        return plain, None
+    if plain.removesuffix("k").strip().replace(".", "", 1).isdigit():
+        cct, (low, high) = float(plain.removesuffix("k")), CCT_KELVIN
         if not low <= cct <= high:
             raise InputError(f"a light of {cct:g} K: correlated colour temperatures run from "
                              f"{low:g} to {high:g} K")

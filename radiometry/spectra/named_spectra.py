@@ -19,6 +19,7 @@ from spectrabox.radiometry.published.published_tables import (
 )
 from spectrabox.radiometry.records import Quantity, WavelengthGrid
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
+from spectrabox.radiometry.spectra.light_words import vague_words
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -26,6 +27,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 
+NEAR = "A (tungsten, 2856 K), D50 or D65 (daylight), FL11 (tubes), LED-B3"
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
 
 
@@ -76,6 +78,9 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
     """
     if names_a_file(name):
         values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
+    elif name not in published_names(LIGHTS) and vague_words(name) is not None:
+        raise InputError(f"{name!r} says of what kind a light is, and here its spectrum is needed: "
+                         f"give a CSV file of it, or a CIE name that comes near it, such as {NEAR}")
     else:
         nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum")
         values = on_grid(nm, curves[0], grid, name)
@@ -94,9 +99,10 @@ def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    import colour
     from colour.quality.cfi2017 import load_TCS_CIE2017
     from colour.quality.datasets import SDS_TCS, SDS_VS
+
+    import colour
 
     sets = {name: list(colour.SDS_COLOURCHECKERS[name].values()) for name in CHARTS}
     sets["CIE 13.3 test colours"] = [sd for part in SDS_TCS.values() for sd in part.values()]

@@ -24,7 +24,7 @@ Pixel = Annotated[ListOf[int], Field(min_length=2, max_length=2)]
 class RegionTable(Table):
     """A region in a file."""
 
-    rectangle: Rectangle | None = None
+    rect: Rectangle | None = None
     point: Pixel | None = None
     mask: str | None = None
     label: int | None = None
@@ -33,8 +33,8 @@ class RegionTable(Table):
     @model_validator(mode="after")
     def lies_somewhere(self) -> RegionTable:
         """Refuse a region of no pixels or of two kinds."""
-        if sum(each is not None for each in (self.rectangle, self.point, self.mask)) != 1:
-            raise ValueError("a region needs one of rectangle = [x0, y0, x1, y1], point = [x, y] "
+        if sum(each is not None for each in (self.rect, self.point, self.mask)) != 1:
+            raise ValueError("a region needs one of rect = [x0, y0, x1, y1], point = [x, y] "
                              "or mask = \"file.png\"")
         return self
 
@@ -73,7 +73,7 @@ class RegionSpectra:
 
 def read_regions(path: Path, width: int, height: int,
                  read_mask: Callable[[Path], np.ndarray]) -> list[Region]:
-    """Regions of a TOML file: [regions.NAME] with ``rectangle = [x0, y0, x1, y1]``, ``point = [x,
+    """Regions of a TOML file: [regions.NAME] with ``rect = [x0, y0, x1, y1]``, ``point = [x,
     y]``, or a ``mask``.
 
     A mask is a picture of one band of the cube's size beside the TOML file: its pixels above 0 or,
@@ -87,7 +87,7 @@ def read_regions(path: Path, width: int, height: int,
     ------
     InputError
     """
-    advice = "write [regions.NAME] and rectangle = [x0, y0, x1, y1]"
+    advice = "write [regions.NAME] and rect = [x0, y0, x1, y1]"
     regions = checked(RegionsFile, read_toml(path, advice), path.name).regions
     return [_region(name, table, path, (width, height), read_mask)
             for name, table in regions.items()]
@@ -198,8 +198,8 @@ def _region(name: str, table: RegionTable, path: Path, size: tuple[int, int],
     if table.mask is not None:
         return Region(name, table.truth, *_masked(name, table.mask, table.label, path, size,
                                                   read_mask))
-    if table.rectangle is not None:
-        x0, y0, x1, y1 = table.rectangle
+    if table.rect is not None:
+        x0, y0, x1, y1 = table.rect
     else:
         x0, y0 = table.point or (0, 0)
         x1, y1 = x0 + 1, y0 + 1

@@ -13,16 +13,20 @@ from spectrabox.calibrate.chart_calibration import (
     CurveBand,
 )
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.capture.chart.detection import locate_chart
+from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.orientation import photo_orientation, turned
-from spectrabox.measure.camera import CameraFit, fit_camera, measure_chart
+from spectrabox.measure.camera import CameraFit, chart_signals, fit_camera, measure_chart
 from spectrabox.radiometry.chart import CLASSIC, Chart, chart_reflectances, excluded_patches
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
+    ChartDetection,
+    LinearImage,
     PatchSamples,
     Quantity,
     SensitivityFit,
@@ -187,6 +191,38 @@ def _patches_of_picture(path: Path, corners: str | None, chart: Chart, reflectan
     corners_px = None if corners is None else corner_points(corners, chart)
     return (measure_chart(photo, chart, reflectances, grid, corners_px),
             default_band_names(photo.signal.shape[2]), ())
+
+
+def judged_chart(image: LinearImage, layout: str, reference: str | None,
+                 corners: str | None) -> tuple[ChartDetection, ChartVerdict]:
+    """The chart in a photo and the verdict on it, as the options of a command name chart and
+    corners.
+
+    Parameters
+    ----------
+    image : LinearImage
+    layout, reference : str
+        As of ``--chart-layout`` and ``--reference``.
+    corners : str, optional
+        As of ``--corners``.
+
+    Raises
+    ------
+    CheckError
+        If there is no chart, or it is mirrored.
+    InputError
+        If a chart, a reference or corners cannot be read.
+    """
+    grid, chart = visible_grid(), read_layout(layout)
+    reflectances = None if chart.has_known_colours and reference is None else \
+        reference_reflectances(reference, chart, grid)
+    signals = chart_signals(chart, reflectances, image.signal.shape[2], grid)
+    detection = locate_chart(image, signals,
+                             None if corners is None else corner_points(corners, chart), chart)
+    if detection.mirrored:
+        raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo as the "
+                         "camera took it, without flipping or a mirror in the light path")
+    return detection, judge_chart(image, detection, signals, chart)
 
 
 def corner_points(text: str, chart: Chart) -> np.ndarray:

@@ -57,26 +57,13 @@ class ChartRequest(CommonOptions):
 @command
 def chart(request: ChartRequest) -> Answer:
     """Find the chart; patch statistics; is this photo good enough?"""
-    from spectrabox.capture.chart.detection import chart_overlay, locate_chart
-    from spectrabox.capture.chart.quality import judge_chart
+    from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_files import write_png
-    from spectrabox.radiometry.charts.references import reference_reflectances
-    from spectrabox.radiometry.grid import visible_grid
-    from spectrabox.session.camera.inputs import corner_points, read_layout
-    grid, chart_of = visible_grid(), read_layout(request.layout)
-    reflectances = None if chart_of.has_known_colours and request.reference is None else \
-        reference_reflectances(request.reference, chart_of, grid)
+    from spectrabox.session.camera.inputs import judged_chart
     image = _open(request.photo, request.encoded)
-    from spectrabox.measure.camera import chart_signals
-    signals = chart_signals(chart_of, reflectances, image.signal.shape[2], grid)
-    corners = None if request.corners is None else corner_points(request.corners, chart_of)
     try:
-        detection = locate_chart(image, signals, corners, chart_of)
-        if detection.mirrored:
-            raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo "
-                             "as the camera took it, without flipping or a mirror in the light "
-                             "path")
-        verdict = judge_chart(image, detection, signals, chart_of)
+        detection, verdict = judged_chart(image, request.layout, request.reference,
+                                          request.corners)
     except CheckError as error:
         if request.debug or not request.as_json:
             raise

@@ -1,6 +1,7 @@
 """The command that goes from photos with a chart in them to spectra of their regions."""
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.session.commands.session import RunRequest, run_session
 from spectrabox.session.terminal.command_line import (
     CORNERS,
@@ -47,8 +48,15 @@ class FlatRequest(CommonOptions):
         "light:LIGHT as of --light, or same (the first photo's light). May be repeated.")] = ()
     region: Annotated[tuple[str, ...], typer.Option(
         "--region", metavar=f"NAME={RECTANGLE}", help="A region by two opposite corners in pixels "
-        "of the first photo; may be repeated. Without one a picture with pixels on its axes is "
-        "written.")] = ()
+        "of the first photo; may be repeated. Without one the chart is looked for, and a "
+        "picture written that shows it, with pixels on its axes.")] = ()
+    regions: Annotated[Path | None, typer.Option(
+        metavar="TOML",
+        help="File of regions, [regions.NAME] with rect, family, surface, known and "
+        "truth as in a session, for photos that are framed alike.")] = None
+    each: Annotated[bool, typer.Option(
+        "--each", help="Every photo is one of its own, with the same regions: a session for each, "
+        "as for the photos of a day.")] = False
     light: Annotated[str, typer.Option(
         metavar="FILE|NAME",
         help="Of the first photo: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
@@ -95,24 +103,57 @@ class FlatRequest(CommonOptions):
 @command
 def flat(request: FlatRequest) -> Answer:
     """Spectra of regions of photos that show a colour chart, without a scene."""
+    return _measure_each(request) if request.each else _measure(request)
+
+
+def _measure_each(request: FlatRequest) -> Answer:
+    """A session for each photo; one that will not do does not stop the others."""
+    from spectrabox.session.terminal.command_line import tell
+    if request.also or request.session is not None:
+        raise InputError("--each makes a session beside every photo: leave --also and --session "
+                         "out")
+    answers: list[dict[str, object]] = []
+    texts, codes = [], []
+    for photo in request.photos:
+        try:
+            answer = _measure(dataclasses.replace(request, photos=(photo,)))
+            answers.append({"photo": photo, **answer.facts})
+            texts.append(f"{photo}\n{answer.text}")
+        except SpectraboxError as error:
+            tell(f"spectrabox: {photo}: {error}")
+            answers.append({"photo": photo, "error": str(error), "exit_code": error.exit_code})
+            texts.append(f"{photo}\nnot measured: {error}")
+            codes.append(error.exit_code)
+    return Answer({"photos": answers}, "\n\n".join(texts), min(codes, default=0))
+
+
+def _measure(request: FlatRequest) -> Answer:
+    """The session of one sample, run; without regions a look at its photo."""
     start = time.perf_counter()
     photo, *others = request.photos
-    if not request.region:
-        return _write_picture(photo)
+    if not request.region and request.regions is None:
+        return _show_photo(photo, request)
     from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
+    from spectrabox.session.flat.regions_file import StatedRegions, read_regions
+    in_file = StatedRegions() if request.regions is None else read_regions(request.regions)
     regions = {name: pixel_numbers(rest, 4, f"--region {name}", RECTANGLE)
                for name, rest in _pairs(request.region, "--region", RECTANGLE).items()}
-    known = {}
+    if twice := regions.keys() & in_file.rects.keys():
+        raise InputError(f"{min(twice)!r} is a --region and in {request.regions} too; leave one "
+                         "out")
+    regions |= {name: list(rect) for name, rect in in_file.rects.items()}
+    known = dict(in_file.known)
     if request.white_card is not None:
         rect, _, known[CARD] = request.white_card.partition("=")
         regions[CARD] = pixel_numbers(rect, 4, "--white-card", RECTANGLE)
         if not known[CARD]:
             raise InputError("--white-card needs the card's reflectance: X0,Y0,X1,Y1=FILE, or "
                              "a number such as X0,Y0,X1,Y1=0.95")
-    families = {name: word.split(",") for name, word
+    families = {**in_file.families} | {name: word.split(",") for name, word
                 in _pairs(request.family, "--family", "paint").items()}
-    truths = _pairs(request.truth, "--truth", "FILE")
+    truths = {**in_file.truths} | _pairs(request.truth, "--truth", "FILE")
     surfaces, of_all = _surfaces(request.surface, [name for name in regions if name not in known])
+    surfaces = {**in_file.surfaces} | surfaces
     if unknown := [name for name in (*families, *truths, *surfaces) if name not in regions]:
         raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
     px = None if request.corners is None else pixel_numbers(request.corners, 8, "--corners",
@@ -161,16 +202,37 @@ def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, s
     return stated, of_all
 
 
-def _write_picture(photo: Path) -> Answer:
+def _show_photo(photo: Path, request: FlatRequest) -> Answer:
+    """Look for the chart, and write a picture to read regions from, with the chart drawn on it."""
+    from spectrabox.capture.develop.developed import open_any
+    from spectrabox.capture.photo.orientation import photo_orientation, turned
+    from spectrabox.session.camera.inputs import judged_chart
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
-    if picture.exists():
-        raise InputError(f"no region is named, and {picture} is there to read them from: give "
-                         "--region NAME=X0,Y0,X1,Y1 for each")
-    width, height = write_picture(photo, picture)
-    return Answer({"picture": picture, "size_px": [width, height]},
-                  f"wrote {picture}: read the corners of your regions from its axes, then give "
-                  "--region NAME=X0,Y0,X1,Y1 for each")
+    image = turned(open_any(photo), photo_orientation(photo))
+    chart = None
+    try:
+        if request.chart is None:
+            chart = judged_chart(image, request.layout, request.reference, request.corners)
+    except CheckError as error:
+        write_picture(image, picture)
+        raise type(error)(f"{error}. {picture} shows the photo with its pixels on the axes, to "
+                          "read corners from; a photo of the chart by itself is given with "
+                          "--chart") from None
+    size = write_picture(image, picture, None if chart is None else chart[0].corners_px)
+    next_step = (f"wrote {picture}: read the corners of your regions from its axes, then give "
+                 f"--region NAME={RECTANGLE} for each, or point at them with 'spectrabox open "
+                 f"{photo}'")
+    facts = {"picture": picture, "size_px": size, "verdict": None, "reasons": [],
+             "corners_px": None}
+    if chart is None:
+        return Answer(facts, next_step)
+    detection, verdict = chart
+    return Answer({**facts, "verdict": verdict.verdict, "reasons": verdict.reasons,
+                   "corners_px": detection.corners_px},
+                  "\n".join([f"{verdict.verdict.upper()}  {photo.name}: chart "
+                             f"{detection.how_found}, drawn on the picture",
+                             *(f"- {reason}" for reason in verdict.reasons), next_step]))
 
 
 def _pairs(words: Sequence[str], option: str, form: str) -> dict[str, str]:

@@ -252,7 +252,7 @@ class JudgeRequest(PriorOptions, ObserverAndDaylight):
     column: Annotated[str | None, typer.Option(
         metavar="NAME", help="Column of the truth for all regions.")] = None
     regions: Annotated[Path | None, typer.Option(
-        metavar="TOML", help="Regions: [regions.NAME], rectangle, point or mask.")] = None
+        metavar="TOML", help="Regions: [regions.NAME] with rect, point or mask.")] = None
     point: Annotated[tuple[str, ...], typer.Option(
         metavar="[NAME=]X,Y", help="One pixel.")] = ()
     wavelengths: Annotated[str | None, typer.Option(

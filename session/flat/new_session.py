@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from spectrabox.capture.photo.image_files import require_linear_file
 from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
 from spectrabox.radiometry.charts.layout_names import is_layout_file
 from spectrabox.radiometry.charts.layouts import chart_layout
@@ -96,6 +97,8 @@ def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
                  *(further.photo for further in order.further)):
         if path is not None and not path.is_file():
             raise InputError(f"{path} is missing; give the name of a photo")
+        if path is not None:
+            require_linear_file(path)
     _require_several(order)
     made = not folder.exists()
     if folder.exists() and not folder.is_dir():
@@ -262,7 +265,7 @@ def known_file(word: str, name: str, folder: Path) -> str:
     Parameters
     ----------
     word : str
-        A number, or a file.
+        A number such as 0.94 or 94%, or a file.
     name : str
         Of the region.
     folder : Path
@@ -279,7 +282,7 @@ def known_file(word: str, name: str, folder: Path) -> str:
         If a number is no reflectance, or the file is missing.
     """
     try:
-        value = float(word)
+        value = float(word[:-1]) / 100 if word.endswith("%") else float(word)
     except ValueError:
         return _copied(Path(word), folder, "spectra")
     require_fraction(value, name)
