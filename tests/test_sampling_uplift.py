@@ -10,15 +10,24 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
+from spectrabox.sampling.prior import local_posteriors
+from spectrabox.sampling.prior.informative_bands import informative_bands
+from spectrabox.sampling.prior.mixture import (
+    PRIOR_GRID,
+    load_prior,
+    of_families,
+    reflectance_moments,
+)
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.prior.uplift_table import (
     build_table,
     lattice,
     outside,
+    relative_errors,
     table_error,
     uplift_directly,
     uplift_pixels,
+    uplift_signals,
 )
 from spectrabox.sampling.published.baselines import baseline_spectra, greedy_draws, to_tristimulus
 
@@ -120,3 +129,89 @@ def test_the_shipped_sets_are_reflectances():
     for name, values in shipped_reflectances(PRIOR_GRID).items():
         assert values.shape[1] == 61, name
         assert values.min() > -0.01 and values.max() < 1.2, name
+
+
+# ---- many bands
+
+def painted(count, bands, seed=0):
+    """Shaded mixtures of published colours (n, 61), and their signals with 1 % of noise."""
+    rng, published = np.random.default_rng(seed), np.vstack(list(
+        shipped_reflectances(PRIOR_GRID).values()))
+    pairs, share = rng.integers(40, size=(2, count)), rng.beta(0.15, 0.15, (count, 1))
+    truth = (share * published[pairs[0]] + (1 - share) * published[pairs[1]]) \
+        * rng.uniform(0.3, 1, (count, 1))
+    truth = np.clip(truth, 0.004, 0.996)
+    return truth, truth @ response(bands)[1].T * (1 + 0.01 * rng.standard_normal((count, bands)))
+
+
+@pytest.mark.parametrize("bands", [5, 12, 36])
+def test_a_pixel_of_many_bands_has_the_exact_posterior_to_a_small_share_of_its_band(
+        monkeypatch, bands):
+    """Spectra near some of the other signals, against the posterior of each in all its bands."""
+    monkeypatch.setattr(local_posteriors, "MAX_CENTRES", 500)
+    truth, signals = painted(1060, bands)
+    matrix, others, own = response(bands)[1], signals[:1000], slice(1000, None)
+    near = local_posteriors.local_posteriors(
+        load_prior(), matrix, lambda each: [relative_errors(each, 0.01)], others, None,
+        slice(None), slice(None))
+    found = near.values(signals[own], None)
+    mean, spread, novelty = found[:, :61], found[:, 61:-1], found[:, -1]
+    errors = relative_errors(signals[own], 0.01)
+    exact = uplift_signals(load_prior(), matrix, signals[own], errors)
+    # shares of a standard deviation, of which a 95 % band holds four
+    off = np.abs(mean - exact.mean) / exact.standard_deviation
+    assert np.sqrt(np.mean(off**2)) < 0.25 and np.median(off) < 0.1
+    assert np.mean((novelty > 1) == (exact.novelty > 1)) > 0.9
+    # draws that reproduce 36 signals one by one are wider than the information in these
+    few = uplift_signals(load_prior(), near.gain @ matrix, signals[own] @ near.gain.T,
+                         near.gain @ errors @ near.gain.T)
+    ratio = spread / few.standard_deviation
+    assert abs(np.median(ratio) - 1) < 0.03 and np.mean(np.abs(ratio - 1) > 0.25) < 0.05
+
+    def error(spectra):
+        return np.sqrt(np.mean((spectra - truth[own])**2))
+
+    assert error(mean) < 1.1 * error(exact.mean)
+    held = np.mean(np.abs(mean - truth[own]) < 1.96 * spread)
+    assert held == pytest.approx(np.mean(np.abs(exact.mean - truth[own])
+                                         < 1.96 * exact.standard_deviation), abs=0.02)
+
+
+def test_a_centre_has_its_own_posterior_and_strange_signals_are_novel():
+    matrix, (_, signals) = response(6)[1], painted(30, 6)
+    near = local_posteriors.local_posteriors(
+        load_prior(), matrix, lambda each: [relative_errors(each, 0.01)], signals, None,
+        slice(None), slice(None))
+    exact = uplift_signals(load_prior(), matrix, signals, relative_errors(signals, 0.01))
+    found = near.values(signals, None)
+    # single precision, and modes to 1e-4 of a logit
+    np.testing.assert_allclose(found[:, :61], exact.mean, atol=2e-4)
+    np.testing.assert_allclose(found[:, 61:-1], exact.standard_deviation, atol=2e-4)
+    np.testing.assert_allclose(found[:, -1], exact.novelty, rtol=1e-2)
+    strange = signals * [1, 0.5, 1, 1.5, 1, 0.5]
+    assert np.mean(near.values(strange, None)[:, -1] > 1) > 0.8
+
+
+def test_errors_between_the_smallest_and_the_largest_give_spreads_between():
+    matrix, (_, signals) = response(6)[1], painted(300, 6)
+    signals = np.repeat(signals[:5], 60, axis=0)
+    near = local_posteriors.local_posteriors(
+        load_prior(), matrix, lambda each: [relative_errors(each, 0.01),
+                                            relative_errors(each, 0.05)],
+        signals, np.tile(np.linspace(0, 1, 60), 5), slice(None), slice(None))
+    spreads = [near.values(signals[::60], np.full(5, level))[:, 61:-1].mean()
+               for level in (0.0, 0.5, 1.0)]
+    exact = [uplift_signals(load_prior(), matrix, signals[::60], relative_errors(
+        signals[::60], noise)).standard_deviation.mean() for noise in (0.01, 0.05)]
+    assert spreads[0] < spreads[1] < spreads[2]
+    np.testing.assert_allclose(spreads[::2], exact, rtol=0.02)
+
+
+def test_bands_that_repeat_others_leave_their_signal_and_halve_its_noise():
+    matrix = response(4)[1]
+    covariance = reflectance_moments(load_prior())[1]
+    gain, few = informative_bands(covariance, np.vstack([matrix, matrix]), 1e-4 * np.eye(8))
+    assert few.shape == (4, 61)
+    # the same directions: each band is the mean of its two copies, but for the floor of the noise
+    np.testing.assert_allclose(gain @ np.vstack([matrix, matrix]), few, atol=1e-12)
+    np.testing.assert_allclose(np.diag(gain @ gain.T), 0.5, rtol=1e-3)

@@ -20,7 +20,8 @@ from spectrabox.measure.pictures.illumination import (
 from spectrabox.radiometry.error_model import ResponseErrors, curve_errors, light_errors
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Calibration
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.informative_bands import informative_bands
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
@@ -111,10 +112,13 @@ class PixelErrors:
         sensitivities and light, for the spectra that the prior expects behind them.
         """
         spectra = np.empty((len(signals), PRIOR_GRID.nm.size))
+        noise = EXPECTED**2 * np.eye(signals.shape[1])
+        gain, response = informative_bands(reflectance_moments(self.prior)[1],
+                                           self.responses[light], noise)
         for start in range(0, len(signals), EXPECTED_AT_ONCE):
             some = signals[start:start + EXPECTED_AT_ONCE]
-            mixture = posterior(self.prior, self.responses[light], some,
-                                EXPECTED**2 * np.eye(signals.shape[1]), tolerance=COARSE_TOLERANCE)
+            mixture = posterior(self.prior, response, some @ gain.T, gain @ noise @ gain.T,
+                                tolerance=COARSE_TOLERANCE)
             spectra[start:start + len(some)] = mean_and_spread(mixture)[0]
         return self.curves[light].covariance(signals, spectra)
 

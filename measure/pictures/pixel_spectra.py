@@ -1,22 +1,28 @@
 """From pixels' signals to spectra: one plan for a whole picture, whatever its signals come from.
 
 A picture is read twice, some rows at a time. The first reading surveys which points of a table of
-spectra (sampling/prior/tables.py) its signals need, and the table is computed once; the second
-reading interpolates in it. Pictures with few pixels, or with other than three bands, are computed
-pixel by pixel. Either way a spectrum depends on its own pixel and on the plan alone, so that it
-does not depend on how the picture is cut, nor on who computes it.
+spectra (sampling/prior/uplift_table.py) its signals need, and the table is computed once; the
+second reading interpolates in it. With other than three bands posteriors at some of the signals
+take the table's place (sampling/prior/local_posteriors.py). Pictures with few pixels are computed
+pixel by pixel. A spectrum depends on its own pixel and on the plan alone, so that it does not
+depend on how the picture is cut, nor on who computes it.
 """
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
+from spectrabox.sampling.prior.local_posteriors import (
+    MAX_CENTRES,
+    LocalPosteriors,
+    local_posteriors,
+)
 from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
@@ -35,6 +41,7 @@ PIXELS_IN_CACHE = 16_384    # looked up at a time
 SAMPLED = 65_536            # pixels, evenly over the picture, that tell what a low rank costs
 SAMPLED_DIRECTLY = 2048     # where each takes a millisecond
 POINT_IN_PIXELS = 1         # a point of one table takes as long as how many pixels one by one
+CENTRE_IN_PIXELS = 2        # likewise one of the posteriors among many bands, at most
 SUM_ERROR = 1e-5            # of an interpolation in single precision, at most
 GRID_STEP_NM = 5
 DEVIATION_STEPS = 2     # the standard deviation changes slowly: every second wavelength is kept
@@ -120,7 +127,7 @@ class Survey:
 
     points: np.ndarray      # (J, side, side, side) bool: needed points of the table of each light
     outside: int            # pixels with a band outside 0 to 1
-    sample: np.ndarray      # (n, K) signals of some pixels
+    sample: PixelBlock      # some pixels
 
 
 def row_blocks(height: int, width: int) -> list[tuple[int, int]]:
@@ -140,15 +147,17 @@ def survey_rows(source: PixelSource, first: int, last: int) -> Survey:
     height, width, bands = source.size
     block = source.block(first, last)
     points = np.zeros((len(source.responses), *(source.table_side,) * 3), dtype=bool)
-    for light, some in _pieces(block) if bands == 3 else ():
+    for light, some in _pieces(block, PIXELS_IN_CACHE) if bands == 3 else ():
         points[light] |= points_around(block.signals[some], source.table_side)
     # from one pixel of the sample to the next, in reading order: no divisor of a row
     step = max(1, -(-height * width // SAMPLED))
     while math.gcd(step, width) > 1:
         step += 1
+    some = slice(-first * width % step, None, step)
     # copied: a view would hold all signals of these rows
-    return Survey(points, int(outside(block.signals).sum()),
-                  block.signals[-first * width % step::step].copy())
+    sample = PixelBlock(block.signals[some].copy(), _rows([block.light], some),
+                        _rows([block.error_level], some))
+    return Survey(points, int(outside(block.signals).sum()), sample)
 
 
 def merge_surveys(surveys: Iterable[Survey]) -> Survey:
@@ -158,20 +167,28 @@ def merge_surveys(surveys: Iterable[Survey]) -> Survey:
         points = points | survey.points
         beyond += survey.outside
         samples.append(survey.sample)
-    return Survey(points, beyond, np.concatenate(samples))
+    return Survey(points, beyond, PixelBlock(
+        np.concatenate([each.signals for each in samples]), _rows([each.light for each in samples]),
+        _rows([each.error_level for each in samples])))
 
 
-def _pieces(block: PixelBlock) -> Iterator[tuple[int, Any]]:
-    """Indices of a block's pixels under each light, no more at a time than stay in the cache."""
+def _rows(parts: Sequence[np.ndarray | None], some: slice = slice(None)) -> np.ndarray | None:
+    """Some rows of each part, one after the other, copied; None where there are none."""
+    known = [each[some] for each in parts if each is not None]
+    return np.concatenate(known) if known else None
+
+
+def _pieces(block: PixelBlock, most: int) -> Iterator[tuple[int, Any]]:
+    """Indices of a block's pixels under each light, no more than ``most`` at a time."""
     count = len(block.signals)
     if block.light is None:
-        for start in range(0, count, PIXELS_IN_CACHE):
-            yield 0, slice(start, start + PIXELS_IN_CACHE)
+        for start in range(0, count, most):
+            yield 0, slice(start, start + most)
         return
     for light in np.unique(block.light):
         own = np.flatnonzero(block.light == light)
-        for start in range(0, own.size, PIXELS_IN_CACHE):
-            yield int(light), own[start:start + PIXELS_IN_CACHE]
+        for start in range(0, own.size, most):
+            yield int(light), own[start:start + most]
 
 
 @dataclass(frozen=True)
@@ -182,13 +199,24 @@ class LightTable:
     columns: np.ndarray         # (L, C) where errors are smallest
     change: np.ndarray | None   # (L, C) from there to where they are largest
 
+    at_once = PIXELS_IN_CACHE
+
+    def values(self, signals: np.ndarray, level: np.ndarray | None) -> np.ndarray:
+        """Numbers (n, C) of signals (n, 3), and of the level (n,) of their errors."""
+        weights = interpolation(self.row, len(self.columns), signals)
+        values = weights @ self.columns
+        if self.change is not None and level is not None:
+            values += level[:, None] * (weights @ self.change)
+        return np.asarray(values)
+
 
 @dataclass(frozen=True)
 class SpectraPlan:
     """How signals become spectra, the same for all pixels of a picture."""
 
     kept: KeptWavelengths
-    tables: tuple[LightTable, ...]      # of each light; none where pixels are computed one by one
+    # of each light; none where pixels are computed one by one
+    tables: tuple[LightTable | LocalPosteriors, ...]
     low_rank: LowRank | None = None
     errors: dict[str, Any] | None = None    # that the low rank costs
 
@@ -204,13 +232,15 @@ class SpectraPlan:
         if not self.tables:
             spectra = _columns(source.direct(block), self.kept, novelty=self.low_rank is None)
             return spectra if self.low_rank is None else self.low_rank.coefficients(spectra)
-        values = np.empty((len(block.signals), self.tables[0].columns.shape[1]), np.float32)
-        for light, some in _pieces(block):
+        columns = sum(nm.size for nm in self.kept.nm) + 1 if self.low_rank is None \
+            else len(self.low_rank.basis) - 1
+        values = np.empty((len(block.signals), columns), np.float32)
+        for light, some in _pieces(block, self.tables[0].at_once):
             table = self.tables[light]
-            weights = interpolation(table.row, len(table.columns), block.signals[some])
-            piece = weights @ table.columns
-            if table.change is not None and block.error_level is not None:
-                piece += block.error_level[some, None] * (weights @ table.change)
+            level = None if block.error_level is None else block.error_level[some]
+            piece = table.values(block.signals[some], level)
+            if self.low_rank is not None and isinstance(table, LocalPosteriors):
+                piece = self.low_rank.coefficients(piece[:, :-1])
             values[some] = piece
         return values
 
@@ -241,9 +271,13 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     """
     height, width, bands = source.size
     points = int(survey.points.sum())
-    if bands != 3 or height * width < POINT_IN_PIXELS * source.error_levels * points:
-        return SpectraPlan(kept, (), low_rank, None if low_rank is None
-                           else _errors_one_by_one(source, kept, survey, low_rank))
+    one_by_one = height * width < (POINT_IN_PIXELS * source.error_levels * points if bands == 3
+                                   else CENTRE_IN_PIXELS * MAX_CENTRES)
+    if bands != 3 or one_by_one:
+        near = () if one_by_one else tuple(_local_tables(source, kept, survey, progress, map_parts))
+        plan = SpectraPlan(kept, near, low_rank)
+        return plan if low_rank is None else replace(plan, errors=_errors_of_some(
+            source, plan, survey, low_rank))
     tables: list[LightTable] = []
     done = 0
     for light, wanted in enumerate(survey.points):
@@ -264,7 +298,7 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     rounding = float(np.finfo(kept.float_type).eps) / 2
     bound = (np.abs(low_rank.spectra(coefficients) - spectra)
              + low_rank.rounded(coefficients, rounding)).max(axis=0) + SUM_ERROR
-    weights = interpolation(row, len(spectra), survey.sample)
+    weights = interpolation(row, len(spectra), survey.sample.signals)
     return SpectraPlan(kept, (LightTable(row, coefficients, None),), low_rank, stated_errors(
         low_rank, weights @ spectra, (weights @ coefficients).astype(kept.float_type),
         kept.nm[0].size, bound))
@@ -277,11 +311,27 @@ def _columns(uplifted: Uplifted | UpliftTable, kept: KeptWavelengths, *,
                       uplifted.novelty[:, None][:, :int(novelty)]])
 
 
-def _errors_one_by_one(source: PixelSource, kept: KeptWavelengths, survey: Survey,
-                       low_rank: LowRank) -> dict[str, Any]:
-    """Errors that a low rank costs where there is no table, of some pixels of the sample."""
-    some = survey.sample[::max(1, -(-len(survey.sample) // SAMPLED_DIRECTLY))]
-    spectra = _columns(source.direct(PixelBlock(some, None, None)), kept, novelty=False)
+def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey, progress: Progress,
+                  map_parts: MapParts) -> Iterator[LocalPosteriors]:
+    """Posteriors at some signals under each light."""
+    lights, sample = len(source.responses), survey.sample
+    for light, response in enumerate(source.responses):
+        own = slice(None) if sample.light is None else sample.light == light
+        if not sample.signals[own].size:    # too few pixels for one of them to be in the sample
+            own = slice(None)
+        yield local_posteriors(
+            source.prior, response, partial(source.table_errors, light), sample.signals[own],
+            None if sample.error_level is None else sample.error_level[own], kept.mean,
+            kept.deviation, lambda share, light=light: progress(    # type: ignore[misc]
+                (light + share) / lights), map_parts)
+
+
+def _errors_of_some(source: PixelSource, plan: SpectraPlan, survey: Survey,
+                    low_rank: LowRank) -> dict[str, Any]:
+    """Errors that a low rank costs where there is no lattice, of some pixels of the sample."""
+    signals = survey.sample.signals
+    some = PixelBlock(signals[::max(1, -(-len(signals) // SAMPLED_DIRECTLY))], None, None)
+    spectra = replace(plan, low_rank=None).values(source, some)[:, :-1]
     return stated_errors(low_rank, spectra,
-                         low_rank.coefficients(spectra).astype(kept.float_type),
-                         kept.nm[0].size, None)
+                         low_rank.coefficients(spectra).astype(plan.kept.float_type),
+                         plan.kept.nm[0].size, None)

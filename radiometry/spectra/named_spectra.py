@@ -99,10 +99,9 @@ def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
+    import colour
     from colour.quality.cfi2017 import load_TCS_CIE2017
     from colour.quality.datasets import SDS_TCS, SDS_VS
-
-    import colour
 
     sets = {name: list(colour.SDS_COLOURCHECKERS[name].values()) for name in CHARTS}
     sets["CIE 13.3 test colours"] = [sd for part in SDS_TCS.values() for sd in part.values()]

@@ -4,7 +4,7 @@ The posterior of three-band signals is computed on a lattice, at the points that
 and interpolated trilinearly for every pixel. One axis is the middle band, evenly in its cube root,
 as dark colours change fastest; the others are the logarithms of the two ratios to it, densest at
 grey, where most surfaces are and the spread changes fastest. `table_error` says what the
-interpolation costs. More than three bands are computed pixel by pixel.
+interpolation costs. Of more bands see `local_posteriors`.
 """
 from __future__ import annotations
 

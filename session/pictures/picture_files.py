@@ -17,6 +17,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     row_blocks,
     survey_rows,
 )
+from spectrabox.sampling.prior.local_posteriors import MAX_CENTRES
 from spectrabox.session.config.session_schema import PictureSection
 from spectrabox.session.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
 from spectrabox.session.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
@@ -45,7 +46,7 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
     maps = maps_of(layout.nm[0], section.bands_nm, section.light, flags=photo.flags is not None)
     reduced = Reduced(height, width, maps)
     survey = merge_surveys(survey_rows(photo, *rows) for rows in row_blocks(height, width))
-    in_pixels = PIXELS_A_POINT * int(survey.points.sum())
+    in_pixels = PIXELS_A_POINT * int(survey.points.sum() or MAX_CENTRES)
     table_share = in_pixels / (in_pixels + height * width)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         plan = plan_spectra(photo, layout, survey, None,

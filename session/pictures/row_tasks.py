@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import json
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
     COEFFICIENTS,
     open_region,
 )
+from spectrabox.sampling.prior.local_posteriors import LocalPosteriors
 from spectrabox.sampling.prior.low_rank import LowRank
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.spectra_files import PictureLayout
@@ -138,7 +139,7 @@ def store_plan(folder: Path, plan: SpectraPlan, outside: int) -> None:
     """
     arrays = {"errors": np.array(json.dumps(plan.errors)), "outside": np.array(outside)}
     for table in plan.tables:
-        arrays |= {"row": table.row, "columns": table.columns}
+        arrays |= {name: value for name, value in vars(table).items() if value is not None}
     if plan.low_rank is not None:
         arrays["basis"] = plan.low_rank.basis
     with whole_file(folder / PLAN) as unfinished, unfinished.open("wb") as file:
@@ -148,7 +149,8 @@ def store_plan(folder: Path, plan: SpectraPlan, outside: int) -> None:
 def load_plan(folder: Path, layout: PictureLayout) -> tuple[SpectraPlan, int]:
     """The plan and the count that ``store_plan`` stored."""
     with np.load(folder / PLAN, allow_pickle=False) as stored:
-        tables = (LightTable(stored["row"], stored["columns"], None),) if "row" in stored else ()
+        tables = tuple(kind(**{each.name: stored.get(each.name) for each in fields(kind)})
+                       for kind in (LightTable, LocalPosteriors) if fields(kind)[0].name in stored)
         low = LowRank(stored["basis"]) if "basis" in stored else None
         return (SpectraPlan(layout, tables, low, json.loads(str(stored["errors"]))),
                 int(stored["outside"]))
