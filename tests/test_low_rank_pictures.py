@@ -18,6 +18,8 @@ from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.low_rank_files import open_low_rank
+from spectrabox.session.pictures.row_tasks import load_plan, store_plan
+from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.uplift import uplift_answer
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
@@ -149,6 +151,19 @@ def test_pixels_that_are_computed_one_by_one_have_a_low_rank_too(bands):
     assert plan.errors["pixels"] == 12 and "bound" not in plan.errors["mean"]
     # stated upwards to three digits
     assert 0.99 * plan.errors["mean"]["largest"] < off <= plan.errors["mean"]["largest"] + 1e-6
+
+
+@pytest.mark.parametrize("coefficients", [None, 16])
+def test_a_plan_of_many_bands_is_the_same_after_it_was_stored(monkeypatch, tmp_path, coefficients):
+    monkeypatch.setattr(pixel_spectra, "MAX_CENTRES", 4)        # more than four pixels are many
+    source, kept = source_of_bands(5), PictureLayout(10)
+    plan = plan_image(source, kept, survey_rows(source, 0, 3), coefficients)
+    assert len(plan.tables) == 1
+    store_plan(tmp_path, plan, 2)
+    loaded, outside = load_plan(tmp_path, kept)
+    block = source.block(0, 3)
+    assert outside == 2 and loaded.errors == plan.errors
+    np.testing.assert_array_equal(loaded.values(source, block), plan.values(source, block))
 
 
 def test_errors_are_stated_upwards():
