@@ -6,22 +6,25 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from sampling_cameras import seen
+from sampling_cameras import response, seen
 from scipy.sparse import csr_array
 from test_light_drift import photo
 from test_posterior_laws import SMOOTH, mixture_of
+from test_sampling_uplift import painted
 
+from spectrabox.measure.pictures import pixel_spectra, scene_light
 from spectrabox.measure.pictures import reference_surfaces as references
-from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.crop import Crop
-from spectrabox.measure.pictures.illumination import Illumination, light_adaptation
+from spectrabox.measure.pictures.illumination import Illumination, even_light, light_adaptation
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spectra, survey_rows
 from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, reflectance_moments
+from spectrabox.sampling.prior import local_posteriors
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance_moments
 
 GRID = visible_grid()
 
@@ -213,3 +216,28 @@ def test_a_mid_grey_errs_at_a_pixel_by_the_root_of_its_nodes_variance():
     pixels = LitPhoto(lit_photo(rng), errors)
     block = pixels.block(0, 2)
     np.testing.assert_allclose(block.grey_error**2, pixels.grey_variance[0], rtol=1e-6)
+
+
+def test_pixels_of_a_lit_photo_of_many_bands_are_those_computed_one_by_one(monkeypatch):
+    """White is known to 0.5 % at the left and to 4 % at the right."""
+    for module in (local_posteriors, pixel_spectra):
+        monkeypatch.setattr(module, "MAX_CENTRES", 400)
+    monkeypatch.setattr(PixelErrors, "by_curves", lambda *_: 0.0)
+    matrix, (_, signals) = response(6)[1], painted(40 * 30, 6)
+    share = np.tile((np.arange(40) + 0.5) / 40, 30)
+    weights = csr_array(np.column_stack([1 - share, share]))
+    white = White(np.full((2, 6), 0.8), np.array([error**2 * np.eye(6) for error in (0.005, 0.04)]),
+                  np.zeros((2, 6, 6)))
+    signal = (0.8 * signals).reshape(30, 40, 6).astype(np.float32)
+    lit = LitPhoto(photo(signal=signal, saturated=np.zeros(signal.shape, bool),
+                         variance=(1e-7 + 1e-5 * signal).astype(np.float32)),
+                   errors_of(white, between=lambda first, last: weights[40 * first:40 * last],
+                             light=even_light(matrix, 2), prior=load_prior()))
+    plan = plan_spectra(lit, KeptWavelengths(5, full=True), survey_rows(lit, 0, 30))
+    assert plan.tables
+    mean, spread = plan.split(plan.values(lit, lit.block(14, 16)))
+    exact = lit.direct(lit.block(14, 16, direct=True))
+    off = (mean - exact.mean) / exact.standard_deviation
+    assert np.sqrt(np.mean(off**2)) < 0.25 and np.median(np.abs(off)) < 0.1
+    ratio = spread.mean(axis=1) / exact.standard_deviation.mean(axis=1)
+    assert abs(np.median(ratio) - 1) < 0.05 and np.mean(np.abs(ratio - 1) > 0.3) < 0.05
