@@ -70,7 +70,7 @@ def test_a_camera_is_fitted_as_the_command_fits_it(folder, tmp_path):
 
 
 def test_errors_are_the_sentences_of_the_commands(tmp_path):
-    with pytest.raises(sb.InputError, match="nearest are Nikon D5300"):
+    with pytest.raises(sb.InputError, match=r"nearest are Nikon 5100 \(NPL\)"):
         sb.uplift(np.zeros((2, 2, 3)), camera="Nikom 5100", light="D65")
     write_photo(tmp_path / "dark.dng", np.full((40, 60, 3), 0.01), Fraction(1, 100),
                 np.random.default_rng(1))

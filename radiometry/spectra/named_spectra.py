@@ -141,10 +141,13 @@ def relative_response(sensitivity: str, light_name: str,
 
 
 def nearest_names(name: str, names: Sequence[str]) -> list[str]:
-    """Up to three names that were perhaps meant, capitals or not."""
-    written = {known.casefold(): known for known in names}
-    return [written[near] for near in difflib.get_close_matches(name.casefold(), written, n=3,
-                                                                cutoff=0.4)]
+    """Up to three names that were perhaps meant, without capitals and the source in brackets."""
+    written: dict[str, str] = {}
+    for known in names:
+        for form in (known, known.partition(" (")[0]):
+            written.setdefault(form.casefold(), known)
+    near = difflib.get_close_matches(name.casefold(), written, n=6, cutoff=0.4)
+    return list(dict.fromkeys(written[form] for form in near))[:3]
 
 
 def _by_name(name: str, kinds: tuple[str, ...], what: str, instead: str,
