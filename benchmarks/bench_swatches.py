@@ -3,11 +3,11 @@
 Sixteen real bands: a file of responses and reflectances of one printed material. Of every random
 split 24 rows are swatches, from which the bands' curves are fitted too, with smoothness alone, and
 others are samples. Compared are the learnt prior with these curves, ridge regression whose strength
-leave-one-out chooses, and ``sb.sample`` with ``swatches``. Then simulated materials, whose signals
-come from curves fitted to many rows of the file, or are those of a three-band camera: swatches of
-one material beside a chart of 24 patches, samples of the same and of another.
+leave-one-out chooses, and ``sb.sample`` with ``swatches``. Then simulated materials, seen by curves
+fitted to many rows of the file, or by a three-band camera: swatches of one material, samples of the
+same and of another, in closed form, the curves being known and every signal off by noise.
 
-    python -m benchmarks.bench_swatches --data pantone560.npz [--splits 12] [--samples 30]
+    python -m benchmarks.bench_swatches --data pantone560.npz [--splits 12] [--samples 24]
 """
 from __future__ import annotations
 
@@ -25,11 +25,14 @@ from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
-from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.further.swatches import Swatches, correct, learn_correction
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
+from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 
 from benchmarks.other_surfaces import leaves, prints, skin, textile
 
 SWATCHES, NOISE, LEVEL_NOISE, BAND_NOISE = 24, 0.002, 0.01, 0.012
+LEAST_SIGNAL, NORMAL_95 = 0.02, 1.96
 COEFFICIENTS = 21           # of the bounds: more than bands
 EVEN = (np.array([380.0, 780.0]), np.ones(2))       # light of 1 at every wavelength
 NM = PRIOR_GRID.nm
@@ -120,24 +123,44 @@ def seen(reflectances: np.ndarray, response: np.ndarray, rng: np.random.Generato
                             + BAND_NOISE * rng.standard_normal(signals.shape)), 1e-4, None)
 
 
-def simulated(response: np.ndarray, printed: np.ndarray,
-              samples: int) -> dict[tuple[str, str], list[Scores]]:
-    """By the materials of swatches and samples: scores without swatches and with them."""
-    kinds, chart = materials(printed), test_reflectances(PRIOR_GRID)["BabelColor Average"]
-    rows = {}
-    for number, (of_swatches, spectra) in enumerate(kinds.items()):
-        rng = np.random.default_rng(number)
-        order = rng.permutation(len(spectra))
-        known = spectra[order[:SWATCHES]]
-        fit = curves_from(chart, seen(chart, response, rng))
-        swatches = seen(known, response, rng), known
-        for of_samples, others in kinds.items():
-            rest = order[SWATCHES:] if of_samples == of_swatches else rng.permutation(len(others))
-            truth = others[rest[:samples]]
-            signals = seen(truth, response, rng)
-            rows[of_swatches, of_samples] = [score(sampled(fit, signals, each), truth)
-                                             for each in (None, swatches)]
-    return rows
+def known(signals: np.ndarray, response: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Mean and standard deviation (n, 61) that the learnt prior has of surfaces behind signals
+    (n, K), and the signals' log evidence (n,).
+    """
+    level = np.maximum(signals, LEAST_SIGNAL)
+    covariance = LEVEL_NOISE**2 * level[:, :, None] * level[:, None, :] \
+        + (NOISE**2 + (BAND_NOISE * level[:, :, None])**2) * np.eye(signals.shape[1])
+    mixture = posterior(load_prior(), response, signals, covariance)
+    return (*mean_and_spread(mixture), mixture.log_evidence)
+
+
+def simulated(response: np.ndarray, printed: np.ndarray, samples: int,
+              seeds: int) -> dict[tuple[str, str], np.ndarray]:
+    """By the materials of swatches and samples: scores without swatches and with them (2, 3)."""
+    rows: dict[tuple[str, str], list[list[Scores]]] = {}
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        at_hand = {}
+        for name, spectra in materials(printed).items():
+            order = rng.permutation(len(spectra))
+            parts = [spectra[order[:SWATCHES]], spectra[order[SWATCHES:SWATCHES + samples]]]
+            at_hand[name] = [(truth, signals, known(signals, response)) for truth, signals in
+                             ((part, seen(part, response, rng)) for part in parts)]
+        for one, ((spectra, signals, (mean, deviation, _)), _) in at_hand.items():
+            correction = learn_correction(Swatches(signals, spectra, mean, deviation))
+            for other, (_, (truth, shown, prior)) in at_hand.items():
+                after = correct(correction, shown, *prior)
+                rows.setdefault((one, other), []).append([
+                    gaussian_score(*prior[:2], truth),
+                    gaussian_score(after.mean, after.deviation, truth)])
+    return {pair: np.mean(scores, axis=0) for pair, scores in rows.items()}
+
+
+def gaussian_score(mean: np.ndarray, deviation: np.ndarray, truth: np.ndarray) -> Scores:
+    """The same figures as of ``score``, of normal distributions (n, 61)."""
+    return (float(np.sqrt(np.mean((mean - truth)**2, axis=1)).mean()),
+            float(np.mean(np.abs(truth - mean) <= NORMAL_95 * deviation)),
+            float(2 * NORMAL_95 * deviation.mean()))
 
 
 def main() -> None:
@@ -146,7 +169,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True,
                         help=".npz of reflectance (n, 31) at 400, 410 ... 700 nm and response")
     parser.add_argument("--splits", type=int, default=12)
-    parser.add_argument("--samples", type=int, default=30)
+    parser.add_argument("--samples", type=int, default=24)
+    parser.add_argument("--seeds", type=int, default=3, help="of simulated materials")
     chosen = parser.parse_args()
     if not chosen.data.is_file():
         print(f"skipped: {chosen.data} is missing; these measurements do not ship")
@@ -157,18 +181,19 @@ def main() -> None:
                           grid_from_nm(NM), "the file")
     splits = np.array([split_scores(printed, responses, chosen.samples, seed)
                        for seed in range(chosen.splits)])
-    print(f"{chosen.splits} splits, {SWATCHES} swatches: RMSE, coverage, width")
-    for name, row in zip(("prior", "ridge regression", "swatches"), splits.mean(axis=0),
-                         strict=True):
-        print(f"  {name:18s}", *(f"{value:.4f}" for value in row))
-    better = np.mean(splits[:, 2, 0] <= splits[:, :2, 0].min(axis=1))
-    print(f"  swatches at least as good as the better of both in {better:.0%} of the splits")
+    if chosen.splits:
+        print(f"{chosen.splits} splits, {SWATCHES} swatches: RMSE, coverage, width")
+        for name, row in zip(("prior", "ridge regression", "swatches"), splits.mean(axis=0),
+                             strict=True):
+            print(f"  {name:18s}", *(f"{value:.4f}" for value in row))
+        better = np.mean(splits[:, 2, 0] <= splits[:, :2, 0].min(axis=1))
+        print(f"  swatches at least as good as the better of both in {better:.0%} of the splits")
     bands16 = curves_from(printed[::12], responses[::12]).sensitivity.curves
-    coarse = np.array([np.interp(NM, FINE_GRID.nm, curve) for curve in bands16])
+    coarse = np.maximum([np.interp(NM, FINE_GRID.nm, curve) for curve in bands16], 0)
     three = relative_response("Nikon 5100 (NPL)", "D65", PRIOR_GRID)
     for name, response in (("16 bands", coarse / coarse.sum(axis=1, keepdims=True)),
                            ("3 bands", three)):
-        rows = simulated(response, printed, chosen.samples)
+        rows = simulated(response, printed, chosen.samples, chosen.seeds)
         for like, words in ((True, "of the same material"), (False, "of another material")):
             figures = np.array([row for (one, other), row in rows.items()
                                 if (one == other) == like])
@@ -176,8 +201,8 @@ def main() -> None:
             worst = (figures[:, 1, 0] / figures[:, 0, 0]).max()
             print(f"{name}, samples {words}: without", *(f"{value:.4f}" for value in without),
                   "with", *(f"{value:.4f}" for value in given), f"worst RMSE ratio {worst:.2f}")
-        for (one, other), (without, given) in rows.items():
-            print(f"    {one:8s} -> {other:8s}", *(f"{value:.4f}" for value in (*without, *given)))
+        for (one, other), row in rows.items():
+            print(f"    {one:8s} -> {other:8s}", *(f"{value:.4f}" for value in row.ravel()))
 
 
 if __name__ == "__main__":

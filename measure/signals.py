@@ -232,7 +232,7 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
         draws = posterior.samples(count, options.seed, options.coefficients)
         families = posterior.family_shares
         if correction is not None:      # neither was judged, nor is it known, of corrected bands
-            draws = corrected_samples(correction, base.signal, draws)
+            draws = corrected_samples(correction, base.signal, posterior.log_evidence, draws)
         else:
             certified, certificate = _certificate(prior, families, draws.outcome)
         if not more and twice is None and correction is None:

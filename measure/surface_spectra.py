@@ -56,7 +56,7 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
     joint_draws : mapping, optional
         Draws of all surfaces at once, where they were made so (``scene_draws``).
     correction : SwatchCorrection, optional
-        From `learn_from_swatches`.
+        From `learn_from_swatches`; of the method "prior" alone.
 
     Raises
     ------
@@ -85,12 +85,13 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
         if draws is None:
             variance_shares = posterior.variance_shares(errors_by_cause(signals, index))
             draws = posterior.samples(options.draws, options.seed, options.coefficients)
+        if correction is not None:
+            # the shares are those of the prior's variance
+            draws, variance_shares = corrected_samples(correction, seen.signal,
+                                                       posterior.log_evidence, draws), {}
     if draws is None:
         draws = draw_spectra(seen, options.method, options.draws, options.seed,
                              options.coefficients, prior)
-    if correction is not None:
-        # the shares are those of the prior's variance
-        draws, variance_shares = corrected_samples(correction, seen.signal, draws), {}
     summary = summarise(draws, seen, options.level, describe_conditions(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
                            family_shares)

@@ -9,6 +9,7 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.swatches import (
+    TELLING_BANDS,
     SwatchCorrection,
     Swatches,
     correct,
@@ -20,8 +21,6 @@ from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.spline_measurement import nearest_splines
 
 CORRECTED = " with swatches"        # after the method of corrected draws
-LIKE = 0.95             # likeness that is called so
-TELLING_BANDS = 6       # with three, samples of other materials look like the swatches
 
 
 def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
@@ -51,32 +50,35 @@ def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
         np.array([one.standard_deviation for one in posteriors])))
 
 
-def corrected_samples(correction: SwatchCorrection, signal: np.ndarray,
+def corrected_samples(correction: SwatchCorrection, signal: np.ndarray, log_evidence: float,
                       samples: SpectrumSamples) -> SpectrumSamples:
-    """Draws by the learnt prior of one sample, corrected; their sentence says how like the
-    swatches it is.
+    """Draws by the learnt prior of one sample, corrected; their sentence says how probably it is of
+    the swatches' material.
 
     Parameters
     ----------
     correction : SwatchCorrection
     signal : (K,) array
         Relative to white.
+    log_evidence : float
+        Log density of the signal under the learnt prior, in nats.
     samples : SpectrumSamples
         On the prior's wavelengths.
     """
     draws = samples.spectra
-    found = correct(correction, signal[None], draws.mean(axis=0)[None], draws.std(axis=0)[None])
-    spectra = corrected_draws(draws, found.mean[0], found.deviation[0])
+    after = correct(correction, signal[None], draws.mean(axis=0)[None], draws.std(axis=0)[None],
+                    np.array([log_evidence]))
+    spectra = corrected_draws(draws, after.mean[0], after.deviation[0])
     basis = basis_matrix(samples.grid.nm, samples.coefficients.shape[1])
-    like = _likeness_sentence(found.likeness[0], signal.size) if correction.helps else ""
+    like = _material_sentence(after.probability[0], signal.size) if correction.helps else ""
     return dataclasses.replace(samples, spectra=spectra,
                                coefficients=nearest_splines(spectra, basis),
                                method=samples.method + CORRECTED,
                                sentence=f"{samples.sentence} {correction.sentence}{like}")
 
 
-def _likeness_sentence(likeness: float, bands: int) -> str:
-    sentence = " Its signal is like theirs." if likeness >= LIKE else (
-        f" Its signal is unlike theirs: the correction counts for {likeness:.0%}.")
+def _material_sentence(probability: float, bands: int) -> str:
+    sentence = (f" By its signal it is of their material with a probability of {probability:.0%}, "
+                "for which the correction counts.")
     return sentence if bands >= TELLING_BANDS else (
-        f"{sentence} {bands} bands do not show whether its material is theirs.")
+        f"{sentence} {bands} bands say little of a material.")

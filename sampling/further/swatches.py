@@ -13,9 +13,12 @@ of them: errors without swatch i are in closed form [Eq. 5.12], and the weight i
 (mean square)^(-n / 2). Where their mixture predicts swatches no better than the prior does, the
 prior stays alone.
 
-The correction holds for samples like the swatches. How unlike a sample's signals are is the
-variance of f there over that at swatches left out; in that proportion the correction and its band
-give way to the prior's mean and band, which is never narrowed. Three bands say little of kinds.
+The correction holds for samples of the swatches' material; in proportion to the probability that a
+sample is of it, correction and prior make up mean and band, and what they differ by widens it. Of
+many bands it falls as the variance of f at the signal grows over that at swatches left out. Three
+bands say little of kinds: there it is the density of the signal among the swatches', over that
+among surfaces of any kind, the prior's evidence, at even odds. In many bands so few swatches do not
+tell a density.
 """
 from __future__ import annotations
 
@@ -24,6 +27,8 @@ from itertools import product
 from typing import Annotated
 
 import numpy as np
+from scipy.special import expit
+from scipy.stats import multivariate_t
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.shaped import Record
@@ -32,8 +37,10 @@ FEWEST = 8                  # swatches: of fewer, leave-one-out says next to not
 SHARES_OF_PRIOR = (0.0, 0.25, 0.5, 0.75, 1.0)                               # w
 SHAPES = ((0.0, 1.0), *product((0.3, 1.0), (1.0, 3.0)))         # a, and length in spreads
 NOISES = np.geomspace(3e-5, 30, 19)                                         # nu
+TELLING_BANDS = 6           # of fewer, samples of other materials look like the swatches
 SAME_MATERIAL = 0.9         # probability that samples whose signals are alike are of the material
 LIKENESS_NOISE = 1e-3       # nu at which signals are judged for being alike
+LEAST_SPREAD = 1e-3         # of the mean variance of signals over swatches: in any direction
 NEGLIGIBLE = 1e-3           # weight below which a model is left out
 
 
@@ -82,7 +89,7 @@ class CorrectedSpectra(Record):
 
     mean: Annotated[np.ndarray, "T P"]
     deviation: Annotated[np.ndarray, "T P"]
-    likeness: Annotated[np.ndarray, "T"]            # to the swatches, 0 to 1
+    probability: Annotated[np.ndarray, "T"]         # of being of the swatches' material
 
 
 def learn_correction(swatches: Swatches) -> SwatchCorrection:
@@ -131,7 +138,7 @@ def learn_correction(swatches: Swatches) -> SwatchCorrection:
 
 
 def correct(correction: SwatchCorrection, signals: np.ndarray, mean: np.ndarray,
-            deviation: np.ndarray) -> CorrectedSpectra:
+            deviation: np.ndarray, log_evidence: np.ndarray) -> CorrectedSpectra:
     """Mean and standard deviation of samples behind signals, by prior and swatches together.
 
     Parameters
@@ -141,6 +148,8 @@ def correct(correction: SwatchCorrection, signals: np.ndarray, mean: np.ndarray,
         Relative to white.
     mean, deviation : (T, P) arrays
         By the prior.
+    log_evidence : (T,) array
+        Log density of the signals under the prior, in nats.
     """
     swatches = correction.swatches
     count = len(swatches.signals)
@@ -162,13 +171,15 @@ def correct(correction: SwatchCorrection, signals: np.ndarray, mean: np.ndarray,
         first = first + weight * one
         second = second + weight * (one**2 + wider[:, None] * variance)
     spread = np.sqrt(np.maximum(second - first**2, 1e-12))
-    likeness = _likeness(swatches, signals)
-    like = SAME_MATERIAL * likeness[:, None]
+    probability = SAME_MATERIAL * _likeness(swatches, signals) \
+        if signals.shape[1] >= TELLING_BANDS \
+        else expit(_log_density(swatches.signals, signals) - log_evidence)
+    like = probability[:, None]
     # errors of both are taken as wholly alike, which is the widest that they can be together; what
     # they differ by is the error of having chosen the wrong one
     deviation = np.hypot(like * spread + (1 - like) * unsure,
                          np.sqrt(like * (1 - like)) * (first - mean))
-    return CorrectedSpectra(np.clip(mean + like * (first - mean), 0, 1), deviation, likeness)
+    return CorrectedSpectra(np.clip(mean + like * (first - mean), 0, 1), deviation, probability)
 
 
 def corrected_draws(draws: np.ndarray, mean: np.ndarray, deviation: np.ndarray) -> np.ndarray:
@@ -194,6 +205,20 @@ def _likeness(swatches: Swatches, signals: np.ndarray) -> np.ndarray:
     seen = _kernel(own, z)
     variance = LIKENESS_NOISE + _at_itself(own) - np.einsum("tn,nm,tm->t", seen, inverse, seen)
     return np.minimum(1, np.mean(1 / np.diag(inverse)) / variance)
+
+
+def _log_density(known: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    """Log density (T,) of signals (T, K) of a material of which n swatches' (n, K) are known: of a
+    normal distribution whose mean and covariance are estimated from them, a Student t [Gelman et
+    al. 2013, Sec. 3.6; no knowledge of the mean, and of the covariance ``LEAST_SPREAD``].
+    """
+    count, bands = known.shape
+    away = known - known.mean(axis=0)
+    least = LEAST_SPREAD * np.mean(away**2) * np.eye(bands)
+    degrees = count + 2                 # the least at which the covariance has a mean, and n
+    return np.asarray(multivariate_t.logpdf(
+        signals, known.mean(axis=0), (away.T @ away + least) * (1 + 1 / count) / degrees,
+        df=degrees)).reshape(len(signals))
 
 
 def _standardised(swatches: Swatches, signals: np.ndarray) -> np.ndarray:
