@@ -108,7 +108,7 @@ def folder(tmp_path_factory):
         f"{each},{first:.6f},{second:.6f}\n" for each, first, second in zip(nm, *curves,
                                                                             strict=True)),
         encoding="utf-8")
-    (folder / "regions.toml").write_text("[regions.a]\nrectangle = [1, 0, 2, 4]\n",
+    (folder / "regions.toml").write_text("[regions.a]\nrect = [1, 0, 2, 4]\n",
                                          encoding="utf-8")
     (folder / "curves.csv").write_text("nm,R,G,B\n" + "".join(
         f"{each},{','.join(f'{value:.6g}' for value in row)}\n"
@@ -154,7 +154,8 @@ CALLS = {
     "sample": [(*CAMERA, *SIGNAL, "--out", "DIR/one.npz", "--truth", "DIR/truth.csv", "--column",
                 "a", "--baseline"),
                (*CAMERA, *SIGNAL, "--reading", "550:0.35:0.01"),
-               (*CAMERA, "--signals", "DIR/signals.csv")],
+               (*CAMERA, "--signals", "DIR/signals.csv"),
+               ("--srgb", "200,100,50", "--plot", "DIR/c.png")],
     "match": [("DIR/flat", "DIR/truth.csv")],
     "uplift": [("DIR/p.exr", "-o", "DIR/up", *CAMERA, "--side", "5"),
                ("DIR/p.exr", "-o", "DIR/low", *CAMERA, "--side", "5", "--low-rank", "3")],

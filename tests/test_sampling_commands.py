@@ -9,11 +9,14 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
+from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb
 from spectrabox.radiometry.error_model import stated_causes
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import light, relative_response, sensitivities
+from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.cli import app
+from spectrabox.session.commands.requests import OBSERVER
 
 ROOT = Path(__file__).resolve().parent.parent
 CAMERA = ["--sensitivity", "Nikon 5100 (NPL)", "--light", "LED-B3"]
@@ -143,7 +146,7 @@ def test_files_of_curves_and_lights_are_taken_as_names_are(tmp_path):
                              (["--signal", "0.2,0.3,0.1", "--start", "x"], 3,
                               "known are bounded and unbounded"),
                              (["--signals", "none.csv"], 3, "cannot be read"),
-                             ([], 3, "give either --signal v1,v2,v3 or --signals FILE.csv"),
+                             ([], 3, "give one of --signal V1,V2,V3, --signals FILE.csv"),
                              ])
 def test_bad_input_gives_one_sentence(arguments, code, message):
     assert message in sample(*arguments, code=code)["error"]
@@ -299,3 +302,38 @@ def test_minutes_that_no_measurement_takes_are_refused(option, minutes):
     outcome = CliRunner().invoke(app, ["plan", *CAMERA, "--signal", "0.2,0.3,0.15", option, minutes,
                                        "--json"])
     assert outcome.exit_code == 3 and "minutes of a measurement" in outcome.stdout
+
+
+def test_signals_keep_their_names_in_answer_table_and_picture(tmp_path):
+    (tmp_path / "s.csv").write_text("name,R,G,B\nwall,0.2,0.3,0.15\nleaf,0.1,0.2,0.05\n",
+                                    encoding="utf-8")
+    facts = sample("--signals", tmp_path / "s.csv", "--noise", "0.004", "--out",
+                   tmp_path / "o.csv", "--plot", tmp_path / "o.png")
+    assert [each["name"] for each in facts["results"]] == ["wall", "leaf"]
+    table = read_table(tmp_path / "o.csv")
+    assert table.names[:4] == tuple(f"wall {name}" for name in
+                                    ("mean", "standard_deviation", "lower", "upper"))
+    # a table holds six digits
+    np.testing.assert_allclose(table.values[4], facts["results"][1]["mean"], rtol=1e-5)
+    assert (tmp_path / "o.png").read_bytes().startswith(b"\x89PNG")
+    three = sample("--signals", tmp_path / "s.csv", "--noise", "0.004,0.004,0.004")["results"]
+    assert three[1]["mean"] == facts["results"][1]["mean"]     # one number stands for every band
+    assert "signal wall" in call("sample", *CAMERA, "--signals", tmp_path / "s.csv").stdout
+
+
+def test_an_srgb_colour_is_what_the_observer_sees_in_daylight_and_says_what_it_is_not():
+    outcome = CliRunner().invoke(app, ["sample", "--srgb", "#c86432", "--json"])
+    facts = json.loads(outcome.stdout)
+    nm = np.array(facts["wavelengths_nm"])
+    response = relative_response(OBSERVER, "D65", grid_from_nm(nm))
+    linear = decode_srgb(np.array([200, 100, 50]) / 255)
+    # the matrix has four digits, and 5 nm steps round the integral
+    np.testing.assert_allclose(TO_SRGB @ (response @ facts["mean"] * np.linalg.inv(TO_SRGB).sum(1)),
+                               linear, atol=0.01)
+    assert "not of what was photographed" in facts["caveat"]
+    for words, said in ((["--srgb", "1,2"], "R,G,B from 0 to 255"),
+                        (["--srgb", "1,2,300"], "R,G,B from 0 to 255"),
+                        (["--srgb", "1,2,3", "--light", "A"], "leave --sensitivity"),
+                        (["--signal", "1,2,3"], "--sensitivity and --light")):
+        refused = CliRunner().invoke(app, ["sample", *words])
+        assert refused.exit_code in (2, 3) and said in refused.stderr

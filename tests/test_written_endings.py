@@ -14,7 +14,7 @@ REFUSED = {
     "draws of curves": (["camera", "fit", "--patches", "a.csv", "--light", "A", "--draws-file",
                          "b.csv"], ".npz (draws of the curves)"),
     "camera prior": (["camera", "prior", ".", "--out", "a.json"], ".npz (a prior on curves)"),
-    "sample": (["sample", *SIGNAL, "--out", "a.csv"], ".npz (the draws)"),
+    "sample": (["sample", *SIGNAL, "--out", "a.txt"], ".npz (the draws), .csv (means"),
     "uplift": (["uplift", "a.exr", *SIGNAL[:4], "--out", "b.exr"], "a folder is needed"),
     "certify": (["certify", ".", "--out", "a.html"], ".md (the certificate"),
     "prior train": (["prior", "train", ".", "--out", "a"], ".npz (the prior)"),

@@ -29,10 +29,15 @@ Sensitivity = Annotated[str, typer.Option(
     metavar="FILE|NAME", help="CSV of sensitivities, or a camera or observer by its name.")]
 Light = Annotated[str, typer.Option(
     metavar="FILE|NAME", help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
+OptionalSensitivity = Annotated[str | None, typer.Option(
+    metavar="FILE|NAME", help="CSV of sensitivities, or a camera or observer by its name.")]
+OptionalLight = Annotated[str | None, typer.Option(
+    metavar="FILE|NAME", help="CSV of the light's spectrum, or a CIE name: D65, A, LED-B3.")]
 White = Annotated[str | None, typer.Option(
     metavar="V1,V2,V3", help="What a perfect white reads in each band; 1 by default.")]
 Noise = Annotated[str | None, typer.Option(
-    metavar="E1,E2,E3", help="Standard error of the signal in each band, in its unit.")]
+    metavar="E|E1,E2,E3", help="Standard error of the signal in its unit: one number for all "
+    "bands, or one for each.")]
 Families = Annotated[tuple[str, ...], typer.Option(
     "--family", metavar=FAMILY_WORDS, help="Kind of surface, if you know it; may be repeated. The "
     "bands then hold for surfaces of this kind.")]
@@ -106,11 +111,19 @@ class PriorOptions(CommonOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SampleRequest(PriorOptions, MeasuredSignal, CameraAndLight):
+class SampleRequest(PriorOptions, MeasuredSignal):
     """Options of ``spectrabox sample``."""
 
+    sensitivity: OptionalSensitivity = None
+    light: OptionalLight = None
+    srgb: Annotated[str | None, typer.Option(
+        "--srgb", metavar="R,G,B|#RRGGBB",
+        help="In place of --signal, --sensitivity and --light: a colour of a screen or a web "
+        "page. Its spectra are of surfaces that would look so in "
+        "daylight.")] = None
     signals: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="Many signals: a header that names the bands, a row for each.")] = None
+        metavar="CSV", help="Many signals: a header that names the bands, a row for each, with its "
+        "name first or without.")] = None
     swatches: Annotated[Path | None, typer.Option(
         metavar="CSV",
         help="Measured samples of the material: band names and wavelengths above, below of "
@@ -123,7 +136,10 @@ class SampleRequest(PriorOptions, MeasuredSignal, CameraAndLight):
         help="Draws of each signal; 1000 at least for a 95 % band.")] = 2000
     seed: Seed = 0
     out: Annotated[Path | None, typer.Option(
-        metavar="NPZ", help="Where to write the draws.")] = None
+        metavar="NPZ|CSV", help="Where to write the draws (.npz), or means and bands "
+        "(.csv).")] = None
+    plot: Annotated[Path | None, typer.Option(
+        "--plot", metavar="PNG", help="Draw means and bands into this picture.")] = None
     level: Annotated[float, typer.Option(
         help="Level of the bands: 0.95 for 95 %.")] = 0.95
     twice: Annotated[str | None, typer.Option(

@@ -4,7 +4,7 @@ prior train.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -18,7 +18,15 @@ from spectrabox.session.commands.requests import (
     UpliftRequest,
 )
 from spectrabox.session.terminal.command_help import Commands
-from spectrabox.session.terminal.command_line import Answer, check_ending, command
+from spectrabox.session.terminal.command_line import (
+    Answer,
+    UsageProblem,
+    check_ending,
+    command,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 def register(app: typer.Typer) -> None:
@@ -34,13 +42,27 @@ def register(app: typer.Typer) -> None:
 @command
 def sample(request: SampleRequest) -> Answer:
     """Every spectrum behind one signal: mean, band, exact bounds and draws."""
-    check_ending(request.out, {".npz": "the draws"})
-    from spectrabox.session.signals.sample_answer import sample_answer, sample_text
+    check_ending(request.out, {".npz": "the draws", ".csv": "means and bands"})
+    check_ending(request.plot, {".png": "a picture of means and bands"}, "--plot")
+    if request.srgb is None and None in (request.sensitivity, request.light):
+        raise UsageProblem("give --sensitivity and --light, the camera that saw the signal and the "
+                           "light it was seen under; or a colour of a screen as --srgb R,G,B")
+    if request.srgb is not None and (request.sensitivity or request.light or request.white):
+        raise UsageProblem("--srgb is a colour under D65; leave --sensitivity, --light and --white "
+                           "out")
+    from spectrabox.session.signals.sample_answer import sample_answer, sample_columns, sample_text
     facts, arrays = sample_answer(request)
     text = "" if request.as_json else sample_text(facts, request)
     if request.out is not None:
-        write_arrays(request.out, arrays)
+        if request.out.suffix.lower() == ".csv":
+            _write_columns(request.out, *sample_columns(facts))
+        else:
+            write_arrays(request.out, arrays)
         facts["file"] = request.out
+    if request.plot is not None:
+        from spectrabox.session.signals.sample_plot import write_plot
+        write_plot(request.plot, facts)
+        facts["plot"] = request.plot
     return Answer(facts, text)
 
 
@@ -121,6 +143,14 @@ def prior_train(request: TrainRequest) -> Answer:
     facts, text, prior = train_answer(request)
     save_prior(request.out, prior)
     return Answer({**facts, "prior": request.out}, f"{text}\nwrote {request.out}")
+
+
+def _write_columns(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray]) -> None:
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.spectra.spectrum_files import table_text
+    write_text_whole(path, table_text(nm, columns, quantity=Quantity.REFLECTANCE,
+                                      source="spectrabox sample"))
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:

@@ -21,7 +21,7 @@ from spectrabox.sampling.judge.cubes import Cube, cube_of_channels, parse_wavele
 from spectrabox.sampling.judge.judgement import judgement_text
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.commands.requests import JudgeRequest
-from spectrabox.session.signals.signal_options import optional_numbers, read_signals
+from spectrabox.session.signals.signal_options import optional_noise, optional_numbers, read_signals
 
 
 def judge_answer(request: JudgeRequest) -> tuple[dict[str, Any], str, dict[str, np.ndarray]]:
@@ -52,7 +52,7 @@ def judge_answer(request: JudgeRequest) -> tuple[dict[str, Any], str, dict[str, 
                      request.baseline, request.column, request.full_scale, request.white_region),
         signals=None if request.signals is None else read_signals(request.signals, bands),
         white=optional_numbers(request.white, bands, "white"),
-        noise=optional_numbers(request.noise, bands, "noise"))
+        noise=optional_noise(request.noise, bands))
     facts = {"cube": cube.file, "wavelengths_nm": cube.nm,
              "regions": [_region_facts(region, judgement.rows) for region in judgement.regions],
              "lights": request.delta_light,

@@ -36,7 +36,12 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.measurement_file import further_measurements
-from spectrabox.session.signals.signal_options import numbers, optional_numbers, response_of_names
+from spectrabox.session.signals.signal_options import (
+    numbers,
+    optional_noise,
+    optional_numbers,
+    response_of_names,
+)
 from spectrabox.session.stages.inputs import read_chart_reference
 from spectrabox.session.stages.records import SessionRecords
 
@@ -67,7 +72,7 @@ def plan_answer(request: PlanRequest) -> tuple[dict[str, Any], str]:
     bands = len(response)
     white = optional_numbers(request.white, bands, "white")
     base = measurement_of_signal(response, numbers(signal, bands, "signal"), white,
-                                 optional_numbers(request.noise, bands, "noise"))
+                                 optional_noise(request.noise, bands))
     taken = further_measurements(request, sensitivity, response, white)
     others = {f"photo under {name}": response_of_names(sensitivity, name)
               for name in request.second_light}

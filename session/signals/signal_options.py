@@ -2,11 +2,13 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
 
 from spectrabox.measure.signals import READING_ERROR, listed, reading_at
+from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -57,6 +59,46 @@ def per_band(values: np.ndarray, bands: int, name: str) -> np.ndarray:
     return values
 
 
+def optional_noise(text: str | None, bands: int) -> np.ndarray | None:
+    """Standard errors (K,) of ``--noise``, where one number stands for every band; None where it
+    was not given.
+    """
+    if text is not None and is_number(text.strip()):
+        text = ",".join([text] * bands)
+    return optional_numbers(text, bands, "noise")
+
+
+def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """What the CIE 1931 observer sees under D65 of an sRGB colour, of white, and how far rounding
+    to 8 bits leaves it open (standard error): (3,) each.
+
+    Parameters
+    ----------
+    text : str
+        R,G,B from 0 to 255, or #RRGGBB.
+
+    Raises
+    ------
+    InputError
+    """
+    if re.fullmatch(r"#[0-9a-fA-F]{6}", text.strip()):
+        text = ",".join(str(int(text.strip()[at:at + 2], 16)) for at in (1, 3, 5))
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.empty(0)
+    if values.shape != (3,) or not np.all((values >= 0) & (values <= 255)):
+        raise InputError(f"--srgb {text!r} is no sRGB colour; write R,G,B from 0 to 255, or "
+                         "#RRGGBB")
+    to_xyz = np.linalg.inv(TO_SRGB)
+    white = to_xyz.sum(axis=1)
+    linear = decode_srgb(values / 255)
+    # an even distribution over one step of 8 bits
+    rounding = (decode_srgb(np.minimum(values + 0.5, 255) / 255)
+                - decode_srgb(np.maximum(values - 0.5, 0) / 255)) / np.sqrt(12)
+    return to_xyz @ linear / white, np.sqrt(to_xyz**2 @ rounding**2) / white
+
+
 def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     """Signal and standard errors (K,) of v1,v2,v3:e1,e2,e3; the errors are optional."""
     signal, _, noise = text.partition(":")
@@ -64,7 +106,14 @@ def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.n
 
 
 def read_signals(path: Path, bands: int) -> list[np.ndarray]:
-    """Signals (K,) of a CSV: a header of band names, one signal per row.
+    """As ``read_named_signals``, without names."""
+    return list(read_named_signals(path, bands).values())
+
+
+def read_named_signals(path: Path, bands: int) -> dict[str, np.ndarray]:
+    """Signals (K,) of a CSV by their names: a header of band names, one signal per row.
+
+    A first column of words holds the names; they are numbers from 1 where there is none.
 
     Raises
     ------
@@ -79,8 +128,16 @@ def read_signals(path: Path, bands: int) -> list[np.ndarray]:
         raise InputError(f"{path.name} begins with numbers, and its first row must name the bands: "
                          "write a row such as R,G,B above the signals (letters, where bands are "
                          "named by their wavelengths: 450 nm)")
-    return [_signal_of(row, bands, f"signals {path.name} row {number}")
-            for number, row in enumerate(rows[1:], 2)]
+    named = not any(is_number(part) or not part.strip() for row in rows[1:]
+                    for part in row[0].split(";"))
+    signals: dict[str, np.ndarray] = {}
+    for number, row in enumerate(rows[1:], 1):
+        name = row[0].strip() if named else str(number)
+        if name in signals:
+            raise InputError(f"{path.name} names two signals {name!r}; give each a name of its own")
+        signals[name] = _signal_of(row[1:] if named else row, bands,
+                                   f"signals {path.name} row {number + 1}")
+    return signals
 
 
 def csv_rows(path: Path, what: str) -> list[list[str]]:

@@ -76,10 +76,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
                       "spectrabox geometry beam wall.dng --wall wall.toml --out beam.csv \\\n"
                       "    --dark off.dng --flat-field white-card.dng"),
     "sample": (f"spectrabox sample --sensitivity {CAMERA} --light D65 \\\n"
-               "    --signal 0.47,0.27,0.12 --noise 0.005,0.005,0.005",
-               f"spectrabox sample --sensitivity {CAMERA} --light D65 \\\n"
-               "    --signal 0.47,0.27,0.12 --noise 0.005,0.005,0.005 \\\n"
-               "    --reading 700:0.6:0.01 --family paint"),
+               "    --signal 0.47,0.27,0.12 --noise 0.005 --reading 700:0.6:0.01",
+               "spectrabox sample --srgb 200,100,50 --out colour.csv --plot colour.png"),
     "uplift": (f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
                "    --light D65 --side 9 --out uplifted",
                f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
