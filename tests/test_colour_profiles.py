@@ -13,6 +13,7 @@ import pytest
 from PIL import Image, ImageCms
 from typer.testing import CliRunner
 
+import colour
 import spectrabox as sb
 from spectrabox.calibrate.camera_profile import D50
 from spectrabox.calibrate.colour_profile import (
@@ -35,7 +36,7 @@ from spectrabox.measure.profiles.colour_profile import (
     colour_profile,
     response_of_curves,
 )
-from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
+from spectrabox.radiometry.appearance import BRADFORD, ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.profiles.icc_profile import SPACES, space_profile_bytes
 from spectrabox.radiometry.profiles.ocio_config import aces_from_d50
@@ -149,6 +150,16 @@ def test_littlecms_reads_the_spaces_of_pictures(name):
     np.testing.assert_allclose(through_littlecms(profile, code)[shown], lab[shown], atol=0.8)
 
 
+@pytest.mark.parametrize("name, theirs", [("p3", "P3-D65"), ("prophoto", "ProPhoto RGB")])
+def test_the_spaces_of_pictures_have_their_published_primaries(name, theirs):
+    space = colour.RGB_COLOURSPACES[theirs]
+    matrix = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
+    gains = (BRADFORD @ D50) / (BRADFORD @ matrix.sum(axis=1))
+    # both whites are stated to four decimals
+    np.testing.assert_allclose(SPACES[name].to_xyz, np.linalg.solve(
+        BRADFORD, gains[:, None] * (BRADFORD @ matrix)), atol=1e-4)
+
+
 def test_display_p3_is_the_srgb_of_wider_primaries():
     srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
     grey = np.repeat(np.arange(0, 256, 5, np.uint8)[:, None], 3, axis=1)
@@ -239,6 +250,16 @@ def test_the_photo_shows_the_colours_that_its_surfaces_have(painting):
     expected = facts["delta_e00"][TABLE]["1000 surfaces of paint"]
     assert np.mean(differences) < expected["mean"]["value"] + 1.0
     assert max(differences) < expected["percentile_95"]["value"] + 1.5
+
+
+def test_flat_samples_in_python_give_the_profile_of_the_command(painting):
+    folder, facts = painting
+    photo = next((folder / "photos").glob("*.dng"))
+    result = sb.flat(photo, {"wall": (986, 462, 1073, 537)}, draws=1000)
+    errors = result.colour_profile("paint").errors[TABLE]
+    for of, stated in facts["delta_e00"][TABLE].items():
+        # the same chart and prior; the session's white card has no part in the profile
+        assert errors[of].mean == pytest.approx(stated["mean"]["value"], rel=1e-6)
 
 
 def test_the_page_for_the_archive_states_limits_and_claims_no_more(painting):
