@@ -28,7 +28,7 @@ from spectrabox.measure.profiles.colour_profile import (
     response_of_curves,
 )
 from spectrabox.radiometry.chart import chart_reflectances
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid

@@ -7,13 +7,13 @@ import subprocess
 import tomllib
 from dataclasses import replace
 
+import colour
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from PIL import Image, ImageCms
 from typer.testing import CliRunner
 
-import colour
 import spectrabox as sb
 from spectrabox.calibrate.camera_profile import D50
 from spectrabox.calibrate.colour_profile import (
