@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flat_example import PAINTS, picture, rect_of, write_flat
-from served_page import TOKEN, served, served_by, wait_for
+from served_page import TOKEN, asked, served, served_by, wait_for
 
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.session.commands.session import _folder_to_open
@@ -85,7 +85,7 @@ def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
         shown = page.locator("#marks .colour span").all_inner_texts()
         page.click("#run")                                          # 8
         page.wait_for_selector("#progress:has-text('verdict')")
-        assert page.inner_text("#progress").split()[1].strip(",") in ("PASS", "WARN")
+        assert page.inner_text("#progress").split()[1].strip(":") in ("PASS", "WARN")
         assert page.inner_text("#progress").count(" ") > 8          # with its reason
         report = page.frame_locator("#report-frame")
         report.locator("h1").first.wait_for()
@@ -94,11 +94,19 @@ def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
         for colour in shown:        # the numbers of the page are the report's
             assert colour.removeprefix("L*a*b* ").split(" ±")[0] in cards, colour
         assert "done" in page.inner_text("#stages") and "again" not in page.inner_text("#stages")
+        for name, holds in (("marked.csv", b"white_wall mean"), ("marked.spdx", b"<IESTM2714")):
+            status, text = asked(f"{address}/api/export?file={name}")
+            assert status == 200 and holds in text
         if SCREENSHOT:              # that docs/how-to/page.md shows
             page.evaluate("scrollTo(0, 0)")
             page.mouse.move(*on_screen(page, 410, 160))
             page.wait_for_timeout(1000)
             page.screenshot(path=SCREENSHOT)
+
+
+    with served(session) as (address, reopened):      # the verdict stands there again
+        reported = reopened.state()["reported"]
+    assert reported["status"].upper() in ("PASS", "WARN") and len(reported["says"]) > 20
 
 
 def test_regions_are_drawn_moved_sized_renamed_and_removed(tmp_path, opened):
@@ -200,6 +208,47 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         said = page.inner_text("#comparison")
         assert "green_wall" in said and "point 2" in said
         assert page.locator("#comparison .pair").count() == 5
+
+
+def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
+    """Name, light, picture, a further photo through a filter, a truth; Undo takes each back."""
+    session = write_flat(tmp_path / "s")
+    path = session / "session.toml"
+    before = path.read_text(encoding="utf-8")
+    write_photo(tmp_path / "filtered.dng", 0.5 * picture(), Fraction(1, 30),
+                np.random.default_rng(4))
+    with served(session) as (address, _):
+        page = opened(address)
+        page.click("#facts summary")
+        for field, value in (("#session-name", "Red chair"), ("#session-light", "halogen")):
+            page.fill(field, value)
+            page.keyboard.press("Enter")
+        page.check("#session-picture")
+        page.set_input_files("#further", tmp_path / "filtered.dng")
+        page.select_option("#further-how", "filter")
+        page.click("#further-add")
+        page.wait_for_selector("#photos >> text=filtered:")
+        page.click("#marks li:nth-child(2) .row", position={"x": 2, "y": 2})
+        page.click("#marks li.selected summary")
+        page.set_input_files("#marks li.selected input[type=file] >> nth=1",
+                             session / "spectra" / "red_wall.csv")
+        page.wait_for_selector("text=compared with spectra/red_wall-2.csv")
+        written = tomllib.loads(path.read_text(encoding="utf-8"))
+        assert written["session"]["name"] == page.inner_text("#name") == "Red chair"
+        assert written["light"]["spectrum"] == "halogen" and written["picture"] == {}
+        assert written["views"] == {"filtered": {
+            "photo": "photos/filtered.dng", "same_light_as": "photo", "filter": "unknown"}}
+        assert written["regions"]["green_wall"]["truth"] == "spectra/red_wall-2.csv"
+        page.fill("#session-light", "moonshine")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#said:has-text('moonshine')")
+        assert "moonshine" not in path.read_text(encoding="utf-8")
+        page.focus("#canvas")
+        for _ in range(5):
+            page.wait_for_selector("#undo:not([disabled])")
+            page.wait_for_timeout(100)
+            page.keyboard.press("Control+z")
+        wait_for(lambda: path.read_text(encoding="utf-8") == before)
 
 
 def test_a_photo_that_is_dropped_opens_its_session(tmp_path, browser):

@@ -181,6 +181,36 @@ def test_photos_that_are_dropped_become_a_session_in_the_working_folder_and_noth
             assert asked(f"{address}/api/open", {"name": name})[0] == 409
 
 
+def test_files_that_the_page_is_given_lie_in_the_session_and_overwrite_nothing(tmp_path):
+    session = write_flat(tmp_path / "s")
+    before = {path: path.read_bytes() for path in session.rglob("*.*") if path.is_file()}
+
+    def given(address, name, content, token=TOKEN):
+        request = urllib.request.Request(f"{address}/api/file?name={urllib.parse.quote(name)}",
+                                         data=content, headers={"Authorization": f"Bearer {token}"})
+        try:
+            with urllib.request.urlopen(request, timeout=60) as answer:
+                return json.loads(answer.read())["file"]
+        except urllib.error.HTTPError as error:
+            return error.code
+
+    with served(session) as (address, _):
+        assert given(address, "../../session.toml", b"x") == "spectra/session.toml"
+        assert given(address, "cube.csv", b"x") == "spectra/cube-2.csv"
+        assert given(address, "sample.dng", b"x") == "photos/sample-2.dng"
+        assert given(address, "..", b"x") == 409 and given(address, "a.csv", b"x", "wrong") == 403
+        for mark in ({"kind": "stated", "name": "cube", "stated": {"truth": "spectra/cube-2.csv"}},
+                     {"kind": "stated", "name": "cube", "stated": {"truth": "../../x.csv"}},
+                     {"kind": "view", "name": "b", "stated": {"photo": "photos/sample-2.dng",
+                                                              "light": "unknown"}},
+                     {"kind": "view", "name": "b", "stated": {"light": "unknown"}},
+                     {"kind": "session", "stated": {"light": "moonshine"}},
+                     {"kind": "session", "stated": {"seed": "2"}}):
+            assert asked(f"{address}/api/mark", {"digest": state_of(address)["digest"],
+                                                 "mark": mark})[0] == 409, mark
+    assert all(path.read_bytes() == content for path, content in before.items())
+
+
 def test_what_is_stated_of_a_region_is_written_and_counts(tmp_path):
     session = write_flat(tmp_path / "s")
     with served(session) as (address, _):
@@ -200,6 +230,6 @@ def test_what_is_stated_of_a_region_is_written_and_counts(tmp_path):
         assert state_that("white_wall", known="", surface="")[0] == 200
         assert read_session(session).regions["white_wall"].known is None
         for wrong in ({"known": "/etc/passwd"}, {"known": "1.7"}, {"family": "no such kind"},
-                      {"truth": "a.csv"}):
+                      {"truth": "a.csv"}, {"swatch": "a.csv"}):
             assert state_that("white_wall", **wrong)[0] == 409, wrong
         assert asked(f"{address}/api/region?name=green_wall")[1] == before

@@ -27,7 +27,9 @@ from spectrabox.measure.white import FlatErrors, FlatPhoto
 from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import LinearImage, RegionSamples
+from spectrabox.radiometry.records import LinearImage, Quantity, RegionSamples
+from spectrabox.radiometry.spectra.formats.csvw import plain_text
+from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -178,6 +180,7 @@ class LiveSample:
         self._error = ""
         self._seen: Any = None
         self._lock, self._wanted = threading.Lock(), threading.Event()
+        run.when_ended = self._wanted.set
         self._ended = False
         self._thread = threading.Thread(target=self._work, daemon=True)
 
@@ -297,6 +300,36 @@ class LiveSample:
                 self._kept[depends] = answer
         return self._kept[depends]
 
+    def export(self, suffix: str) -> str:
+        """A file of the spectra that are marked now: a table (.csv), or IES TM-27 (.spdx).
+
+        Parameters
+        ----------
+        suffix : str
+
+        Raises
+        ------
+        CheckError
+            Before the calibration is there.
+        """
+        config = self._require_ready().config
+        answers = {name: answer for name in config.regions
+                   if "mean" in (answer := self.region(name))}
+        nm = FINE_GRID.nm
+        means = {name: np.interp(nm, answer["nm"], answer["mean"])
+                 for name, answer in answers.items()}
+        if suffix == ".spdx":
+            return spdx_text(nm, means, quantity=Quantity.REFLECTANCE,
+                             source=f"{', '.join(means)}; {config.session.name}")
+        columns: dict[str, np.ndarray] = {}
+        for name, answer in answers.items():
+            columns[f"{name} mean"] = means[name]
+            for end in ("lower", "upper"):
+                if end in answer:
+                    columns[f"{name} {end} {config.sampling.level:g}"] = np.interp(
+                        nm, answer["nm"], answer[end])
+        return plain_text(nm, columns)
+
     def _require_ready(self) -> Conditions:
         if self._conditions is None:
             raise CheckError("chart and camera are still being calibrated")
@@ -355,6 +388,8 @@ class LiveSample:
     def _begin(self, key: str) -> None:
         """Have the calibration made, once for each key; a run that failed says why."""
         if self._run.running:
+            if self._run.until == CALIBRATE:
+                self._tried.add(key)        # it may have begun before the page did
             return
         if key not in self._tried:
             self._tried.add(key)

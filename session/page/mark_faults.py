@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.regions import region_pixels, region_signals
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import SpectraboxError
@@ -15,6 +16,7 @@ from spectrabox.session.stages.inputs import (
     read_chart_reference,
     read_light_of,
     read_photo,
+    read_reflectance,
 )
 from spectrabox.session.stages.scenes import read_session_scene
 
@@ -36,6 +38,14 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
     try:
         if kind == "region":
             _region(config, name, photos)
+        elif kind == "stated" and name in config.regions:
+            for stated in (config.regions[name].known, config.regions[name].truth):
+                if stated is not None:
+                    read_reflectance(config, stated)
+        elif kind in ("session", "view"):
+            for view in config.all_views:
+                read_light_of(config, view)
+                photo_size(config.path(view.photo_files[0]))
         elif kind == "chart corners":
             _chart(config)
         elif kind == "box corners":

@@ -28,7 +28,10 @@ from spectrabox.session.page.mark_faults import mark_faults
 from spectrabox.session.page.photo_views import PhotoViews
 
 MAX_UNDO = 200
-STATED = {"family", "surface", "known"}     # of a region
+STATED = {"family", "surface", "known", "truth"}    # of a region
+RECEIVED = "spectra/"       # where spectra lie that the page was given
+OF_SESSION = {"name": ("session", "name"), "light": ("light", "spectrum")}
+OF_VIEW = {"photo", "same_light_as", "light", "filter"}
 ANY_CAMERA = CameraTable(at_mm=(0.0, 0.0, 1.0), look_at_mm=(0.0, 0.0, 0.0), fov_deg=40.0)
 DECIMALS = 1            # of a pixel: no hand marks finer
 MAX_PX = 1e6            # no photo is as large
@@ -46,18 +49,23 @@ class Mark(Table):
 
     A region has two corners of a rectangle, or three or more of a polygon; the chart four corners
     in the order of its layout; a box six corners or more by name; a reference four corners. A
-    "rename" gives a region the one of ``names``; "stated" says what is known of it.
+    "rename" gives a region the one of ``names``; "stated" says what is known of it, "session" what
+    is known of the session, "view" of a further photo, which is removed where nothing is stated.
     """
 
-    kind: Literal["region", "rename", "stated", "chart corners", "box corners", "reference"]
-    name: str = Field("", description="of a region; \"chart\" or \"object\" photo of a reference")
+    kind: Literal["region", "rename", "stated", "session", "view", "chart corners", "box corners",
+                  "reference"]
+    name: str = Field("", description="of a region or view; \"chart\" or \"object\" photo of a "
+                      "reference")
     photo: str | ListOf[str] = Field("", description="views that a region lies in; empty for every "
                                      "one")
     points: ListOf[Pixel] = Field((), description="in pixels of the whole photo")
     names: ListOf[str] = Field((), description="of the points of a box; the new name of a region")
     stated: dict[str, str] = Field(
-        default_factory=dict, description="of a region: family, surface, and known: its "
-        "reflectance, one number at all wavelengths. Nothing is stated by an empty text")
+        default_factory=dict, description="of a region: family, surface, truth (a file), and "
+        "known: its reflectance, a file or one number at all wavelengths; of the session: name, "
+        "light, and picture, \"on\"; of a view: photo, light, same_light_as, filter. Nothing is "
+        "stated by an empty text")
 
 
 class MarkedSession:
@@ -114,12 +122,13 @@ class MarkedSession:
         """
         mark = checked(Mark, written, "mark")
         before = self._require_seen(seen)
-        if known := mark.stated.get("known"):
+        if (known := mark.stated.get("known")) and not (
+                known.startswith(RECEIVED) and (self.folder / known).is_file()):
             try:
                 float(known)
             except ValueError:
-                raise InputError(f"a known reflectance is a number such as 0.9, not "
-                                 f"{shortened(known)}; name a file in {FILE_NAME}") from None
+                raise InputError("a known reflectance is a number such as 0.9, not "
+                                 f"{shortened(known)}; or choose a file") from None
             mark = mark.model_copy(update={"stated": mark.stated | {
                 "known": known_file(known, mark.name, self.folder)}})
         after = marked(before, mark)
@@ -195,6 +204,10 @@ def _write(document: tomlkit.TOMLDocument, mark: Mark) -> None:
         _mark_region(document, mark, points)
     elif mark.kind == "stated":
         _state_region(document, mark)
+    elif mark.kind == "session":
+        _state_session(document, mark)
+    elif mark.kind == "view":
+        _state_view(document, mark)
     elif mark.kind == "chart corners":
         _require_count(points, 4, "a chart")
         _put(_table(document, "chart"), "corners_px", points)
@@ -334,6 +347,42 @@ def _state_region(document: Any, mark: Mark) -> None:
             table[key] = value
         else:
             table.pop(key, None)
+
+
+def _state_session(document: Any, mark: Mark) -> None:
+    """What is known of the session; the picture of every pixel is on or off."""
+    if not set(mark.stated) <= {*OF_SESSION, "picture"}:
+        raise InputError(f"of a session {', '.join(OF_SESSION)} and picture can be stated here")
+    for key, value in mark.stated.items():
+        if key == "picture":
+            if value:
+                _table(document, "picture")
+            else:
+                document.pop("picture", None)
+        elif not value:
+            raise InputError(f"a session needs a {key}")
+        else:
+            section, name = OF_SESSION[key]
+            _table(document, section)[name] = value
+
+
+def _state_view(document: Any, mark: Mark) -> None:
+    """A further photo, or none of this name any more."""
+    if not mark.name or not set(mark.stated) <= OF_VIEW:
+        raise InputError("a further photo needs a name, and has nothing but "
+                         f"{', '.join(sorted(OF_VIEW))} here")
+    views = _table(document, "views", is_super_table=True)
+    if not mark.stated:
+        views.pop(mark.name, None)
+        if not views:
+            document.pop("views")
+        return
+    if mark.name in views:
+        raise InputError(f"there is a photo {shortened(mark.name)} already; rename the file")
+    view = _table(views, mark.name)
+    for key, value in mark.stated.items():
+        if value:
+            view[key] = value
 
 
 def _renamed(text: str, mark: Mark) -> str:

@@ -8,10 +8,11 @@ import re
 import secrets
 import shutil
 import socket
+import subprocess
 import tempfile
 import threading
 import tomllib
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -53,9 +54,10 @@ from spectrabox.session.pipeline import stage_states
 
 HERE = Path(__file__).parent / "static"
 HOST = "127.0.0.1"
-REPORT = "report.html"
+REPORT, NUMBERS = "report.html", "report.json"
+MARKED = ("marked.csv", "marked.spdx")      # spectra of what is marked now
 UNSAFE = re.compile(r"[^\w .()+-]+")
-MAX_NAME = 100          # characters of a photo's
+MAX_NAME = 100          # characters of a file's
 PNG = b"\x89PNG"
 MAX_BODY = 200_000      # bytes of a mark: a polygon of ten thousand corners
 MAX_PHOTO = 1 << 29     # bytes of a photo that is dropped
@@ -74,20 +76,24 @@ class SessionPage:
         Folder of new photos.
     allow_outside : bool
         Whether the session may name files elsewhere.
+    run : RunControl, optional
+        Of this session, where one has begun.
     """
 
     def __init__(self, folder: Path, watched: Path | None = None,
-                 allow_outside: bool = False) -> None:
+                 allow_outside: bool = False, run: RunControl | None = None) -> None:
         self.folder = folder.resolve()
         self.photos = PhotoViews()
         self.marks = MarkedSession(self.folder, self.photos, allow_outside)
         self.marks.read()
-        self.run = RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
+        self.run = run or RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
         self.live = LiveSample(self.run, self.photos)
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
         self._states: tuple[Any, list[dict[str, Any]]] = (None, [])
         self._states_lock = threading.Lock()
+        self._receiving: set[Path] = set()
+        self._verdict: tuple[int | None, dict[str, str] | None] = None, None
 
     def start(self) -> None:
         """Begin what goes on beside the answers."""
@@ -124,10 +130,11 @@ class SessionPage:
                   if (path := self._inside(name)) is not None]
         return {"name": _name(written, self.folder), "digest": digest, "problems": problems,
                 "photos": photos, "undo": self.marks.can_undo(text), "marks": marks_of(written),
-                "corner_names": corner_names(written),
+                "corner_names": corner_names(written), "facts": facts_of(written),
                 "stages": self._stages(text, config), "run": self.run.state(),
                 "live": self.live.state(), "report": self._report_stamp(),
-                "exports": list(self.exports()),
+                "exports": [*self._marked_files(written), *self.exports()],
+                "reported": self._reported(),
                 "shooting": None if self.shooting is None else self.shooting.state()}
 
     def photo_file(self, role: str) -> PhotoFile:
@@ -150,6 +157,35 @@ class SessionPage:
                              f"{', '.join(named)}")
         return PhotoFile(path, _orientation(written))
 
+    @contextlib.contextmanager
+    def received(self, name: str) -> Iterator[tuple[IO[bytes], str]]:
+        """A file for a photo or a spectrum that comes in, and its name in the session; it counts
+        once it is whole, and none is written over.
+
+        Parameters
+        ----------
+        name : str
+            As a browser gives it.
+
+        Raises
+        ------
+        InputError
+            If it is no name of a file.
+        """
+        safe = safe_name(name)
+        part = "photos" if Path(safe).suffix.lower() in PHOTO_SUFFIXES else "spectra"
+        folder = self.folder / part
+        with writable(folder):
+            folder.mkdir(exist_ok=True)
+        target = unused_path(folder / safe, self._receiving)
+        self._receiving.add(target)         # of two that have one name each gets its own
+        try:
+            with writable(folder), whole_file(target) as unfinished, \
+                    unfinished.open("wb") as file:
+                yield file, f"{part}/{target.name}"
+        finally:
+            self._receiving.discard(target)
+
     def exports(self) -> dict[str, Path]:
         """Files with spectra that the last report left, by name in the session."""
         if self._report_stamp() is None:
@@ -158,6 +194,22 @@ class SessionPage:
                  *sorted((self.folder / "results" / "picture").glob("*.exr"))]
         return {path.relative_to(self.folder).as_posix(): path for path in found
                 if path.is_file() and path.resolve().is_relative_to(self.folder)}
+
+    def _marked_files(self, written: dict[str, Any]) -> Sequence[str]:
+        """Files of what is marked now, which no report need hold."""
+        live = self.live.state()
+        return MARKED if live is not None and live["ready"] and marks_of(written)["regions"] else ()
+
+    def _reported(self) -> dict[str, str] | None:
+        """Verdict of the last report, with its reason; None where there is none that says so."""
+        stamp = self._report_stamp()
+        if self._verdict[0] != stamp:
+            verdict = None
+            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+                numbers = json.loads((self.folder / NUMBERS).read_text(encoding="utf-8"))
+                verdict = {name: str(numbers["verdict"][name]) for name in ("status", "says")}
+            self._verdict = stamp, verdict
+        return self._verdict[1]
 
     def _inside(self, name: str) -> Path | None:
         """Where a file of the session lies; None where it may not, or where no file can."""
@@ -204,10 +256,13 @@ class StartPage:
     ----------
     folder : Path
         In which sessions are listed and made.
+    prepared : process, optional
+        From ``prepared_process``, for the first run of the first session.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, prepared: subprocess.Popen[str] | None = None) -> None:
         self.folder = folder.resolve()
+        self._prepared = prepared
         self.mount: Callable[[str, SessionPage], None] = lambda path, page: None
         self._pages: dict[Path, tuple[str, SessionPage]] = {}
         self._staging: Path | None = None
@@ -237,8 +292,8 @@ class StartPage:
                                                                 == file.parent.name]}
 
     @contextlib.contextmanager
-    def staged(self, name: str) -> Iterator[IO[bytes]]:
-        """A file for a photo that comes in; it counts once it is whole.
+    def received(self, name: str) -> Iterator[tuple[IO[bytes], str]]:
+        """A file for a photo that comes in, and its name; it counts once it is whole.
 
         Parameters
         ----------
@@ -250,8 +305,8 @@ class StartPage:
         InputError
             If it is no name of a photo.
         """
-        safe = UNSAFE.sub("_", name)[-MAX_NAME:].lstrip("._ ")
-        if Path(safe).suffix.lower() not in PHOTO_SUFFIXES or not Path(safe).stem:
+        safe = safe_name(name)
+        if Path(safe).suffix.lower() not in PHOTO_SUFFIXES:
             raise InputError(f"{shortened(name)} is no photo that can be measured; drop a camera "
                              "raw, or a linear EXR or TIFF")
         with self._lock:
@@ -260,7 +315,7 @@ class StartPage:
                     self._staging = Path(tempfile.mkdtemp(prefix=".dropped-", dir=self.folder))
         with writable(self._staging), whole_file(self._staging / safe) as unfinished, \
                 unfinished.open("wb") as file:
-            yield file
+            yield file, safe
 
     def make(self, names: list[str]) -> dict[str, str]:
         """Make a session of photos that were dropped, and open it.
@@ -280,10 +335,10 @@ class StartPage:
         if folder is None:
             raise InputError("drop a photo first")
         try:
-            photos = [folder / UNSAFE.sub("_", name)[-MAX_NAME:].lstrip("._ ") for name in names]
+            photos = [folder / safe_name(name) for name in names]
             for photo in photos:
                 photo_size(photo)       # refuses what is no photo
-            target = free_folder(self.folder / folder_beside(photos[0]).name)
+            target = unused_path(self.folder / folder_beside(photos[0]).name)
             with session_of(FlatOrder(photos[0], {}, further=[*map(FurtherPhoto, photos[1:])]),
                             target):
                 return self.open(target.name)
@@ -308,7 +363,8 @@ class StartPage:
         with self._lock:
             folder = self.folder / name
             if folder not in self._pages:
-                page, path = SessionPage(folder), f"/s/{len(self._pages) + 1}"
+                run, self._prepared = RunControl(folder, (), self._prepared), None
+                page, path = SessionPage(folder, run=run), f"/s/{len(self._pages) + 1}"
                 self.mount(path, page)
                 page.start()
                 self._pages[folder] = path, page
@@ -319,13 +375,27 @@ class StartPage:
             shutil.rmtree(self._staging, ignore_errors=True)
 
 
-def free_folder(wanted: Path) -> Path:
-    """A folder that is not there yet, of a name or the same with a number."""
-    number, folder = 1, wanted
-    while folder.exists():
+def unused_path(wanted: Path, taken: Collection[Path] = ()) -> Path:
+    """A path that is not there yet, of a name or the same with a number."""
+    number, path = 1, wanted
+    while path.exists() or path.is_symlink() or path in taken:
         number += 1
-        folder = wanted.with_name(f"{wanted.name}-{number}")
-    return folder
+        path = wanted.with_name(f"{wanted.stem}-{number}{wanted.suffix}")
+    return path
+
+
+def safe_name(name: str) -> str:
+    """The name of a file as a browser gives it, without what may not stand in one.
+
+    Raises
+    ------
+    InputError
+        If nothing is left of it.
+    """
+    safe = UNSAFE.sub("_", name)[-MAX_NAME:].lstrip("._ ")
+    if not Path(safe).stem:
+        raise InputError(f"{shortened(name)} is no name of a file; rename it")
+    return safe
 
 
 def page_app(page: SessionPage | StartPage, token: str,
@@ -389,6 +459,26 @@ def answered(work: Callable[[Any], Any]) -> Callable[[Request], Any]:
     return answer
 
 
+def receiving(page: StartPage | SessionPage) -> Callable[[Request], Any]:
+    """A route that takes a file; it answers with its name."""
+    async def receive(request: Request) -> Response:
+        try:
+            with page.received(request.query_params.get("name", "")) as (file, stored):
+                size = 0
+                async for part in request.stream():
+                    size += len(part)
+                    if size > MAX_PHOTO:
+                        raise InputError(f"a file of more than {MAX_PHOTO >> 20} MiB; copy it "
+                                         "into a folder, and give its name to 'spectrabox open'")
+                    await run_in_threadpool(file.write, part)
+        except ClientDisconnect:
+            return _refused("the file did not arrive whole", 400)
+        except SpectraboxError as error:
+            return _refused(str(error), 409)
+        return _json({"file": stored})
+    return receive
+
+
 def start_routes(page: StartPage, when_opened: Callable[[], None]) -> list[BaseRoute]:
     """What the page answers from which sessions are opened and made."""
     async def shell(request: Request) -> Response:
@@ -398,25 +488,9 @@ def start_routes(page: StartPage, when_opened: Callable[[], None]) -> list[BaseR
         when_opened()
         return await shell(request)
 
-    async def upload(request: Request) -> Response:
-        try:
-            with page.staged(request.query_params.get("name", "")) as file:
-                size = 0
-                async for part in request.stream():
-                    size += len(part)
-                    if size > MAX_PHOTO:
-                        raise InputError(f"a photo of more than {MAX_PHOTO >> 20} MiB; copy it "
-                                         "into a folder, and give its name to 'spectrabox open'")
-                    await run_in_threadpool(file.write, part)
-        except ClientDisconnect:
-            return _refused("the photo did not arrive whole", 400)
-        except SpectraboxError as error:
-            return _refused(str(error), 409)
-        return _json({})
-
     return [Route("/", index), Route("/page", shell),
             Route("/api/sessions", answered(lambda asked: page.sessions())),
-            Route("/api/photo", upload, methods=["POST"]),
+            Route("/api/photo", receiving(page), methods=["POST"]),
             Route("/api/new", answered(lambda asked: page.make(asked["names"])),
                   methods=["POST"]),
             Route("/api/open", answered(lambda asked: page.open(asked["name"])),
@@ -440,7 +514,15 @@ def session_routes(page: SessionPage,
         return FileResponse(path)
 
     async def export(request: Request) -> Response:
-        path = page.exports().get(request.query_params.get("file", ""))
+        name = request.query_params.get("file", "")
+        if name in MARKED:
+            try:
+                text = await run_in_threadpool(page.live.export, Path(name).suffix)
+            except SpectraboxError as error:
+                return _refused(str(error), 409)
+            return Response(text, headers={"content-disposition": f'attachment; filename="{name}"'},
+                            media_type="text/plain; charset=utf-8")
+        path = page.exports().get(name)
         if path is None:
             return _refused("there is no such file", 404)
         return FileResponse(path, filename=path.name)
@@ -473,6 +555,7 @@ def session_routes(page: SessionPage,
             one if "name" in one else {"role": one["role"], "rect": [
                 _pixels(one, name) for name in ("x0", "y0", "x1", "y1")]}
             for one in asked["picked"]])), methods=["POST"]),
+        Route("/api/file", receiving(page), methods=["POST"]),
         Route("/api/mark", answered(changed(
             lambda asked: page.marks.apply(asked["mark"], asked["digest"]))), methods=["POST"]),
         Route("/api/undo", answered(changed(
@@ -588,6 +671,20 @@ def _toml_of(text: str) -> dict[str, Any]:
         return tomllib.loads(text_of(text.encode()))
     except (ValueError, RecursionError):
         return {}
+
+
+def facts_of(written: dict[str, Any]) -> dict[str, Any]:
+    """What a session.toml says of light, picture and further photos, as the page shows it.
+
+    Parameters
+    ----------
+    written : dict
+        As ``tomllib`` gives it; may have faults.
+    """
+    light, views = written.get("light"), written.get("views")
+    spectrum = light.get("spectrum") if isinstance(light, dict) else None
+    return {"light": spectrum if isinstance(spectrum, str) else "", "picture": "picture" in written,
+            "views": list(views) if isinstance(views, dict) else []}
 
 
 def _orientation(written: dict[str, Any]) -> int:

@@ -9,14 +9,16 @@ const HINTS = {
   look: "Wheel or two fingers zoom, dragging moves. Arrow keys, + and - do the same.",
   region: "Drag a rectangle over one colour; its spectrum is shown at once. Click a region to move or size it. Space or the middle button moves the photo.",
   compare: "Click two colours, marked or not, here or in the list: they are shown side by side under five lights.",
-  chart: "Four corners in the order of the chart: of a ColorChecker dark skin, bluish green, black, white.",
-  box: "Six corners or more, each by its name; then Save. A fov_deg in session.toml is taken as known: delete the line if it is not yours.",
-  reference: "Four corners of a neutral reference that both photos show.",
+  chart: "Click the four corners in the order of the chart; on a ColorChecker: dark skin, bluish green, black, white.",
+  box: "Choose a corner's name and click it, six corners or more; then Save. Delete the line fov_deg in session.toml unless you measured it.",
+  reference: "Click the four corners of a grey card that is in both photos.",
 };
 const FAMILIES = ["paint", "textile", "leaves", "skin", "white", "earth", "animal"], SURFACES = ["matt", "satin", "glossy"];
 const POINTER_PX = 12;          // side of the square under the pointer on the screen
 const MIN_SIDE = 12;            // and its least, in pixels of the photo
 const STAGE_WORDS = { chart: "finding the chart", photo: "reading the photo", calibrate: "calibrating camera and light" };
+const STAGES = { chart: "Find the chart", photo: "Measure the photo", calibrate: "Calibrate camera and light", reconstruct: "Fit the scene",
+  signals: "Signals of the colours", sample: "Spectra", picture: "Picture of spectra" };
 const STATE_WORDS = { missing: "not run yet", stale: "to run again" };
 let state = null, role = "", mode = "look", named = [], asking = false, reportStamp = null, size = [1, 1];
 let picks = [];                 // at most two: {name}, or {role, x0, y0, x1, y1, at}
@@ -37,9 +39,10 @@ async function ask(path, options = {}) {
 }
 const get = async (path) => (await ask(path)).json();
 // One change after the other: each says which text of the session it has seen.
-let sending = Promise.resolve();
+let sending = Promise.resolve(), changes = 0;
 function send(path, body) { return sending = sending.then(() => sendNow(path, body)); }
 async function sendNow(path, body) {
+  changes += 1;
   try {
     update(await (await ask(path, { method: "POST", body: JSON.stringify({ digest: state.digest, ...body }) })).json());
     return true;
@@ -165,7 +168,7 @@ async function rename(name, to, input) {
   if (to && to !== name && await mark({ kind: "rename", name, names: [to] })) { view.select(to); say(`${name} is ${to} now`); }
   else input.value = name;
 }
-async function undo() { if (state?.undo && await send("/api/undo", {})) say("taken back"); }
+async function undo() { if (state?.undo && await send("/api/undo", {})) say("undone"); }
 
 async function point(at) {
   if (mode === "look" || !role || outside(at)) return;
@@ -234,20 +237,23 @@ async function refreshSpectra() {
   spectra = fresh; showMarks();
 }
 
-function progressWords({ run, live }) {
+function verdictWords(verdict, says) { return `verdict ${verdict.toUpperCase()}${says ? `: ${says}` : ""}`; }
+function progressWords({ run, live, reported }) {
   if (run.running && run.until) return `${STAGE_WORDS[(run.lines.at(-1) ?? "").split(" ")[0]] ?? "starting"} …` + (run.waiting ? " then the report" : "");
   if (run.running) return `running, ${run.seconds.toFixed(0)} s`;
   if (run.stopped) return "stopped: finished stages are kept, Save report goes on from there";
-  if (run.verdict) return `verdict ${run.verdict.toUpperCase()}, ${run.seconds.toFixed(0)} s${run.says ? `: ${run.says}` : ""}`;
+  if (run.verdict) return verdictWords(run.verdict, run.says);
   if (run.exit_code) return run.error ?? `ended with ${run.exit_code}`;
+  if (reported) return `last report: ${verdictWords(reported.status, reported.says)}`;
   return live?.ready ? "calibrated: point at a colour, or drag a rectangle over it" : live && !live.error && !state.problems.length ? "reading the photo …" : "";
 }
 
 function show() {
   if (!state) return;
   const { run, live } = state, regions = Object.keys(state.marks.regions);
-  fill("photos", state.photos.map(({ role: one, file, there }) => item(there
-    ? button(`${one}: ${file}`, () => open(one), one === role) : words("span", `${one}: ${file} is not there yet`, "missing"))));
+  const listed = JSON.stringify([state.photos, role]);        // a button that has the focus keeps it
+  if ($("photos").dataset.listed !== listed) { $("photos").dataset.listed = listed; fill("photos", state.photos.map(photoItem)); }
+  showFacts();
   $("undo").disabled = !state.undo; $("stop").disabled = !run.running;
   $("run").disabled = (run.running && !run.until) || run.waiting || state.problems.length > 0 || (live && !regions.length);
   document.querySelector('[data-mode="compare"]').hidden = !live;
@@ -259,9 +265,9 @@ function show() {
   $("clear").hidden = !view.points.length;
   if ($("corner").options.length !== state.corner_names.length)
     fill("corner", state.corner_names.map((name) => { const one = words("option", name); one.value = name; return one; }));
-  fill("stages", state.stages.map(({ name, state: how, reasons }) => item(words("span", `${name}: ${STATE_WORDS[how] ?? how}`, how in STATE_WORDS ? "soft" : how), reasons.length ? ` ${reasons.join("; ")}` : "")));
+  fill("stages", state.stages.map(({ name, state: how, reasons }) => item(words("span", `${STAGES[name] ?? name}: ${STATE_WORDS[how] ?? how}`, how in STATE_WORDS ? "soft" : how), reasons.length ? ` ${reasons.join("; ")}` : "")));
   fill("problems", [...state.problems, ...(live?.error ? [live.error] : [])].map((text) => words("p", text)));
-  $("progress").textContent = progressWords(state); $("progress").className = run.running ? "" : (run.verdict ?? "").toUpperCase();
+  $("progress").textContent = progressWords(state); $("progress").className = run.running ? "" : (run.verdict ?? state.reported?.status ?? "").toUpperCase();
   const log = run.lines.join("\n"); if ($("log").textContent !== log) { $("log").textContent = log; $("log").scrollTop = $("log").scrollHeight; }
   const exported = state.exports.join("\n"); $("exports").hidden = !exported;
   if ($("exports").dataset.listed !== exported) { $("exports").dataset.listed = exported; fill("export-list", state.exports.map((file) => {
@@ -269,12 +275,42 @@ function show() {
   showChart(); showMarks(); showShooting();
 }
 
+function photoItem({ role: one, file, there }) {
+  const shown = there ? button(`${one}: ${file}`, () => open(one), one === role) : words("span", `${one}: ${file} is not there yet`, "missing");
+  if (!state.facts.views.includes(one)) return item(shown);
+  const drop = button("×", () => mark({ kind: "view", name: one })); drop.setAttribute("aria-label", `Remove the photo ${one}`);
+  return item(shown, " ", drop);
+}
+
+// ---- the session itself: each field is written as soon as it is left
+function showFacts() {
+  $("facts").hidden = !state.live; if (!state.live) return;
+  for (const [id, value] of [["session-name", state.name], ["session-light", state.facts.light]])
+    if (document.activeElement !== $(id)) $(id).value = value;
+  $("session-picture").checked = state.facts.picture;
+  $("filter-label").hidden = $("further-how").value !== "filter";
+}
+async function stateSession(stated) { if (await mark({ kind: "session", stated })) say("written"); else { document.activeElement?.blur(); showFacts(); } }
+async function upload(file) {
+  say(`copying ${file.name} …`);
+  return (await (await ask(`/api/file?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file })).json()).file;
+}
+async function addPhoto() {
+  const [file] = $("further").files, [measured] = $("further-filter").files, filtered = $("further-how").value === "filter";
+  if (!file) { say("choose a photo first"); return; }
+  try {
+    const photo = await upload(file), name = photo.replace(/^photos\/|\.[^.]*$/g, "").replace(/^[^\p{L}\d]+/u, "") || "further photo";
+    const stated = filtered ? { photo, same_light_as: "photo", filter: measured ? await upload(measured) : "unknown" } : { photo, light: "unknown" };
+    if (await mark({ kind: "view", name, stated })) { say(`${name} is added`); $("further").value = $("further-filter").value = ""; }
+  } catch (error) { say(error.message); }
+}
+
 function showChart() {
   const charts = state.live?.charts ?? {}, chart = charts[role] ?? Object.values(charts)[0];
   view.patches = charts[role]?.patches ?? [];
   $("chart-verdict").hidden = !chart; if (!chart) return;
   $("chart-verdict").replaceChildren(words("strong", chart.verdict, chart.verdict),
-    ` ${chart.verdict === "GOOD" ? "the chart can be used" : chart.reasons.join("; ")}`);
+    `: ${chart.verdict === "GOOD" ? "the chart can be used" : chart.reasons.join("; ")}`);
 }
 
 function showMarks() {
@@ -322,13 +358,18 @@ function regionItem(name) {
 
 // What the operator knows of a region: kind of surface, how it mirrors, the reflectance of a white card.
 function statedOf(name) {
-  const box = document.createElement("details"); box.append(words("summary", "What is known of it"));
+  const box = document.createElement("details"); box.append(words("summary", "What you know about it"));
   const control = (key, about, made) => { const label = words("label", `${about} `, "known"); made.dataset.key = key; label.append(made); box.append(label);
     made.addEventListener("change", () => mark({ kind: "stated", name, stated: { [key]: made.value.trim() } })); };
   const choice = (values) => { const one = document.createElement("select");
     for (const value of ["", ...values]) { const option = words("option", value || "not stated"); option.value = value; one.append(option); } return one; };
-  control("family", "It is", choice(FAMILIES)); control("surface", "Its surface is", choice(SURFACES));
-  const number = document.createElement("input"); number.inputMode = "decimal"; number.size = 14; control("known", "Known reflectance, of a white card 0.9 say", number);
+  control("family", "Kind of surface, if you know it", choice(FAMILIES)); control("surface", "Finish", choice(SURFACES));
+  const number = document.createElement("input"); number.inputMode = "decimal"; number.size = 14; control("known", "Known reflectance, for example 0.9 for a white card", number);
+  for (const [key, about] of [["known", "or the file of its measured reflectance"], ["truth", "File of a measured spectrum to compare with"]]) {
+    const label = words("label", `${about} `, "known"), file = document.createElement("input"), now = words("span", "", "soft"); file.type = "file"; now.dataset.file = key;
+    file.addEventListener("change", async () => { try { await mark({ kind: "stated", name, stated: { [key]: await upload(file.files[0]) } }) && say("written"); } catch (error) { say(error.message); } file.value = ""; });
+    label.append(file); box.append(label, ...(key === "truth" ? [now] : []));
+  }
   return box;
 }
 
@@ -341,6 +382,7 @@ function showRegion(one, name) {
   const controls = one.children[2];
   if (controls) {
     controls.hidden = !whole;
+    for (const now of controls.querySelectorAll("[data-file]")) now.textContent = stated[now.dataset.file] ? `compared with ${stated[now.dataset.file]}` : "";
     for (const control of controls.querySelectorAll("[data-key]")) {
       const value = stated[control.dataset.key] ?? "";
       if (control.dataset.key === "known") { control.placeholder = value; control.value = ""; } else control.value = value;
@@ -362,7 +404,11 @@ function showShooting() {
 
 async function refresh() {
   if (asking) return; asking = true;
-  try { update(await get("/api/state")); if (!role) { const first = state.photos.find(({ there }) => there); if (first) await open(first.role); } }
+  const before = changes;
+  try {
+    const fresh = await get("/api/state");
+    if (changes === before) update(fresh);         // else it may be older than what a change has answered
+    if (!role) { const first = state.photos.find(({ there }) => there); if (first) await open(first.role); } }
   catch (error) { say(`no answer: ${error.message}`); }
   finally { asking = false; }
 }
@@ -379,7 +425,12 @@ $("stop").addEventListener("click", () => send("/api/stop", {}));
 $("undo").addEventListener("click", undo);
 $("save").addEventListener("click", save);
 $("clear").addEventListener("click", () => { clearPoints(); show(); });
+$("session-name").addEventListener("change", () => stateSession({ name: $("session-name").value.trim() }));
+$("session-light").addEventListener("change", () => stateSession({ light: $("session-light").value.trim() || "unknown" }));
+$("session-picture").addEventListener("change", () => stateSession({ picture: $("session-picture").checked ? "on" : "" }));
+$("further-how").addEventListener("change", showFacts);
+$("further-add").addEventListener("click", addPhoto);
 $("fit").addEventListener("click", () => view.whole());
 choose("look");
-await refresh();
-setInterval(refresh, 1000);
+// often until spectra can be shown
+for (;;) { await refresh(); await new Promise((go) => setTimeout(go, state?.live && !state.live.ready ? 250 : 1000)); }

@@ -46,9 +46,9 @@ export function labWords({ lab, lab_error: error }) {
 // Sentences on a spectrum, by what they are about.
 export function details({ families, causes, light, notes, next_nm: next, given }) {
   if (given) return [["Spectrum", "as stated"]];
-  const told = [["Like", shares(families)], ["Width of the band comes from", shares(causes)],
-    ["Light here", `${light[0].toFixed(2)} of that on the chart, ± ${(100 * light[1]).toFixed(1)} %`]];
-  if (next) told.push(["A reading would tell most at", `${next.toFixed(0)} nm`]);
+  const told = [["Probably", shares(families)], ["Why the band is this wide", shares(causes)],
+    ["Light here", `${light[0].toFixed(2)} times that on the chart, ± ${(100 * light[1]).toFixed(1)}\u00a0%`]];
+  if (next) told.push(["A meter reading would help most at", `${next.toFixed(0)} nm`]);
   return [...told, ...notes.map((note) => ["Note", note])];
 }
 
