@@ -26,6 +26,10 @@ MAY_IMPORT = {
                    {"pydantic", "numpy", "scipy", *PHOTOS}),
     "run": (["run", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", "matplotlib",
                                    "jinja2", "rich", *PHOTOS}),
+    # What is flat needs no renderer, and so no LLVM either.
+    "demo --flat": (["demo", "{new}", "--flat"], {"pydantic", "numpy", "scipy", "matplotlib",
+                                                  "jinja2", "rich", "colour", "pandas",
+                                                  *PHOTOS}),
 }
 RUN = """
 import sys
