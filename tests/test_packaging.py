@@ -144,13 +144,22 @@ def test_dependencies_are_what_is_imported():
         "a dependency in pyproject.toml that nothing imports")
 
 
+def locked_in(name):
+    """Names and lines of what a file of locked versions holds."""
+    lock = (ROOT / name).read_text(encoding="utf-8")
+    return {name_of(block): block for block in re.split(r"\n(?=\S)", lock)}
+
+
 def test_everything_that_is_installed_is_locked_with_its_hashes():
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-    locked = {name_of(block): block for block in re.split(r"\n(?=\S)", lock)}
+    program, tests = locked_in("requirements.lock"), locked_in("requirements-test.lock")
     extras = PROJECT["project"]["optional-dependencies"]
-    for line in (*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"],
-                 *extras["test"], *extras["build"]):
-        assert "--hash=sha256:" in locked[name_of(line)], line
+    needed = (*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"],
+              *extras["build"])
+    for line in needed:
+        assert "--hash=sha256:" in program[name_of(line)], line
+    for line in extras["test"]:
+        assert "--hash=sha256:" in tests[name_of(line)], line
+    assert not program.keys() & tests.keys()    # the demo installs nothing that tests alone need
 
 
 def test_one_version_is_stated():
