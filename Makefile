@@ -12,7 +12,10 @@ VENV   := .venv
 PY     := $(VENV)/bin/python
 STAMP  := $(VENV)/.ready
 TESTS  := $(VENV)/.ready-for-tests
-PIP    := $(PY) -m pip --disable-pip-version-check install
+# modules are compiled when they are first used: most never are, and take 120 MB
+PIP    := $(PY) -m pip --disable-pip-version-check install --no-compile
+
+export PYTHONDONTWRITEBYTECODE =    # or every command would compile every module anew
 
 .PHONY: setup demo test lint bench figures paper wheel-check clean
 .DELETE_ON_ERROR:
@@ -29,21 +32,20 @@ $(VENV)/bin/python:
 	  || { rm -rf $(VENV); echo "cannot make a virtual environment: apt install python3-venv, then run make again" >&2; exit 7; }
 
 $(STAMP): requirements.lock pyproject.toml reconstruct/rendering/llvm.py | $(VENV)/bin/python
-	@echo "setting up $(VENV) from locked versions: about 340 MB to download, 1.0 GB on disk"
+	@echo "setting up $(VENV) from locked versions: about 250 MB to download, 0.9 GB on disk"
 	@$(PIP) --require-hashes --only-binary :all: -r requirements.lock
 	@$(PIP) -q --no-deps --no-build-isolation -e .
 	@$(PY) -m spectrabox.reconstruct.rendering.llvm
 	@touch $@
 
 $(TESTS): requirements-test.lock $(STAMP)
-	@echo "adding what tests, lint and benchmarks need: about 160 MB to download, 0.7 GB on disk"
+	@echo "adding what tests, lint and benchmarks need: about 0.4 GB more on disk"
 	@$(PIP) --require-hashes --only-binary :all: -r requirements-test.lock -r requirements.lock
 	@touch $@
 
 demo: $(STAMP)
 	@$(VENV)/bin/spectrabox demo $(DEMO)
 
-test: export PYTHONDONTWRITEBYTECODE =   # commands that tests start need not compile every module anew
 test: $(TESTS)
 	@$(PY) -m pytest -q -n auto --dist loadfile
 

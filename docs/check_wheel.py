@@ -4,13 +4,14 @@
 
 An sdist is made of this checkout, a wheel of that sdist; neither may hold a link. The wheel is
 installed with pip into a new environment outside the repository, as a user would, and makes a
-report there. ``--platforms`` also downloads what pip would install on Windows and macOS (by the
-names of the wheels alone: nothing is run, and markers such as ``sys_platform`` are read as on this
-machine).
+report there. ``--platforms`` also lets pip resolve what it would install on Linux, Windows and
+macOS: nothing is installed or run, and markers such as ``sys_platform`` are read as on this
+machine.
 """
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import stat
 import subprocess
@@ -22,8 +23,11 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PLATFORMS = ("win_amd64", "macosx_14_0_arm64", "macosx_14_0_x86_64", "manylinux_2_28_x86_64",
-             "manylinux_2_28_aarch64")
+PLATFORMS = {f"Linux {machine}": [f"{tag}_{machine}" for tag in (
+    "manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux2014")]
+    for machine in ("x86_64", "aarch64")}
+PLATFORMS |= {"Windows": ["win_amd64"], "macOS arm64": ["macosx_14_0_arm64"],
+              "macOS x86_64": ["macosx_14_0_x86_64"]}
 PYTHONS = ("3.11", "3.13")
 OUTSIDE = {name: value for name, value in os.environ.items()
            if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
@@ -91,24 +95,25 @@ def disk_bytes(folder: Path) -> int:
 
 
 def resolve(wheel: Path, folder: Path) -> None:
-    """Say for each platform whether pip finds a wheel of everything, and how much it downloads."""
-    for platform in PLATFORMS:
+    """Say for each platform whether pip finds a wheel of everything that would be installed."""
+    for platform, tags in PLATFORMS.items():
         for python in PYTHONS:
-            target = folder / f"{platform}-{python}"
-            done = run(sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check",
-                       "--only-binary", ":all:", "--platform", platform, "--python-version", python,
-                       "-d", target, wheel, cwd=folder, check=False)
+            done = run(sys.executable, "-m", "pip", "install", "-q", "--dry-run", "--report", "-",
+                       "--disable-pip-version-check", "--ignore-installed", "--only-binary",
+                       ":all:", *(f"--platform={tag}" for tag in tags), "--python-version",
+                       python, "--target", folder / "none", wheel, cwd=folder, check=False)
             faults = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
             print(f"{platform}, Python {python}: " + (
-                f"{len(list(target.iterdir()))} wheels, {disk_bytes(target) / MB:.0f} MB"
-                if done.returncode == 0 else "; ".join(faults) or done.stderr.strip()))
+                f"{len(json.loads(done.stdout)['install'])} packages, all as wheels"
+                if done.returncode == 0 else faults[-1] if faults else done.stderr.strip()),
+                flush=True)
 
 
 def main() -> None:
     """Check sdist, wheel and, where asked for, other platforms."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--platforms", action="store_true",
-                        help="resolve for Windows, macOS and Linux as well (downloads 3 GB)")
+                        help="let pip resolve for Windows, macOS and Linux as well")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         wheel = built(Path(scratch))

@@ -31,6 +31,25 @@ def test_no_llvm_at_all_is_said(monkeypatch):
         llvm.ensure_llvm()
 
 
+@pytest.mark.parametrize("platform, file", [
+    ("linux", "prefix/lib/libLLVM-19.so"), ("linux", "base/lib/libLLVM.so.20.1"),
+    ("darwin", "prefix/lib/libLLVM.19.1.dylib"), ("win32", "prefix/Library/bin/LLVM-C.dll"),
+    ("win32", "Programs/LLVM/bin/LLVM-C.dll")])
+def test_llvm_is_looked_for_where_installers_and_conda_put_it(platform, file, tmp_path,
+                                                              monkeypatch):
+    (tmp_path / file).parent.mkdir(parents=True)
+    (tmp_path / file).write_text("library")
+    patterns = llvm.search_patterns(platform, {"ProgramFiles": str(tmp_path / "Programs")},
+                                    (str(tmp_path / "prefix"), str(tmp_path / "base")))
+    monkeypatch.delenv(llvm.VARIABLE, raising=False)
+    monkeypatch.setattr(llvm, "PATTERNS", [pattern for pattern in patterns
+                                           if pattern[0].is_relative_to(tmp_path)])
+    assert llvm.llvm_name() == f"{Path(file).name}, 7 bytes"
+    with pytest.raises(EnvironmentProblem, match="winget install") as said:
+        llvm.ensure_llvm()      # what is there cannot be loaded
+    assert str(tmp_path / "prefix") in str(said.value)
+
+
 @pytest.mark.parametrize("drjit, oldest", [("1.4.0", 15), ("1.5.0", 17), ("2.0.1", 17)])
 def test_the_floor_follows_the_installed_drjit(monkeypatch, drjit, oldest):
     monkeypatch.setattr(llvm.importlib.metadata, "version", lambda name: drjit)

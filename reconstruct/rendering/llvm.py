@@ -18,7 +18,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem
@@ -29,15 +29,42 @@ ENVIRONMENT_FOLDER = Path(sys.prefix) / "lib" / "llvm"
 RENDERER_NEEDS = "libatomic1"
 RUNTIME_PACKAGES = ("libc6", "libgcc", "gcc-", "libstdc++", "libcrypt", "debconf", "perl", "dpkg")
 DEBIAN_PACKAGES = ("libllvm19", "libllvm18", "libllvm17", "libllvm16", "libllvm15", "libllvm20")
-PATTERNS = (
-    (Path(sys.prefix) / "lib" / "llvm", "libLLVM*"),
-    (Path("/usr/lib"), "*-linux-gnu/libLLVM*.so*"),
-    (Path("/usr/lib"), "llvm-*/lib/libLLVM*.so*"),
-    (Path("/usr/lib64"), "libLLVM*.so*"),
-    (Path("/opt/homebrew/opt"), "llvm*/lib/libLLVM.dylib"),
-)
-ADVICE = ("install one (Debian or Ubuntu: apt install libllvm19; macOS: brew install llvm) "
-          f"or set {VARIABLE} to the libLLVM file")
+ADVICE = ("install one (Debian or Ubuntu: apt install libllvm19; macOS: brew install llvm; "
+          "Windows: winget install LLVM.LLVM; conda: conda install -c conda-forge libllvm19) "
+          f"or set {VARIABLE} to the file libLLVM, on Windows LLVM-C.dll")
+
+
+def search_patterns(platform: str, environment: Mapping[str, str],
+                    prefixes: Sequence[str]) -> tuple[tuple[Path, str], ...]:
+    """Folders in which an LLVM may lie, and patterns of its file in them.
+
+    Parameters
+    ----------
+    platform : str
+        As ``sys.platform``.
+    environment : mapping
+        Variables of the environment.
+    prefixes : sequence of str
+        Of this Python and of the one that its environment was made from: conda keeps LLVM there.
+    """
+    folders = [Path(prefix) for prefix in dict.fromkeys(prefixes)]
+    if platform == "win32":
+        programs = Path(environment.get("ProgramFiles", "C:/Program Files"))
+        return (*((folder / "Library" / "bin", "LLVM-C.dll") for folder in folders),
+                (programs / "LLVM" / "bin", "LLVM-C.dll"))
+    if platform == "darwin":
+        return (*((folder / "lib", "libLLVM*.dylib") for folder in folders),
+                (Path("/opt/homebrew/opt"), "llvm*/lib/libLLVM.dylib"),
+                (Path("/usr/local/opt"), "llvm*/lib/libLLVM.dylib"),
+                (Path("/opt/local/libexec"), "llvm-*/lib/libLLVM.dylib"))
+    return ((ENVIRONMENT_FOLDER, "libLLVM*"),
+            *((folder / "lib", "libLLVM*.so*") for folder in folders),
+            (Path("/usr/lib"), "*-linux-gnu/libLLVM*.so*"),
+            (Path("/usr/lib"), "llvm-*/lib/libLLVM*.so*"),
+            (Path("/usr/lib64"), "libLLVM*.so*"))
+
+
+PATTERNS = search_patterns(sys.platform, os.environ, (sys.prefix, sys.base_prefix))
 
 
 def oldest_usable() -> int:
@@ -67,8 +94,8 @@ def llvm_version(library: Path) -> int | None:
 
 def llvm_name() -> str:
     """Name and size of the libLLVM that would be chosen by its name, which none is loaded for."""
-    named = [(int(match[1]), file) for file in _candidates()
-             if (match := re.search(r"libLLVM[-.a-z]*(\d+)", file.name)) is not None]
+    named = [(int(match[1]) if match else 0, file) for file in _candidates()
+             for match in [re.search(r"libLLVM[-.a-z]*(\d+)", file.name)]]
     if not named:
         return "none"
     _, file = max(named)
@@ -116,7 +143,7 @@ def ensure_llvm() -> tuple[Path, int]:
     if newest is None:
         chosen = os.environ.get(VARIABLE)
         what = (f"{VARIABLE} points to {chosen}, which is not a usable LLVM" if chosen
-                else "no usable LLVM was found")
+                else "no usable LLVM was found in " + (_searched() or "any folder"))
         raise EnvironmentProblem(f"{what}: version {oldest_usable()} or newer is needed; {ADVICE}")
     os.environ[VARIABLE] = str(newest[0])
     return newest
@@ -178,11 +205,17 @@ def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:
                 break
         for archive in Path(scratch).glob("*.deb"):
             _quietly(["dpkg-deb", "-x", str(archive), "unpacked"], scratch)
-        for library in Path(scratch, "unpacked").rglob("lib*.so*"):
-            if library.parent.name.endswith("-linux-gnu") and library.is_file():
-                # links become files: each name must be found
-                with whole_file(folder / library.name) as unfinished:
+        copies: dict[Path, str] = {}
+        for library in sorted(Path(scratch, "unpacked").rglob("lib*.so*")):
+            if not (library.parent.name.endswith("-linux-gnu") and library.is_file()):
+                continue
+            copied = copies.setdefault(library.resolve(), library.name)
+            if copied == library.name:
+                with whole_file(folder / copied) as unfinished:
                     shutil.copyfile(library, unfinished)
+            else:       # each name must be found, but 130 MB need not lie there twice
+                (folder / library.name).unlink(missing_ok=True)
+                os.link(folder / copied, folder / library.name)
 
 
 def _private_apt(scratch: Path) -> list[str]:
@@ -220,14 +253,18 @@ def _load(library: Path) -> bool:
     return True
 
 
+def _searched() -> str:
+    return ", ".join(str(folder / pattern) for folder, pattern in PATTERNS)
+
+
 def main() -> int:
     """Set-up step: make sure that the environment has a usable LLVM."""
     if find_llvm() is None or not _load(Path("libatomic.so.1")):
         fetch_llvm()
     newest = find_llvm()
     if newest is None:
-        print(f"no usable LLVM (version {oldest_usable()} or newer) was found or could be fetched: "
-              f"{ADVICE}", file=sys.stderr)
+        print(f"no usable LLVM (version {oldest_usable()} or newer) was found in "
+              f"{_searched() or 'any folder'}, or could be fetched: {ADVICE}", file=sys.stderr)
         return EnvironmentProblem.exit_code
     print(f"LLVM {newest[1]}: {newest[0]}")
     return 0
