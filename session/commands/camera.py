@@ -36,9 +36,9 @@ def register(app: typer.Typer) -> None:
 
 @command
 def fit(request: CameraFitRequest) -> Answer:
-    """Sensitivities from chart photos and light spectra, with error bars.
+    """Measure a camera's sensitivities on photos of a colour chart, with error bars.
 
-    Under a light that is not known, the products of sensitivity and light.
+    Under an unknown light the answer is the product of sensitivity and light.
 
     Of several photos the first --light and --reference belong to the first photo, the second to the
     second; one alone serves all.
@@ -78,7 +78,7 @@ class CameraPriorRequest(CommonOptions):
 
 @command
 def prior(request: CameraPriorRequest) -> Answer:
-    """A prior on sensitivities from a folder of measured cameras."""
+    """Build a prior on sensitivities from a folder of measured cameras."""
     check_ending(request.out, PRIORS)
     from spectrabox.calibrate.prior.camera_database import read_camera_database
     from spectrabox.calibrate.prior.camera_prior import save_camera_prior
@@ -99,7 +99,7 @@ def prior(request: CameraPriorRequest) -> Answer:
 
 @command
 def preflight(request: CameraPreflightRequest) -> Answer:
-    """Before shooting: expected error of the curves and of spectra, family by family, for this
+    """Forecast, before shooting, the errors of curves and of spectra, family by family, for this
     camera, chart and light, and what a second light would bring.
     """
     if not 0 < request.noise < 1:
@@ -114,7 +114,7 @@ def preflight(request: CameraPreflightRequest) -> Answer:
 
 @command
 def profile(request: CameraProfileRequest) -> Answer:
-    """Colour matrices (DNG, ACES) and profiles of a camera, with error bars and colour errors."""
+    """Write colour matrices and profiles of a camera, with error bars and colour errors."""
     from spectrabox.session.camera.profile import FORMS, profile_answer
     for path in request.out:
         check_ending(path, FORMS)

@@ -56,7 +56,7 @@ class ChartRequest(CommonOptions):
 
 @command
 def chart(request: ChartRequest) -> Answer:
-    """Find the chart; patch statistics; is this photo good enough?"""
+    """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_files import write_png
     from spectrabox.session.camera.inputs import judged_chart
@@ -97,8 +97,8 @@ class DevelopRequest(CommonOptions):
 
 @command
 def develop(request: DevelopRequest) -> Answer:
-    """Raw to linear camera signal: black and dark removed, exposures merged, flat-fielded; an EXR
-    with its variance.
+    """Turn raw photos into linear camera signal: black and dark removed, exposures merged,
+    flat-fielded; an EXR with its variance.
     """
     from spectrabox.capture.develop.developed import develop_photos
     from spectrabox.capture.photo.image_files import write_linear_exr

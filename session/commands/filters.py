@@ -53,7 +53,7 @@ class FilterFitRequest(CommonOptions):
 
 @command
 def fit(request: FilterFitRequest) -> Answer:
-    """The transmittance of a filter, with standard errors, as a file that --filters takes."""
+    """Measure the transmittance of a filter, with standard errors, as a file for --filters."""
     if len(request.files) != 2:
         raise UsageProblem(f"{len(request.files)} files were given; two are needed: first without "
                            "the filter, then with it")

@@ -149,7 +149,7 @@ class DrawsRequest(SessionOptions):
 
 @command
 def draws(request: DrawsRequest) -> Answer:
-    """Every spectrum that was drawn for the surfaces of a finished session, as one file."""
+    """Write the spectra that were drawn for the surfaces of a finished session into one file."""
     from spectrabox.session.store.draws_files import FORMS, stored_draws, write_draws
     check_ending(request.out, FORMS)
     from spectrabox.session.config.session_file import read_session
@@ -178,7 +178,7 @@ class RehearseRequest(SessionOptions):
 
 @command
 def rehearse(request: RehearseRequest) -> Answer:
-    """Do this session's bands hold? Its photos again with known truths, through the same code."""
+    """Test whether this session's bands hold, on simulated photos with known truths."""
     check_device(request.device)
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.rehearsal import facts
@@ -208,7 +208,7 @@ class CompareRequest(CommonOptions):
 
 @command
 def compare(request: CompareRequest) -> Answer:
-    """What changed between sessions: camera, light, chart, and surfaces of one name."""
+    """Compare sessions: what changed in camera, light, chart, and surfaces of one name."""
     from spectrabox.measure.comparison import control_chart, lasting_shifts, surface_pairs
     from spectrabox.session.compare.quantities import session_quantities
     if len(request.folders) < 2:
@@ -234,7 +234,7 @@ class CatalogueRequest(CommonOptions):
 
 @command
 def catalogue(request: CatalogueRequest) -> Answer:
-    """Every session under a folder, made anew as an SQLite file, and those that are out of line."""
+    """List all sessions under a folder in an SQLite file, and name those that are out of line."""
     from spectrabox.measure.comparison import control_chart, lasting_shifts
     from spectrabox.session.compare.catalogue import write_catalogue
     from spectrabox.session.compare.quantities import find_sessions, session_quantities

@@ -102,7 +102,7 @@ class FlatRequest(CommonOptions):
 
 @command
 def flat(request: FlatRequest) -> Answer:
-    """Spectra of regions of photos that show a colour chart, without a scene."""
+    """Measure spectra of flat samples in photos that show a colour chart."""
     return _measure_each(request) if request.each else _measure(request)
 
 

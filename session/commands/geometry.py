@@ -92,8 +92,8 @@ class LensRequest(CommonOptions):
 
 @command
 def lens(request: LensRequest) -> Answer:
-    """Focal length, principal point and distortion from photos of a ChArUco board, with standard
-    errors.
+    """Measure focal length, principal point and distortion on photos of a ChArUco board, with
+    standard errors.
     """
     from spectrabox.calibrate.geometry.board import read_board
     from spectrabox.calibrate.geometry.lens_files import lens_facts, write_lens
@@ -241,7 +241,7 @@ class UndistortRequest(CommonOptions):
 
 @command
 def undistort(request: UndistortRequest) -> Answer:
-    """The photo as the renderer's pinhole sees it: a linear EXR with its variance."""
+    """Take the lens's distortion out of a photo: a linear EXR with its variance."""
     from spectrabox.calibrate.geometry.lens_files import read_lens
     from spectrabox.calibrate.geometry.projection import undistorted
     from spectrabox.capture.photo.image_files import write_linear_exr

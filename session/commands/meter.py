@@ -60,7 +60,7 @@ def register(app: typer.Typer) -> None:
 
 @command
 def list_of_ports(request: CommonOptions) -> Answer:
-    """The ports of this computer. None is opened, so that no instrument notices."""
+    """List the serial ports of this computer, without opening any."""
     from spectrabox.capture.meter.serial_line import list_ports
     ports = list_ports()
     lines = [f"{each.port:<16} {each.usb or '':<10} {each.manufacturer or ''} "

@@ -305,11 +305,11 @@ class MatchRequest(SessionOptions):
     only: Annotated[tuple[str, ...], Was("--surface"), typer.Option(
         metavar="NAME", help="This surface or region alone.")] = ()
     variation: Annotated[float, typer.Option(
-        help="How far another sample of one material differs from the library's: standard "
-        "deviation, of white.")] = 0.01
+        help="How far samples of one material differ from each other: standard deviation, of "
+        "white.")] = 0.01
     ratio: Annotated[float | None, typer.Option(
-        help="Spectra so many times less evident than the best still count as not told apart; by "
-        "default what a true one exceeds 1 time in 20.")] = None
+        help="A spectrum counts as not told apart from the best while its evidence is at most so "
+        "many times lower; by default the true one is kept 19 times in 20.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ def register(app: typer.Typer) -> None:
 
 @command
 def sample(request: SampleRequest) -> Answer:
-    """Every spectrum behind one signal: mean, band, exact bounds and draws."""
+    """Recover the spectra behind a colour: mean, 95 % band, exact bounds and draws."""
     check_ending(request.out, {".npz": "the draws", ".csv": "means and bands"})
     check_ending(request.plot, {".png": "a picture of means and bands"}, "--plot")
     if request.srgb is None and None in (request.sensitivity, request.light):
@@ -68,7 +68,7 @@ def sample(request: SampleRequest) -> Answer:
 
 @command
 def uplift(request: UpliftRequest) -> Answer:
-    """Mean and spread of the spectrum behind every pixel, as spectral EXR or ENVI images."""
+    """Recover the spectrum behind every pixel: mean and spread, as spectral EXR or ENVI images."""
     out = request.out
     if out.suffix.lower() in (".exr", ".hdr", ".img"):
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
@@ -84,8 +84,8 @@ def uplift(request: UpliftRequest) -> Answer:
 
 @command
 def plan(request: PlanRequest) -> Answer:
-    """Which reading or photo to take next: what it would bring in width of the band and in RMSE, of
-    one signal or of every surface of a finished session.
+    """Say which reading or photo to take next, and how much narrower it would make the band of a
+    signal, or of every surface of a finished session.
     """
     from spectrabox.session.signals.plan_answer import plan_answer
     return Answer(*plan_answer(request))
@@ -93,7 +93,7 @@ def plan(request: PlanRequest) -> Answer:
 
 @command
 def certify(request: CertifyRequest) -> Answer:
-    """Do the bands hold the truth on your own spectra? A certificate page."""
+    """Test on your own measured spectra whether the bands hold the truth, as a certificate."""
     check_ending(request.out, {".md": "the certificate as a page"})
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.session.signals.prior_answers import certify_answer
@@ -125,8 +125,8 @@ def judge(request: JudgeRequest) -> Answer:
 
 @command
 def match(request: MatchRequest) -> Answer:
-    """Which measured spectra of a library could give each signal, how many cannot be told apart,
-    and whether none does.
+    """List the measured spectra of a library that could be each surface, and how many of them the
+    camera cannot tell apart.
     """
     from spectrabox.session.signals.match_answer import match_answer
     return Answer(*match_answer(request))

@@ -95,7 +95,7 @@ def new(request: NewRequest) -> Answer:
 
 @command
 def check(request: SessionOptions) -> Answer:
-    """Read every input, run nothing long, say everything that is wrong at once."""
+    """Check a session before a run: read every input, and list everything that is wrong."""
     from spectrabox.radiometry.spectra.kept_cameras import known_camera_words
     from spectrabox.radiometry.system.free_memory import free_memory
     from spectrabox.session.check import preflight_check
@@ -139,7 +139,7 @@ def run(request: RunRequest) -> Answer:
 
 @command
 def status(request: SessionOptions) -> Answer:
-    """What is done, what is stale and why."""
+    """Show which stages are done, which are out of date, and why."""
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.pipeline import stage_states
     states = stage_states(read_session(request.folder, request.allow_outside))
@@ -262,7 +262,7 @@ class DoctorRequest(CommonOptions):
 
 @command
 def doctor(request: DoctorRequest) -> Answer:
-    """Is this machine ready: LLVM, GPU, versions?"""
+    """Check whether this machine is ready: LLVM, GPU, versions."""
     check_device(request.device)
     from spectrabox.session.doctor import examine
     facts = examine(request.device)

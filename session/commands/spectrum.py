@@ -54,7 +54,7 @@ class ShowRequest(CommonOptions):
 
 @command
 def show(request: ShowRequest) -> Answer:
-    """What a file holds: format, range, quantity, unit, and what to beware of."""
+    """Show what a spectral file holds: format, range, quantity, unit, and what to beware of."""
     from spectrabox.radiometry.spectra.spectrum_files import read_table
     tables = [read_table(path) for path in request.files]
     shown = [_shown(table, request.column) for table in tables]

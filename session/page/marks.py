@@ -192,7 +192,7 @@ def marked(text: str, mark: Mark) -> str:
         _write(document, mark)
         result = tomlkit.dumps(document)
     except (TOMLKitError, ValueError, RecursionError) as error:     # also a table that stands twice
-        raise InputError(f"{FILE_NAME} is not valid TOML: {error}; mend it first") from None
+        raise InputError(f"{FILE_NAME} is not valid TOML: {error}; correct it first") from None
     if "\r\n" in text and not LINE_FEED_ALONE.search(text):     # what is new ends as the rest does
         result = LINE_FEED_ALONE.sub("\r\n", result)
     return text[:text.startswith(BYTE_ORDER_MARK)] + result
@@ -431,7 +431,7 @@ def _mark_reference(document: Any, mark: Mark, points: list[list[float]]) -> Non
     _require_count(points, 4, "a reference")
     references = drift.setdefault(key, tomlkit.array())
     if not isinstance(references, Array):
-        raise InputError(f"{FILE_NAME}: drift.{key} must be a list; mend it first")
+        raise InputError(f"{FILE_NAME}: drift.{key} must be a list; correct it first")
     references.append(_array(points))
 
 
@@ -445,7 +445,7 @@ def _table(parent: Any, name: str, is_super_table: bool | None = None) -> Any:
     if name not in parent:
         parent[name] = tomlkit.table(is_super_table)
     if not isinstance(parent[name], MutableMapping):
-        raise InputError(f"{FILE_NAME}: [{name}] must be a table; mend it first")
+        raise InputError(f"{FILE_NAME}: [{name}] must be a table; correct it first")
     return parent[name]
 
 
