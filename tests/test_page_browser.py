@@ -220,6 +220,7 @@ def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
     with served(session) as (address, _):
         page = opened(address)
         page.click("#facts summary")
+        assert page.is_hidden("#further-filter")
         for field, value in (("#session-name", "Red chair"), ("#session-light", "halogen")):
             page.fill(field, value)
             page.keyboard.press("Enter")

@@ -47,6 +47,7 @@ async function sendNow(path, body) {
     update(await (await ask(path, { method: "POST", body: JSON.stringify({ digest: state.digest, ...body }) })).json());
     return true;
   } catch (error) { say(error.message); await refresh(); return false; }
+  finally { changes += 1; }       // news that were asked for meanwhile may be older
 }
 const mark = (marked) => send("/api/mark", { mark: marked });
 const say = (text) => { $("said").textContent = text; };
