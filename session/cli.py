@@ -71,19 +71,14 @@ def with_only(name: str) -> typer.Typer:
     return chosen if chosen.registered_commands or chosen.registered_groups else app
 
 
-def prepare_libraries() -> None:
-    """Settings that libraries look for when they are loaded."""
+def main() -> None:
+    """Entry point of the ``spectrabox`` command."""
     # Pydantic looks for plugins in every installed package; none may change what a file says.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # BLAS splits its sums by the cores: on one thread the bits are the same on any machine, and the
     # threads of small products would only wait for each other. NumPy and SciPy have one each, which
     # look here when they are loaded.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
-
-def main() -> None:
-    """Entry point of the ``spectrabox`` command."""
-    prepare_libraries()
     debug = "--debug" in sys.argv
     if not debug:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing

@@ -177,14 +177,12 @@ def open_page(request: OpenRequest) -> None:
     """Open a photo's or session's page on this machine: point at colours, mark, run, read."""
     import webbrowser
 
-    from spectrabox.session.page.run_control import RunControl, prepared_process
+    from spectrabox.session.page.run_control import RunControl
 
-    # it loads its libraries while the session is made and the page loads its own
-    prepared = prepared_process()
     run = None
     if request.paths:
         folder = _folder_to_open(request.paths).resolve()
-        run = RunControl(folder, ("--allow-outside",) if request.allow_outside else (), prepared)
+        run = RunControl(folder, ("--allow-outside",) if request.allow_outside else ())
         if folder != request.paths[0].resolve() and not (folder / "results").exists():
             run.start("calibrate")      # before the page loads its libraries
     from spectrabox.session.page.server import SessionPage, StartPage, serve
@@ -193,7 +191,7 @@ def open_page(request: OpenRequest) -> None:
         print(address, flush=True)
         tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
              "session from this machine.")
-    page: SessionPage | StartPage = StartPage(Path(), prepared) if run is None else SessionPage(
+    page: SessionPage | StartPage = StartPage(Path()) if run is None else SessionPage(
         run.folder, request.watch, request.allow_outside, run)
     serve(page, request.port, say, webbrowser.open if request.browser else None)
 

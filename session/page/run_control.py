@@ -1,7 +1,6 @@
 """A run of the session as a child process: what it says, and stopping it."""
 from __future__ import annotations
 
-import contextlib
 import json
 import subprocess
 import sys
@@ -13,29 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem
-from spectrabox.session.page.process_groups import GRACE_S, SPECTRABOX, kill_group
+from spectrabox.session.page.held_run import GRACE_S, kill_group
 
 MAX_LINES = 200
 PATIENCE_S = GRACE_S + 0.5      # after which a run that was asked to stop is ended
-
-
-def prepared_process() -> subprocess.Popen[str]:
-    """A process that loads what a run needs and waits for its order; it ends with its input.
-
-    Raises
-    ------
-    EnvironmentProblem
-        If the system starts no further process.
-    """
-    # A group of its own: Ctrl-C at the page's terminal stops it through ``RunControl.stop``.
-    try:
-        return subprocess.Popen(
-            [sys.executable, "-m", "spectrabox.session.page.held_run"], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="backslashreplace",
-            start_new_session=True)
-    except OSError as error:
-        raise EnvironmentProblem(f"no run can be started ({error.strerror}): close other "
-                                 "programs, and try again") from None
 
 
 class RunControl:
@@ -46,15 +26,13 @@ class RunControl:
     folder : Path
     options : tuple of str
         Further words of the command line.
-    prepared : process, optional
-        From ``prepared_process``, for the first run.
     """
 
-    def __init__(self, folder: Path, options: tuple[str, ...] = (),
-                 prepared: subprocess.Popen[str] | None = None) -> None:
+    def __init__(self, folder: Path, options: tuple[str, ...] = ()) -> None:
         self.folder = folder
-        self._command = [*SPECTRABOX, "run", str(folder), "--json", *options]
-        self._prepared = prepared       # a process that waits for its order
+        self._command = [sys.executable, "-m", "spectrabox", "run", str(folder), "--json",
+                         *options]
+        self._holder = [sys.executable, "-m", "spectrabox.session.page.held_run"]
         self.when_ended: Callable[[], None] = lambda: None
         self._process: subprocess.Popen[str] | None = None
         self._lines: deque[str] = deque(maxlen=MAX_LINES)
@@ -101,20 +79,20 @@ class RunControl:
             self._answer, self._code, self._started = None, None, time.monotonic()
             self._stopped, self._until, self._all_wanted = False, until, False
             options = [] if until is None else ["--until", until]
-            prepared, self._prepared = self._prepared, None
-            self._process = prepared if prepared is not None and prepared.poll() is None \
-                else prepared_process()
-            assert self._process.stdin is not None
-            with contextlib.suppress(BrokenPipeError):      # it has ended, which is followed below
-                self._process.stdin.write(json.dumps([*self._command, *options]) + "\n")
-                self._process.stdin.flush()
+            # A group of its own: Ctrl-C at the page's terminal stops it through ``stop``.
+            try:
+                self._process = subprocess.Popen(
+                    [*self._holder, *self._command, *options], stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                    errors="backslashreplace", start_new_session=True)
+            except OSError as error:
+                raise EnvironmentProblem(f"no run can be started ({error.strerror}): close other "
+                                         "programs, and try again") from None
             for follow in (self._follow, self._wait):
                 threading.Thread(target=follow, args=(self._process,), daemon=True).start()
 
     def stop(self) -> None:
         """Ask the run to end as Ctrl-C does; stages that are finished are kept."""
-        if self._prepared is not None and self._prepared.stdin is not None:
-            self._prepared.stdin.close()
         process = self._process
         if process is None or not self.running:
             return

@@ -8,7 +8,6 @@ import re
 import secrets
 import shutil
 import socket
-import subprocess
 import tempfile
 import threading
 import tomllib
@@ -256,13 +255,10 @@ class StartPage:
     ----------
     folder : Path
         In which sessions are listed and made.
-    prepared : process, optional
-        From ``prepared_process``, for the first run of the first session.
     """
 
-    def __init__(self, folder: Path, prepared: subprocess.Popen[str] | None = None) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
-        self._prepared = prepared
         self.mount: Callable[[str, SessionPage], None] = lambda path, page: None
         self._pages: dict[Path, tuple[str, SessionPage]] = {}
         self._staging: Path | None = None
@@ -363,8 +359,7 @@ class StartPage:
         with self._lock:
             folder = self.folder / name
             if folder not in self._pages:
-                run, self._prepared = RunControl(folder, (), self._prepared), None
-                page, path = SessionPage(folder, run=run), f"/s/{len(self._pages) + 1}"
+                page, path = SessionPage(folder), f"/s/{len(self._pages) + 1}"
                 self.mount(path, page)
                 page.start()
                 self._pages[folder] = path, page
