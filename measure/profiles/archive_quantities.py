@@ -24,10 +24,10 @@ STEP = 1e-4                 # of white: for derivatives of L*
 Limits = dict[str, tuple[tuple[str, float], ...]]
 
 
-def _limits(iso: tuple[float, ...] = (), fadgi: tuple[float, ...] = ()) -> Limits:
-    """Limits by guideline, strictest first; fewer stars than four are the best ones."""
-    by_name = {ISO: tuple(zip(ISO_LEVELS, iso, strict=False)),
-               FADGI: tuple(zip(STARS, fadgi, strict=False))}
+def _limits(iso: tuple[float, ...], fadgi: tuple[float, ...] = ()) -> Limits:
+    """Limits by guideline, strictest first."""
+    by_name = {ISO: tuple(zip(ISO_LEVELS, iso, strict=True)),
+               FADGI: tuple(zip(STARS[:len(fadgi)], fadgi, strict=True))}
     return {name: limits for name, limits in by_name.items() if limits}
 
 
@@ -116,7 +116,7 @@ def archive_quantities(chart: ChartColours, light: np.ndarray) -> list[ArchiveQu
                         all_patches, _limits((4, 5, 5), (2, 3.5, 5, 6.5))),
         ArchiveQuantity("Colour accuracy, 90th percentile",
                         float(np.percentile(differences, 90)), "CIEDE2000", all_patches,
-                        _limits(fadgi=(4, 7, 10))),
+                        {}),
         ArchiveQuantity("Colour accuracy, largest", float(differences.max()), "CIEDE2000",
                         f"the worst patch, {chart.names[int(differences.argmax())]}",
                         _limits((10, 15, 15)))]
