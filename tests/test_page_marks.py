@@ -140,7 +140,7 @@ def test_an_undo_never_takes_back_what_somebody_else_wrote(session):
     ({"kind": "region", "name": " ", "points": [[1, 1], [5, 5]]}, "regions."),
     ({"kind": "region", "name": "a", "points": [[1, 1], [1, 5]]}, "enclose|corners"),
     ({"kind": "region", "name": "a", "points": [["x", 1], [1, 5]]}, "number"),
-    ({"kind": "wall", "name": "a"}, "region, rename, stated, chart corners"),
+    ({"kind": "wall", "name": "a"}, "region, rename, stated, session"),
     ({"kind": "region", "name": "a", "pints": []}, "unknown key 'pints'"),
 ])
 def test_a_mark_that_makes_a_faulty_session_changes_nothing(session, written, said):
