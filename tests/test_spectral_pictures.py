@@ -21,6 +21,7 @@ from spectrabox.session.pictures.spectra_files import PictureLayout, write_spect
 OTHERS = Path(colour.__file__).parent / "io" / "tests" / "resources"    # files of its own tests
 HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single floats
 HEIGHT, WIDTH, MASKED = 21, 5, (20, 4)
+RESPONSES = np.full((1, 3, 61), 1 / 61)
 COMPRESSIONS = {"none": 0, "rle": 0, "zip": 0, "zips": 0, "piz": 0, "pxr24": 2.0**-16,
                 "b44": 0, "b44a": 0,        # of half floats alone: others stay as they are
                 "dwaa": 0.02, "dwab": 0.02}     # the coarseness that DWA is made with
@@ -40,7 +41,7 @@ def write(folder, spectra, kept):
     parts = mean[..., kept.mean], deviation[..., kept.deviation]
     blocks = ((first, last, tuple(part[first:last].reshape(-1, part.shape[2]) for part in parts))
               for first, last in ((0, 16), (16, HEIGHT)))
-    return write_spectra(blocks, (HEIGHT, WIDTH), folder, kept, lambda share: None)
+    return write_spectra(blocks, (HEIGHT, WIDTH), folder, kept, lambda share: None, RESPONSES)
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +107,9 @@ def test_spy_reads_our_envi_images(pictures):
         assert image.bands.band_unit == "Nanometers"
         np.testing.assert_array_equal(image.bands.centers, nm)
         np.testing.assert_array_equal(image.open_memmap(), values)
+        # the grid of 5 nm on which spectra are estimated, whatever share of it is kept
+        assert image.bands.bandwidths == [5.0] * nm.size
+        assert "not what the camera resolves" in image.metadata["description"]
 
 
 def test_our_own_judge_reads_our_envi_images(pictures):

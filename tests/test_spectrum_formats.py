@@ -13,6 +13,7 @@ from spectrabox.fixtures.spectral_files import (
     NM,
     REFLECTANCE,
     asd_bytes,
+    csmf_bytes,
     ocean_text,
     rawtoaces_text,
     spectral_exr_bytes,
@@ -34,13 +35,12 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 
 WRITERS = {".csv": table_text, ".sp": sp_text, ".spdx": spdx_text}
 FORMATS = ("CSV", "ASD", "CGATS", "TM-27", "ENVI", "SVC", "Spectral Evolution", "Ocean Optics",
-           "rawtoaces",
-           "spectral EXR")
+           "rawtoaces", "spectral EXR", "CSMF")
 # Relative rounding: nine significant digits, six decimals of a percentage of at least 10, single or
 # double precision.
 PRECISION = {"CSV": 5e-9, "ASD": 1e-15, "CGATS": 5e-9, "TM-27": 5e-9, "ENVI": 0, "SVC": 5e-8,
              "Spectral Evolution": 5e-8, "Ocean Optics": 5e-9,
-             "rawtoaces": 0, "spectral EXR": 6e-8}
+             "rawtoaces": 0, "spectral EXR": 6e-8, "CSMF": 0}
 
 
 def write(tmp_path, content, name):
@@ -74,6 +74,19 @@ def test_a_spectrum_of_ocean_optics_over_raman_shifts_is_refused(tmp_path):
     processed = ocean_text().replace("Begin Spectral", "Begin Processed Spectral") \
         + ">>>>>End Processed Spectral Data<<<<<\n"
     assert read_table(write(tmp_path, processed, "b.txt")).nm.size == NM.size
+
+
+def test_measurements_of_colour_specio_are_columns_and_a_cut_file_is_refused(tmp_path):
+    content = csmf_bytes(REFLECTANCE, REFLECTANCE / 2, singles=True)
+    table = read_table(write(tmp_path, content, "a.csmf"))
+    assert table.names == ("measurement 1", "measurement 2")
+    assert table.facts["source"] == "CR300 - synthetic, a.csmf"
+    np.testing.assert_allclose(table.values[1], REFLECTANCE / 2, rtol=2.0**-24)
+    for number, damaged in enumerate((content[:-30], content[:-2], content + b"\x2a\x00")):
+        with pytest.raises(InputError, match=r"csmf is cut or damaged as a file of colour-specio"):
+            read_table(write(tmp_path, damaged, f"{number}.csmf"))
+    with pytest.raises(InputError, match=r"only colours; measure with a spectroradiometer"):
+        read_table(write(tmp_path, b"\x22\x00\x82\x01\x01\x00", "colours.csmf"))
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -49,7 +49,8 @@ def answer(folder, path, form):
 
 def stored(path):
     if path.suffix == ".zarr":
-        return np.asarray(zarr.open_array(str(path), mode="r")[...])
+        rows = open_rows(path)
+        return rows.read(0, rows.height)
     return np.asarray(oiio.ImageInput.open(str(path)).read_image("half"))
 
 
@@ -95,9 +96,48 @@ def test_tiles_and_chunks_hold_what_scan_lines_hold(form, rows, image, of_scan_l
         spec = oiio.ImageInput.open(str(tmp_path / "out" / "mean.exr")).spec()
         assert (spec.tile_width, spec.tile_height) == (64, 64)
     else:
-        array = zarr.open_array(str(tmp_path / "out" / "mean.zarr"), mode="r")
-        assert array.attrs["wavelengths_nm"] == PRIOR_GRID.nm[::2].tolist()
-        assert array.metadata.dimension_names == ("y", "x", "wavelength")
+        group = zarr.open_group(str(tmp_path / "out" / "mean.zarr"), mode="r")
+        assert group.attrs["wavelengths_nm"] == PRIOR_GRID.nm[::2].tolist()
+        np.testing.assert_array_equal(np.moveaxis(group["0"][...], 0, 2), mean)
+
+
+@pytest.fixture
+def ome_image(tmp_path):
+    """An OME-Zarr image of random reflectances, and these (H, W, P)."""
+    path, values = tmp_path / "mean.zarr", np.random.default_rng(5).uniform(size=(150, 90, NM.size))
+    with zarr_rows(path, 150, 90, NM, False, {}) as write:
+        write(0, values.astype(np.float32))
+    return path, values.astype(np.float32)
+
+
+def test_an_ome_image_and_its_array_alone_are_read_back(ome_image):
+    path, values = ome_image
+    for folder in (path, path / "0"):
+        np.testing.assert_array_equal(open_rows(folder).read(0, 150), values)
+        np.testing.assert_array_equal(open_rows(folder).read(20, 131), values[20:131])
+
+
+def test_ome_zarr_opens_it_with_wavelengths_as_channels(ome_image):
+    """As napari's plugin does: channels by name, axes in the order of the specification."""
+    reader = pytest.importorskip("ome_zarr.reader", reason="ome-zarr is not installed")
+    from ome_zarr.io import parse_url
+    path, values = ome_image
+    node = next(iter(reader.Reader(parse_url(str(path)))()))
+    assert node.metadata["channel_names"] == [f"{nm:g} nm" for nm in NM]
+    assert [axis["name"] for axis in node.metadata["axes"]] == ["c", "y", "x"]
+    np.testing.assert_array_equal(np.moveaxis(np.asarray(node.data[0]), 0, 2), values)
+
+
+@pytest.mark.parametrize("change, words", [
+    (lambda image: image["datasets"][0].update(path="../0"), "is no folder in it"),
+    (lambda image: image["axes"].reverse(), "with the axes x, y, c; needed are rows")])
+def test_an_ome_image_of_another_order_or_elsewhere_is_refused(change, words, ome_image):
+    path, _ = ome_image
+    about = json.loads((path / "zarr.json").read_text())
+    change(about["attributes"]["ome"]["multiscales"][0])
+    (path / "zarr.json").write_text(json.dumps(about))
+    with pytest.raises(InputError, match=words):
+        open_rows(path)
 
 
 @pytest.mark.parametrize("kind", ["uint8", "uint16"])
@@ -231,7 +271,7 @@ def test_a_flat_session_keeps_its_picture_as_an_array(tmp_path):
     run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
     picture = folder / "results" / "picture"
     assert load_stage(folder / "results", "picture").damage is None
-    array = zarr.open_array(str(picture / "mean.zarr"), mode="r")
-    assert array.shape == (30, 40, 31) and np.isfinite(np.asarray(array[...])).all()
+    array = zarr.open_array(str(picture / "mean.zarr" / "0"), mode="r")
+    assert array.shape == (31, 30, 40) and np.isfinite(np.asarray(array[...])).all()
     next(path for path in (picture / "mean.zarr").rglob("*") if path.is_file()).write_bytes(b"x")
     assert load_stage(folder / "results", "picture").damage.startswith("mean.zarr/")

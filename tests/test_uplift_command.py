@@ -1,4 +1,6 @@
 """Spectra behind every pixel of a picture, as the command writes them."""
+import json
+
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -77,6 +79,17 @@ def test_envi_images_hold_the_same_spectra(tmp_path):
     for name in ("mean", "standard_deviation"):
         shown = envi.open(written[name]).open_memmap()
         np.testing.assert_array_equal(shown, layers(exr[name])[0])
+
+
+def test_a_spectrum_and_the_responses_in_its_file_give_the_pixel(tmp_path):
+    image = picture(3, 4)
+    path = answer(tmp_path, image, full=True)["mean"]
+    kept = json.loads(oiio.ImageInput.open(path).spec().get_string_attribute(
+        "spectrabox:bandResponses"))
+    assert kept["wavelengths_nm"] == PRIOR_GRID.nm.tolist()
+    signals = layers(path)[0] @ np.array(kept["relative"][0]).T
+    # a posterior mean gives back its signal but for the noise that the command takes, 1 %
+    np.testing.assert_allclose(signals, image, rtol=0.01)
 
 
 @pytest.mark.parametrize("height", [3, 70])

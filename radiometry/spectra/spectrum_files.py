@@ -17,6 +17,7 @@ from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.companion_files import envi_header_of
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
+from spectrabox.radiometry.spectra.formats.csmf import is_csmf, read_csmf
 from spectrabox.radiometry.spectra.formats.cxf import is_cxf, read_cxf
 from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
 from spectrabox.radiometry.spectra.formats.envi import is_envi_header, read_envi
@@ -61,11 +62,11 @@ READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
     "ASD": read_asd, "CGATS": read_cgats, "CxF": read_cxf, "TM-27": read_tm27, "ENVI": read_envi,
     "Sekonic": read_sekonic, "UPRTek": read_uprtek, "SVC": read_svc,
     "Spectral Evolution": read_sed, "Ocean Optics": read_ocean, "rawtoaces": read_rawtoaces,
-    "spectral EXR": read_spectral_exr}
+    "spectral EXR": read_spectral_exr, "CSMF": read_csmf}
 SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS", ".cxf": "CxF",
             ".spdx": "TM-27", ".sli": "ENVI",
             ".hdr": "ENVI", ".sig": "SVC", ".sed": "Spectral Evolution", ".exr": "spectral EXR",
-            ".csv": "CSV"}
+            ".csv": "CSV", ".csmf": "CSMF"}
 FOREIGN = {
     b"PK\x03\x04": "a spreadsheet or zip archive: export the sheet as CSV",
     b"\xd0\xcf\x11\xe0": "an Excel workbook: export the sheet as CSV",
@@ -129,6 +130,8 @@ def format_of(content: bytes, path: Path) -> str:
         raise InputError(f"{path.name} is {foreign}; a file of spectra is needed")
     if is_envi_header(content):
         return "ENVI"
+    if b"\x00" in content and (path.suffix.lower() == ".csmf" or is_csmf(content)):
+        return "CSMF"
     if path.suffix.lower() in (".sli", ".slb") or (b"\x00" in content and envi_header_of(path)
                                                    is not None):
         return "ENVI"

@@ -187,7 +187,7 @@ class UpliftRequest(CameraAndLight):
     family: Families = ()
     to: Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
         "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images "
-        "of single floats; zarr: Zarr arrays.")] = "exr"
+        "of single floats; zarr: OME-Zarr images, as napari opens them.")] = "exr"
     low_rank: Annotated[int | None, typer.Option(
         "--low-rank", metavar="N", show_default=False, help="Of each pixel N coefficients and once "
         "their basis, in place of spectra: half as large with 16, and about 0.001 off "

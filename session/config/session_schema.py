@@ -365,7 +365,7 @@ class PictureSection(Table):
         10, description="between wavelengths of the mean")
     format: Literal["exr", "tiled-exr", "envi", "zarr"] = Field(
         "exr", description="of the spectra: spectral EXR of scan lines or tiles, ENVI images or "
-        "Zarr arrays")
+        "OME-Zarr images")
     family: str | ListOf[str] | None = Field(None, description="what the surfaces are, as of a "
                                              "region")
     surface: Surface = SURFACE_FIELD

@@ -29,6 +29,7 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
     CHUNK_PX,
     CHUNKS_A_SHARD,
     COEFFICIENTS,
+    LEVEL,
     open_region,
 )
 from spectrabox.sampling.prior.local_posteriors import LocalPosteriors
@@ -105,7 +106,7 @@ def write_rows(source: ImageSource, plan: SpectraPlan, order: Order, first: int,
         From a multiple of ``CHUNK_PX`` to the next, or to the end.
     """
     arrays = uplift_paths(order.request, order.folder).values()
-    regions = [open_region(path if plan.low_rank is None else path / COEFFICIENTS)
+    regions = [open_region(path / (LEVEL if plan.low_rank is None else COEFFICIENTS))
                for path in arrays]
     _, width, bands = source.size
     for row in range(first, last, CHUNK_PX):

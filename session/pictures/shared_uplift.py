@@ -28,11 +28,9 @@ from spectrabox.radiometry.files import UNFINISHED, require_no_link, sync, writa
 from spectrabox.radiometry.spectra.formats.zarr_array import (
     CHUNK_PX,
     CHUNKS_A_SHARD,
-    WAVELENGTHS,
     create_low_rank,
     create_picture,
 )
-from spectrabox.radiometry.spectra.spectral_layers import QUANTITY
 from spectrabox.session.batch.pool import Finished, Pool
 from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.commands.requests import UpliftRequest
@@ -48,7 +46,7 @@ from spectrabox.session.pictures.row_tasks import (
     load_plan,
     store_plan,
 )
-from spectrabox.session.pictures.spectra_files import QUANTITIES
+from spectrabox.session.pictures.spectra_files import zarr_facts
 from spectrabox.session.pictures.uplift import (
     image_source,
     uplift_layout,
@@ -212,8 +210,7 @@ def _create_arrays(order: Order, source: ImageSource, plan: SpectraPlan, outside
                             tables, about)
         else:
             for (name, path), nm in zip(paths.items(), plan.kept.nm, strict=True):
-                create_picture(path, (height, width, nm.size), half,
-                               {WAVELENGTHS: nm.tolist(), QUANTITY: QUANTITIES[name]})
+                create_picture(path, height, width, nm, half, *zarr_facts(name, source.responses))
         store_plan(order.folder, plan, outside)
 
 

@@ -3,25 +3,30 @@
 The mean goes to ``mean.exr`` and the standard deviation to ``standard_deviation.exr``, spectral EXR
 of one layer a wavelength (spectral_layers.py); the mean also has the colours under D65 as channels
 R, G and B (linear sRGB), which any image viewer shows. As ENVI images they are ``mean.hdr`` and
-``standard_deviation.hdr`` with their values in files of their own, as Zarr arrays ``mean.zarr`` and
-``standard_deviation.zarr``. What is in memory grows with the width of the picture alone: the rows
-of one row of tiles or chunks are held.
+``standard_deviation.hdr`` with their values in files of their own, as OME-Zarr images
+``mean.zarr`` and ``standard_deviation.zarr``. What is in memory grows with the width of the picture
+alone: the rows of one row of tiles or chunks are held.
 """
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import exr_rows
-from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, row_blocks
+from spectrabox.measure.pictures.pixel_spectra import (
+    GRID_STEP_NM,
+    KeptWavelengths,
+    row_blocks,
+)
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import writable
 from spectrabox.radiometry.records import Quantity
@@ -35,10 +40,15 @@ from spectrabox.radiometry.spectra.spectral_layers import (
     layout_attributes,
 )
 from spectrabox.radiometry.system.strips import WriteRows
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 DAYLIGHT = "D65"
 MEAN, DEVIATION = "mean", "standard_deviation"
 QUANTITIES = {MEAN: Quantity.REFLECTANCE.name.lower(), DEVIATION: STANDARD_DEVIATION}
+RESPONSES = "spectrabox:bandResponses"
+OF_WIDTH = ("fwhm is that of the wavelength grid on which spectra are estimated, not what the "
+            "camera resolves; how well each value is known is in standard_deviation")
+BRIGHTEST = {MEAN: 1.0, DEVIATION: 0.2}     # as viewers show them at first
 Format = Literal["exr", "tiled-exr", "envi", "zarr"]
 SUFFIXES = {"exr": ".exr", "tiled-exr": ".exr", "envi": ".hdr", "zarr": ZARR}
 
@@ -94,7 +104,7 @@ def computed_blocks(height: int, width: int, read: Callable[[int, int], Rows],
 
 def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
                   size: tuple[int, int], folder: Path, layout: PictureLayout,
-                  progress: Callable[[float], None]) -> dict[str, Path]:
+                  progress: Callable[[float], None], responses: np.ndarray) -> dict[str, Path]:
     """Write mean and standard deviation, whole or not at all.
 
     Parameters
@@ -104,6 +114,8 @@ def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
     folder : Path
     layout : PictureLayout
     progress : function of the share that is done
+    responses : (J, K, 61) array
+        Relative response of each band under each of the typical lights, kept with the mean.
 
     Returns
     -------
@@ -111,7 +123,7 @@ def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
         "mean" and "standard_deviation" to their files.
     """
     paths = layout.paths(folder)
-    write_blocks(blocks, size, folder, [layer_rows(name, path, size, layout)
+    write_blocks(blocks, size, folder, [layer_rows(name, path, size, layout, responses)
                                         for name, path in paths.items()], progress)
     return paths
 
@@ -129,8 +141,8 @@ def write_blocks(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]], size
 
 
 @contextlib.contextmanager
-def layer_rows(name: str, path: Path, size: tuple[int, int],
-               layout: PictureLayout) -> Iterator[WriteRows]:
+def layer_rows(name: str, path: Path, size: tuple[int, int], layout: PictureLayout,
+               responses: np.ndarray | None = None) -> Iterator[WriteRows]:
     """A function of (first row, pixels) that writes the next rows of the mean or of the standard
     deviation.
 
@@ -141,25 +153,44 @@ def layer_rows(name: str, path: Path, size: tuple[int, int],
     path : Path
     size : (height, width)
     layout : PictureLayout
+    responses : (J, K, 61) array, optional
+        As of ``write_spectra``; ENVI headers have no place for them.
     """
     nm, half = layout.nm[name == DEVIATION], not layout.full
     words = name.replace("_", " ") + (" of the" if name == DEVIATION else "")
     with contextlib.ExitStack() as stack:
         if layout.form == "envi":
             yield stack.enter_context(envi_rows(path, *size, nm, QUANTITIES[name],
-                                                f"{words} reflectance of every pixel"))
+                                                f"{words} reflectance of every pixel; {OF_WIDTH}",
+                                                float(GRID_STEP_NM)))
         elif layout.form == "zarr":
             yield stack.enter_context(zarr_rows(path, *size, nm, half,
-                                                {QUANTITY: QUANTITIES[name]}))
+                                                *zarr_facts(name, responses)))
         else:
             colours = "RGB" if name == MEAN else ""
+            bands = {key: json.dumps(facts)
+                     for key, facts in _response_facts(name, responses).items()}
             write = stack.enter_context(exr_rows(
                 path, *size, [*colours, *layer_names(nm)], half,
-                layout_attributes(Quantity.REFLECTANCE if colours else STANDARD_DEVIATION),
+                layout_attributes(Quantity.REFLECTANCE if colours else STANDARD_DEVIATION) | bands,
                 tiles=layout.form == "tiled-exr"))
             to_srgb = srgb_of_spectra(nm)
             yield (lambda first, mean: write(first, np.dstack([mean @ to_srgb, mean]))) \
                 if colours else write
+
+
+def zarr_facts(name: str, responses: np.ndarray | None) -> tuple[dict[str, Any], float]:
+    """Attributes of a Zarr image of the mean or of the standard deviation, and its brightest."""
+    return {QUANTITY: QUANTITIES[name]} | _response_facts(name, responses), BRIGHTEST[name]
+
+
+def _response_facts(name: str, responses: np.ndarray | None) -> dict[str, Any]:
+    """What is kept of the bands' responses (J, K, 61), if the file is the mean."""
+    if name != MEAN or responses is None:
+        return {}
+    relative = [[[float(f"{value:.6g}") for value in band] for band in light]
+                for light in responses]
+    return {RESPONSES: {"wavelengths_nm": PRIOR_GRID.nm.tolist(), "relative": relative}}
 
 
 def srgb_of_spectra(nm: np.ndarray, light: str = DAYLIGHT) -> np.ndarray:

@@ -68,7 +68,7 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
                              lambda block: plan.split(plan.values(source, block)))
     if plan.low_rank is None:
         paths = write_spectra(blocks, (height, width), request.out, layout,
-                              lambda share: progress("spectra", share, ""))
+                              lambda share: progress("spectra", share, ""), source.responses)
     else:
         paths = write_low_rank(blocks, (height, width), request.out, layout, plan,
                                lambda share: progress("spectra", share, ""))

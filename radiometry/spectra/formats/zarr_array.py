@@ -1,12 +1,15 @@
 """Pictures as Zarr arrays (https://zarr-specs.readthedocs.io, version 3): a folder of chunks, of
 which any part is read and written by itself.
 
-Only what the specification's own codecs encode is read: others may run code.
+Pictures of spectra are OME-Zarr images (https://ngff.openmicroscopy.org/0.5): a group whose array
+``0`` has the axes c, y, x, channels named by their wavelengths. Only what the specification's own
+codecs encode is read: others may run code.
 """
 from __future__ import annotations
 
 import contextlib
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +17,23 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import sync, whole_folder
+from spectrabox.radiometry.spectra.spectral_layers import QUANTITY
 from spectrabox.radiometry.system.strips import WriteRows, written_by_strips
 
 SUFFIX, METADATA = ".zarr", "zarr.json"
 CHUNK_PX = 128              # of one side; a chunk holds all bands
 CHUNKS_A_SHARD = 32         # side by side in one file: thousands of files slow a disk down
 CODECS = {"bytes", "blosc", "crc32c", "gzip", "sharding_indexed", "transpose", "zstd"}
-AXES = ("y", "x", "wavelength")
+LEVEL = "0"                 # name of the array of an OME-Zarr image: its only resolution
+AXES = ("c", "y", "x")      # their order in OME-Zarr
+SHOWN_NM = (610.0, 550.0, 450.0)    # what a viewer shows first, as red, green and blue
 WAVELENGTHS = "wavelengths_nm"
 COEFFICIENTS = "coefficients"
 MAX_TABLE = 1_000_000       # values of a small table
+PLAIN_NAME = re.compile(r"\w[\w.-]*")     # of an array: no way out of the folder
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ def open_zarr(path: Path) -> ZarrPicture:
     Parameters
     ----------
     path : Path
-        Folder of one array.
+        Folder of one array (y, x, bands), or of an OME-Zarr image (c, y, x).
 
     Raises
     ------
@@ -53,25 +61,33 @@ def open_zarr(path: Path) -> ZarrPicture:
     EnvironmentProblem
         If Zarr is not installed.
     """
-    array = _opened(path)
-    if array.ndim != 3 or array.dtype.kind not in "fu" or 0 in array.shape:
-        raise InputError(f"{path.name} is an array of shape {array.shape} and type {array.dtype}; "
+    level, axes = _ome_level(path)
+    array = _opened(level)
+    bands_first = (axes or _axes_of(array))[:1] == AXES[:1]
+    if array.ndim != 3 or array.dtype.kind not in "fu" or 0 in array.shape \
+            or axes not in (None, AXES):
+        order = f" with the axes {', '.join(axes)}" if axes else ""
+        raise InputError(f"{path.name} is an array of shape {array.shape} and type {array.dtype}"
+                         f"{order}; "
                          "needed are rows, columns and bands of floats or unsigned integers")
 
     def read(first: int, last: int) -> np.ndarray:
         try:
-            return np.asarray(array[first:last])
+            return np.moveaxis(np.asarray(array[:, first:last]), 0, 2) if bands_first \
+                else np.asarray(array[first:last])
         except (OSError, ValueError, RuntimeError) as error:
             raise _unreadable(path, error) from None
 
-    return ZarrPicture(array.shape, (array.shards or array.chunks)[0], array.dtype, read)
+    height, width, bands = np.roll(array.shape, -1 if bands_first else 0).tolist()
+    return ZarrPicture((height, width, bands), (array.shards or array.chunks)[int(bands_first)],
+                       array.dtype, read)
 
 
 @contextlib.contextmanager
 def zarr_rows(path: Path, height: int, width: int, nm: np.ndarray, half: bool,
-              attributes: Mapping[str, str]) -> Iterator[WriteRows]:
-    """A function of (first row, pixels (n, W, P)) that writes the next rows of an array, which is
-    there once all of them are written.
+              attributes: Mapping[str, Any], white: float = 1.0) -> Iterator[WriteRows]:
+    """A function of (first row, pixels (n, W, P)) that writes the next rows of an OME-Zarr image,
+    which is there once all of them are written.
 
     Parameters
     ----------
@@ -81,18 +97,19 @@ def zarr_rows(path: Path, height: int, width: int, nm: np.ndarray, half: bool,
     half : bool
         Half floats, 16 bits; else single floats, 32 bits.
     attributes : dict
-        Words kept with the array, beside its wavelengths.
+        JSON kept with the image, beside its wavelengths.
+    white : float
+        What viewers show as the brightest.
 
     Raises
     ------
     EnvironmentProblem
         If it cannot be written, or Zarr is not installed.
     """
-    shape = height, width, nm.size
     _library()
     with whole_folder(path) as unfinished:
-        create_picture(unfinished, shape, half, {WAVELENGTHS: nm.tolist(), **attributes})
-        with _rows_of(unfinished, shape) as take:
+        create_picture(unfinished, height, width, nm, half, attributes, white)
+        with _rows_of(unfinished / LEVEL, (height, width, nm.size)) as take:
             yield take
 
 
@@ -126,34 +143,63 @@ def low_rank_rows(path: Path, height: int, width: int, half: bool,
             yield take
 
 
-def create_picture(folder: Path, shape: tuple[int, int, int], half: bool,
-                   attributes: Mapping[str, Any], axes: tuple[str, str, str] = AXES) -> None:
-    """An array (H, W, C) of half or single floats that holds zeros until it is written to.
+def create_picture(folder: Path, height: int, width: int, nm: np.ndarray, half: bool,
+                   attributes: Mapping[str, Any], white: float = 1.0) -> None:
+    """An OME-Zarr image that holds zeros until it is written to; parameters as of ``zarr_rows``.
 
     Raises
     ------
     EnvironmentProblem
         If Zarr is not installed.
     """
-    zarr = _library()
-    zarr.create_array(
-        str(folder), shape=shape, dtype=np.float16 if half else np.float32, dimension_names=axes,
-        chunks=(CHUNK_PX, CHUNK_PX, shape[2]),
-        shards=(CHUNK_PX, CHUNK_PX * CHUNKS_A_SHARD, shape[2]),
-        # bytes of equal significance together: smaller by a fifth, and packed in half the time
-        compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"),
-        attributes=dict(attributes))
+    _library().create_group(str(folder), attributes={
+        "ome": _ome_metadata(str(attributes.get(QUANTITY, "picture")), nm, white),
+        WAVELENGTHS: nm.tolist(), **attributes})
+    _create_array(folder / LEVEL, (nm.size, height, width), half, AXES)
 
 
 def create_low_rank(folder: Path, shape: tuple[int, int, int], half: bool,
                     tables: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> None:
-    """A group of ``coefficients``, as ``create_picture`` makes them, and of small tables."""
+    """A group of ``coefficients`` (H, W, N), zeros until they are written, and of small tables."""
     zarr = _library()
     zarr.create_group(str(folder), attributes=dict(about))
-    create_picture(folder / COEFFICIENTS, shape, half, {}, ("y", "x", "component"))
+    _create_array(folder / COEFFICIENTS, shape, half, ("y", "x", "component"))
     for name, values in tables.items():
         zarr.create_array(str(folder / name), data=values,
                           dimension_names=("row", f"{name}_wavelength"))
+
+
+def _create_array(folder: Path, shape: tuple[int, int, int], half: bool,
+                  axes: tuple[str, str, str]) -> None:
+    zarr = _library()
+    side = {"y": CHUNK_PX, "x": CHUNK_PX}
+    chunks = [side.get(axis, size) for axis, size in zip(axes, shape, strict=True)]
+    zarr.create_array(
+        str(folder), shape=shape, dtype=np.float16 if half else np.float32, dimension_names=axes,
+        chunks=chunks, shards=[CHUNKS_A_SHARD * size if axis == "x" else size
+                               for axis, size in zip(axes, chunks, strict=True)],
+        # bytes of equal significance together: smaller by a fifth, and packed in half the time
+        compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"))
+
+
+def _ome_metadata(name: str, nm: np.ndarray, white: float) -> dict[str, Any]:
+    """What OME-Zarr 0.5 states of an image, with a channel for each wavelength in its own hue."""
+    hues = np.clip((TO_SRGB @ adapted_tristimulus(nm, "D65")).T, 0, None)
+    hues = np.rint(255 * hues / np.maximum(hues.max(axis=1, keepdims=True), 1e-9)).astype(int)
+    shown = {int(np.argmin(np.abs(nm - wavelength))) for wavelength in SHOWN_NM}
+    return {
+        "version": "0.5",
+        "multiscales": [{
+            "name": name,
+            "axes": [{"name": "c", "type": "channel"}, {"name": "y", "type": "space"},
+                     {"name": "x", "type": "space"}],
+            "datasets": [{"path": LEVEL, "coordinateTransformations": [
+                {"type": "scale", "scale": [1.0, 1.0, 1.0]}]}]}],
+        "omero": {"channels": [
+            {"label": f"{wavelength:g} nm", "color": "".join(f"{part:02X}" for part in hue),
+             "active": index in shown,
+             "window": {"min": 0.0, "start": 0.0, "end": white, "max": white}}
+            for index, (wavelength, hue) in enumerate(zip(nm, hues, strict=True))]}}
 
 
 @dataclass(frozen=True)
@@ -162,23 +208,30 @@ class Region:
 
     write: Callable[[int, int, np.ndarray], None]       # first row, first column, (n, m, C)
     sync: Callable[[int, int], None]                    # first and last row: onto the disk
+    dtype: np.dtype[Any]
 
 
 def open_region(folder: Path) -> Region:
-    """An array of ``create_picture``, open for writing."""
+    """An array that was created, open for writing."""
     array = _library().open_array(str(folder), mode="r+")
-    rows = array.shards[0]
+    bands_first = _axes_of(array) == AXES
 
     def write(row: int, column: int, pixels: np.ndarray) -> None:
-        array[row:row + len(pixels), column:column + pixels.shape[1]] = pixels
+        rows, columns = (slice(start, start + count) for start, count in
+                         zip((row, column), pixels.shape[:2], strict=True))
+        if bands_first:
+            array[:, rows, columns] = np.moveaxis(pixels, 2, 0)
+        else:
+            array[rows, columns] = pixels
 
     def synced(first: int, last: int) -> None:
-        for row in range(first // rows, -(-last // rows)):
-            for path in (folder / "c" / str(row)).rglob("*"):   # the names of the specification
+        shards = folder / "c" / "0" if bands_first else folder / "c"    # names of the specification
+        for row in range(first // CHUNK_PX, -(-last // CHUNK_PX)):
+            for path in (shards / str(row)).rglob("*"):
                 if path.is_file():
                     sync(path)
 
-    return Region(write, synced)
+    return Region(write, synced, array.dtype)
 
 
 def read_group(path: Path, tables: Sequence[str]) -> tuple[dict[str, Any], list[np.ndarray]]:
@@ -200,6 +253,9 @@ def read_group(path: Path, tables: Sequence[str]) -> tuple[dict[str, Any], list[
         if about["node_type"] != "group" or about["zarr_format"] != 3:
             raise InputError(f"{path.name} is no Zarr group of version 3; name the folder that "
                              "was written")
+        if not all((path / name).is_dir() for name in tables):
+            raise InputError(f"{path.name} is a Zarr group without the arrays "
+                             f"{', '.join(tables)}; name the folder that was written")
         arrays = [_opened(path / name) for name in tables]
         if any(array.ndim != 2 or array.size > MAX_TABLE for array in arrays):
             raise InputError(f"{path.name} holds no small tables under {', '.join(tables)}")
@@ -209,6 +265,26 @@ def read_group(path: Path, tables: Sequence[str]) -> tuple[dict[str, Any], list[
                          "folder that was written") from None
     except (OSError, ValueError, KeyError, TypeError, RecursionError, RuntimeError) as error:
         raise _unreadable(path, error) from None
+
+
+def _ome_level(path: Path) -> tuple[Path, tuple[str, ...] | None]:
+    """The array of highest resolution of an OME-Zarr image with its axes; another folder itself,
+    and no axes."""
+    try:
+        about = json.loads((path / METADATA).read_text(encoding="utf-8"))
+        image = about["attributes"]["ome"]["multiscales"][0]
+        level = str(image["datasets"][0]["path"])
+        axes = tuple(str(axis["name"]) for axis in image["axes"])
+    except (OSError, ValueError, KeyError, TypeError, IndexError, RecursionError):
+        return path, None
+    if not PLAIN_NAME.fullmatch(level):
+        raise InputError(f"{path.name} names its array {level!r}, which is no folder in it; copy "
+                         "or save it again")
+    return path / level, axes
+
+
+def _axes_of(array: Any) -> tuple[str, ...]:
+    return tuple(array.metadata.dimension_names or ())
 
 
 def _opened(path: Path) -> Any:
@@ -221,12 +297,9 @@ def _opened(path: Path) -> Any:
 
 @contextlib.contextmanager
 def _rows_of(folder: Path, shape: tuple[int, int, int]) -> Iterator[WriteRows]:
-    array = _library().open_array(str(folder), mode="r+")
-
-    def write(first: int, band: np.ndarray) -> None:
-        array[first:first + len(band)] = band
-
-    with written_by_strips(write, shape, CHUNK_PX, array.dtype) as take:
+    region = open_region(folder)
+    with written_by_strips(lambda first, strip: region.write(first, 0, strip), shape, CHUNK_PX,
+                           region.dtype) as take:
         yield take
 
 
