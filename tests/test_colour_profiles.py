@@ -22,6 +22,7 @@ from spectrabox.calibrate.colour_profile import (
     fit_transform,
     stated_transform,
 )
+from spectrabox.capture.photo.image_files import write_tiff16
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.measure.profiles.archive_quantities import (
     ChartColours,
@@ -38,7 +39,7 @@ from spectrabox.measure.profiles.colour_profile import (
 )
 from spectrabox.radiometry.appearance import BRADFORD, ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.profiles.icc_profile import SPACES, space_profile_bytes
+from spectrabox.radiometry.profiles.icc_profile import SPACES
 from spectrabox.radiometry.profiles.ocio_config import aces_from_d50
 from spectrabox.radiometry.profiles.profile_files import write_profile
 from spectrabox.radiometry.records import PatchSamples, Quantity
@@ -134,10 +135,10 @@ def test_littlecms_reads_the_table_of_an_icc_profile(written):
     np.testing.assert_array_equal(white, [[100, 0, 0]])
 
 
-@pytest.mark.parametrize("name", SPACES)
+@pytest.mark.parametrize("name", ["prophoto", "p3"])
 def test_littlecms_reads_the_spaces_of_pictures(name):
     space = SPACES[name]
-    profile = ImageCms.ImageCmsProfile(io.BytesIO(space_profile_bytes(space)))
+    profile = ImageCms.ImageCmsProfile(io.BytesIO(space.profile))
     code = np.random.default_rng(2).integers(0, 256, (200, 3)).astype(np.uint8)
     gamma, *rest = space.curve
     values = code / 255
@@ -163,7 +164,7 @@ def test_the_spaces_of_pictures_have_their_published_primaries(name, theirs):
 def test_display_p3_is_the_srgb_of_wider_primaries():
     srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
     grey = np.repeat(np.arange(0, 256, 5, np.uint8)[:, None], 3, axis=1)
-    ours = ImageCms.ImageCmsProfile(io.BytesIO(space_profile_bytes(SPACES["p3"])))
+    ours = ImageCms.ImageCmsProfile(io.BytesIO(SPACES["p3"].profile))
     # one curve: greys are the same, within the steps of 8 bits
     np.testing.assert_allclose(through_littlecms(ours, grey), through_littlecms(srgb, grey),
                                atol=1)
@@ -215,6 +216,36 @@ def test_a_fitted_camera_gives_its_profile_with_spreads(_captured, tmp_path):
         profile.save(tmp_path / "a.pdf", "demo")
 
 
+LAB = np.array([[[50.0, 0, 0], [100, 0, 0], [60, 40.5, -30], [30, -40, 20]]])
+
+
+def test_lab_is_encoded_as_tiff_has_it_and_colours_beyond_are_clipped():
+    root = np.stack([LAB[..., 0] + 16 + 116 / 500 * LAB[..., 1], LAB[..., 0] + 16,
+                     LAB[..., 0] + 16 - 116 / 200 * LAB[..., 2]], axis=-1) / 116
+    code, clipped = SPACES["lab"].code_values(root**3 * D50)       # CIE 15: L* above 8
+    decoded = np.concatenate([code[..., :1] / 655.35,
+                              code[..., 1:].view(np.int16) / 256], axis=-1)
+    np.testing.assert_allclose(decoded, LAB, atol=0.5 / 256 + 1e-9)     # half a step of a*, b*
+    assert not clipped.any()
+    brighter, clipped = SPACES["lab"].code_values(1.1 * D50)
+    assert clipped and brighter.tolist() == [65535, 0, 0]
+
+
+def test_libtiff_and_exiftool_take_it_for_lab(tmp_path):
+    code = np.stack([np.round(LAB[..., 0] / 100 * 65535), *(LAB[..., i] * 256 % 65536
+                                                            for i in (1, 2))], axis=-1)
+    write_tiff16(tmp_path / "lab.tif", code.astype(np.uint16), None)
+    shown = oiio.ImageBuf(str(tmp_path / "lab.tif")).get_pixels(oiio.FLOAT)     # as RGB
+    red, green, blue = np.moveaxis(shown[0], -1, 0)
+    assert shown[0, 1].min() > shown[0, 0].max()                # white above grey
+    assert red[2] > blue[2] > green[2] and green[3] > max(red[3], blue[3])  # purple and green
+    if (program := shutil.which("exiftool")) is None:
+        pytest.skip("exiftool is not installed")
+    tags = json.loads(subprocess.run([program, "-json", tmp_path / "lab.tif"], check=True,
+                                     capture_output=True).stdout)[0]
+    assert tags["PhotometricInterpretation"] == "CIELab" and tags["BitsPerSample"] == "16 16 16"
+
+
 @pytest.fixture(scope="module")
 def painting(tmp_path_factory):
     """A finished session of the flat demo, with what ``spectrabox colour`` wrote and answered."""
@@ -250,6 +281,16 @@ def test_the_photo_shows_the_colours_that_its_surfaces_have(painting):
     expected = facts["delta_e00"][TABLE]["1000 surfaces of paint"]
     assert np.mean(differences) < expected["mean"]["value"] + 1.0
     assert max(differences) < expected["percentile_95"]["value"] + 1.5
+
+
+def test_the_photo_in_lab_clips_nothing_that_wider_spaces_hold(painting, tmp_path):
+    folder, facts = painting
+    result = CliRunner().invoke(app, ["colour", str(folder), "--space", "lab", "--json", "--out",
+                                      str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    lab = json.loads(result.stdout)
+    assert lab["space"] == "CIE L*a*b* (D50)" and lab["clipped"] <= facts["clipped"]
+    assert (tmp_path / "photo.tif").stat().st_size > 100_000
 
 
 def test_flat_samples_in_python_give_the_profile_of_the_command(painting):

@@ -469,25 +469,30 @@ def write_jpeg(path: str | os.PathLike[str], rgb8: np.ndarray) -> None:
     _write_for_screen(Path(path), rgb8, {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"})
 
 
-def write_tiff16(path: str | os.PathLike[str], rgb16: np.ndarray, icc_profile: bytes) -> None:
+def write_tiff16(path: str | os.PathLike[str], picture: np.ndarray,
+                 icc_profile: bytes | None) -> None:
     """Write a picture (H, W, 3) uint16 as TIFF with the ICC profile that its values are in.
 
     Parameters
     ----------
     path : path
-    rgb16 : (H, W, 3) uint16 array
-    icc_profile : bytes
+    picture : (H, W, 3) uint16 array
+    icc_profile : bytes or None
+        None for L*, a*, b*, encoded as TIFF 6.0 has it, of which the file says so itself.
 
     Raises
     ------
     EnvironmentProblem
         If the file cannot be written.
     """
-    spec = oiio.ImageSpec(rgb16.shape[1], rgb16.shape[0], rgb16.shape[2], oiio.UINT16)
+    spec = oiio.ImageSpec(picture.shape[1], picture.shape[0], picture.shape[2], oiio.UINT16)
     spec.attribute("compression", "zip")
-    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(icc_profile)}]"),
-                   np.frombuffer(icc_profile, np.uint8))
-    _write(Path(path), np.ascontiguousarray(rgb16, dtype=np.uint16), spec)
+    if icc_profile is None:
+        spec.attribute("oiio:ColorSpace", "CIELab")     # photometric interpretation 8
+    else:
+        spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(icc_profile)}]"),
+                       np.frombuffer(icc_profile, np.uint8))
+    _write(Path(path), np.ascontiguousarray(picture, dtype=np.uint16), spec)
 
 
 def _write_for_screen(path: Path, rgb8: np.ndarray, attributes: Mapping[str, int | str]) -> None:

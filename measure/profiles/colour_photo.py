@@ -8,12 +8,11 @@ import numpy as np
 from spectrabox.calibrate.colour_profile import ColourTransform
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.white import FlatErrors, FlatPhoto, white_at_regions
-from spectrabox.radiometry.profiles.icc_profile import RgbSpace
+from spectrabox.radiometry.profiles.icc_profile import LabSpace, RgbSpace
 from spectrabox.radiometry.records import LinearImage
 
 COLUMNS = 24                # of the nodes at which white is computed
 ROWS = 128                  # that are converted at once
-FULL_SCALE = 65535
 
 
 def relative_signals(photo: LinearImage, lit: FlatPhoto, known: Mapping[str, np.ndarray],
@@ -42,8 +41,8 @@ def relative_signals(photo: LinearImage, lit: FlatPhoto, known: Mapping[str, np.
         yield (rows - glare) / there.reshape(rows.shape)
 
 
-def colour_picture(signals: Iterator[np.ndarray], transform: ColourTransform, space: RgbSpace
-                   ) -> tuple[np.ndarray, float]:
+def colour_picture(signals: Iterator[np.ndarray], transform: ColourTransform,
+                   space: RgbSpace | LabSpace) -> tuple[np.ndarray, float]:
     """Code values (H, W, 3) uint16 of a picture, and the share of its pixels that were clipped.
 
     Parameters
@@ -51,14 +50,8 @@ def colour_picture(signals: Iterator[np.ndarray], transform: ColourTransform, sp
     signals : iterator of (rows, W, 3) arrays
         Relative to white.
     transform : ColourTransform
-    space : RgbSpace
+    space : RgbSpace or LabSpace
     """
-    to_rgb = np.linalg.inv(space.to_xyz)
-    parts, clipped = [], 0
-    for rows in signals:
-        linear = transform.xyz(rows) @ to_rgb.T
-        outside = (linear < -0.5 / FULL_SCALE) | (linear > 1 + 0.5 / FULL_SCALE)
-        clipped += int(np.count_nonzero(outside.any(axis=2)))
-        parts.append(np.round(space.encode(linear) * FULL_SCALE).astype(np.uint16))
-    picture = np.concatenate(parts)
-    return picture, clipped / picture[..., 0].size
+    parts = [space.code_values(transform.xyz(rows)) for rows in signals]
+    picture, clipped = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return picture, float(clipped.mean())

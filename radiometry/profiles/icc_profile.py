@@ -1,4 +1,4 @@
-"""ICC profiles of version 4 (ICC.1:2022): input profiles of a camera, and two RGB spaces.
+"""ICC profiles of version 4 (ICC.1:2022): input profiles of a camera, and spaces of pictures.
 
 A camera's profile holds a matrix and a table of colours; programs that know tables take these
 (clause 8.3). It expects linear signals relative to white, white-balanced: 1, 1, 1 is white.
@@ -11,12 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.radiometry.appearance import lab_from_xyz
 from spectrabox.radiometry.profiles.colour_table import ROOT, SIDE
 
 VERSION = 0x04400000
 PCS_WHITE = np.array([0.9642, 1.0, 0.8249])     # D50, as every header states it
 RELATIVE = 1                        # rendering intent: media-relative colorimetric
 XYZ_ONE = 32768 / 65535             # how a table's output of 16 bits encodes X, Y or Z of 1
+FULL_SCALE = 65535                  # of a picture's code values
+AB_STEPS = 256                      # of a* and b* to a unit
+LEAST_AB, LARGEST_AB = (-128.0, -128.0), (32767 / 256, 32767 / 256)
 MADE = (2000, 1, 1, 0, 0, 0)        # no true date: the same profile is the same file
 NO_RIGHTS = "No rights reserved."
 
@@ -43,10 +47,47 @@ class RgbSpace:
         return np.where(values < slope * knee, values / slope,
                         (values ** (1 / gamma) - b) / a)
 
+    def code_values(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Code values (..., 3) uint16 of colours, and which (...) are clipped.
+
+        Parameters
+        ----------
+        xyz : (..., 3) array
+            Under D50, Y = 1 for white.
+        """
+        linear = xyz @ np.linalg.inv(self.to_xyz).T
+        outside = (linear < -0.5 / FULL_SCALE) | (linear > 1 + 0.5 / FULL_SCALE)
+        return np.round(self.encode(linear) * FULL_SCALE).astype(np.uint16), outside.any(axis=-1)
+
+    @property
+    def profile(self) -> bytes:
+        """ICC profile to embed in a picture."""
+        return _profile(b"mntr", _matrix_tags(self.name, self.to_xyz, self.curve))
+
+
+@dataclass(frozen=True)
+class LabSpace:
+    """CIE 1976 L*, a*, b* under D50 as TIFF 6.0 encodes it in 16 bits (section 23): L* of 100 is
+    full scale, a* and b* are signed, in steps of 1/256.
+    """
+
+    name: str = "CIE L*a*b* (D50)"
+    profile: bytes | None = None    # the file says itself that it is CIELAB
+
+    def code_values(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Code values (..., 3) uint16 and which (...) are clipped, as of ``RgbSpace``."""
+        lab = lab_from_xyz(xyz, PCS_WHITE)
+        kept = np.clip(lab, [0, *LEAST_AB], [100, *LARGEST_AB])
+        lightness = np.round(kept[..., :1] / 100 * FULL_SCALE).astype(np.uint16)
+        chroma = np.round(kept[..., 1:] * AB_STEPS).astype(np.int16).view(np.uint16)
+        half_a_step = np.array([50 / FULL_SCALE, 0.5 / AB_STEPS, 0.5 / AB_STEPS])
+        return (np.concatenate([lightness, chroma], axis=-1),
+                (np.abs(lab - kept) > half_a_step).any(axis=-1))
+
 
 # ROMM RGB (ISO 22028-2), with the plain exponent that programs write as "ProPhoto RGB", and Display
 # P3 (SMPTE EG 432-1 primaries, D65 adapted by Bradford), curve of IEC 61966-2-1
-SPACES = {
+SPACES: dict[str, RgbSpace | LabSpace] = {
     "prophoto": RgbSpace("ProPhoto RGB", np.array([
         [0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857],
         [0.0000000, 0.0000000, 0.8252100]]) * (PCS_WHITE / [0.96422, 1.0, 0.82521])[:, None],
@@ -55,7 +96,8 @@ SPACES = {
         [0.515102, 0.291965, 0.157153], [0.241182, 0.692236, 0.066582],
         [-0.001050, 0.041882, 0.784378]]) * (
             PCS_WHITE / [0.964220, 1.0, 0.825210])[:, None],
-        (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045))}
+        (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)),
+    "lab": LabSpace()}
 
 
 def camera_profile_bytes(name: str, matrix: np.ndarray, table: np.ndarray) -> bytes:
@@ -71,16 +113,6 @@ def camera_profile_bytes(name: str, matrix: np.ndarray, table: np.ndarray) -> by
         As of ``colour_table``, white ``PCS_WHITE``.
     """
     return _profile(b"scnr", {**_matrix_tags(name, matrix, (1.0,)), b"A2B0": _lut(table)})
-
-
-def space_profile_bytes(space: RgbSpace) -> bytes:
-    """A profile of an RGB space, to embed in a picture.
-
-    Parameters
-    ----------
-    space : RgbSpace
-    """
-    return _profile(b"mntr", _matrix_tags(space.name, space.to_xyz, space.curve))
 
 
 def _matrix_tags(name: str, matrix: np.ndarray, curve: tuple[float, ...]) -> dict[bytes, bytes]:

@@ -28,7 +28,7 @@ from spectrabox.radiometry.appearance import ciede2000
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.profiles.icc_profile import SPACES, space_profile_bytes
+from spectrabox.radiometry.profiles.icc_profile import SPACES
 from spectrabox.radiometry.profiles.profile_files import write_profile
 from spectrabox.radiometry.response import relative_response
 from spectrabox.session.camera.profile import colour_facts, error_lines
@@ -86,7 +86,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     picture, clipped = colour_picture(
         relative_signals(photo, flat_photos(config, records)[0], known_spectra(config),
                          flat_errors(config, records)), profile.table, SPACES[space])
-    write_tiff16(folder / PHOTO, picture, space_profile_bytes(SPACES[space]))
+    write_tiff16(folder / PHOTO, picture, SPACES[space].profile)
     reflectances = read_chart_reference(config)
     relative = reflectances @ relative_response(calibration, FINE_GRID).T
     glare = records.calibrate.whites[""].glare

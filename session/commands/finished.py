@@ -107,8 +107,8 @@ class ColourRequest(SessionOptions):
 
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="DIR", help="Folder of the files; DIR/colour by default.")] = None
-    space: Annotated[Literal["prophoto", "p3"], typer.Option(
-        help="RGB space of the photo: ProPhoto RGB or Display P3.")] = "prophoto"
+    space: Annotated[Literal["prophoto", "p3", "lab"], typer.Option(
+        help="Colour space of the photo: ProPhoto RGB, Display P3 or L*a*b*.")] = "prophoto"
     family: Annotated[tuple[str, ...], typer.Option(
         metavar="FAMILY", help="What the surfaces are: paint, textile, leaves, skin, white, earth "
         "or animal; by default what the session states. May be repeated.")] = ()
