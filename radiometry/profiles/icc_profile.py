@@ -57,7 +57,8 @@ class RgbSpace:
         """
         linear = xyz @ np.linalg.inv(self.to_xyz).T
         outside = (linear < -0.5 / FULL_SCALE) | (linear > 1 + 0.5 / FULL_SCALE)
-        return np.round(self.encode(linear) * FULL_SCALE).astype(np.uint16), outside.any(axis=-1)
+        return (np.round(self.encode(linear) * FULL_SCALE).astype(np.uint16),
+                np.asarray(outside.any(axis=-1)))
 
     @property
     def profile(self) -> bytes:
@@ -82,7 +83,7 @@ class LabSpace:
         chroma = np.round(kept[..., 1:] * AB_STEPS).astype(np.int16).view(np.uint16)
         half_a_step = np.array([50 / FULL_SCALE, 0.5 / AB_STEPS, 0.5 / AB_STEPS])
         return (np.concatenate([lightness, chroma], axis=-1),
-                (np.abs(lab - kept) > half_a_step).any(axis=-1))
+                np.asarray((np.abs(lab - kept) > half_a_step).any(axis=-1)))
 
 
 # ROMM RGB (ISO 22028-2), with the plain exponent that programs write as "ProPhoto RGB", and Display
