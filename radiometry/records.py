@@ -151,6 +151,7 @@ class RawFrame(Record):
     file: str
     sha256: str
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # R, G, B of X, Y, Z, any scale
+    matrix_of_file: bool = False                    # stated by the file, not known to LibRaw
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +170,7 @@ class LinearImage(Record):
     source: str
     sha256: str
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
+    matrix_of_file: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +192,7 @@ class PatchSamples(Record):
     pixels: Annotated[np.ndarray, "I"]              # samples used in each patch
     saturated_fraction: Annotated[np.ndarray, "I K"]
     gradient: Annotated[np.ndarray, "I K"]          # relative change across the patch
-    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
+    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # where LibRaw knows the camera
 
     @property
     def saturated(self) -> np.ndarray:

@@ -4,6 +4,7 @@ import pytest
 
 from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_contradicts, matrix_deviation
+from spectrabox.capture.chart.patches import sample_patches
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.fixtures.demos.demo_photos import NM, camera_sensitivities
 from spectrabox.fixtures.dng import write_dng
@@ -12,6 +13,7 @@ from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
     CalibrationDoubt,
+    ChartDetection,
     PatchSamples,
     Quantity,
     Spectrum,
@@ -94,3 +96,12 @@ def test_a_camera_that_libraw_knows_by_its_name_brings_its_matrix(tmp_path):
     # Entries depart from the typical by two to three spreads at most, an outlier among cameras.
     assert np.abs((matrix_deviation(matrix, measured_curves(), GRID) - TYPICAL) / SPREAD).max() < 4
     assert open_photo(tmp_path / "unknown.dng").camera_from_xyz is None
+
+
+def test_the_matrix_that_a_dng_states_is_the_one_before_a_profile_and_no_doubt(tmp_path):
+    bars = np.full((64, 64), 2000, np.uint16)
+    write_dng(tmp_path / "own.dng", bars, matrix_light=21)
+    image = open_photo(tmp_path / "own.dng")
+    assert image.matrix_of_file and image.camera_from_xyz is not None
+    quads = np.array([[[4, 4], [60, 4], [60, 60], [4, 60]]], float)
+    assert sample_patches(image, ChartDetection(quads, 1.0, False, "")).camera_from_xyz is None

@@ -8,7 +8,7 @@ import rawpy
 
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.raw import _require_known_sensor, read_raw
-from spectrabox.fixtures.dng import BAYER_TILES, BITS, PATTERNS, write_dng
+from spectrabox.fixtures.dng import BAYER_TILES, BITS, CAMERA_FROM_XYZ, PATTERNS, write_dng
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import PhotoKind
 
@@ -42,9 +42,11 @@ def test_every_sample_of_every_bit_depth_and_pattern_comes_back(tmp_path, patter
 
 @pytest.mark.parametrize("top", [2, 3])
 @pytest.mark.parametrize("left", [4, 5])
-def test_odd_margins_mix_up_neither_colours_nor_black_levels(tmp_path, top, left):
+@pytest.mark.parametrize("below", [False, True])
+def test_odd_margins_mix_up_neither_colours_nor_black_levels(tmp_path, top, left, below):
     black = np.array([[600.0, 601.5], [602.0, 603.0]])
-    write_dng(tmp_path / "photo.dng", MOSAIC, black=black.ravel(), active_area=(top, left, 46, 62))
+    write_dng(tmp_path / "photo.dng", MOSAIC, black=black.ravel(), active_area=(top, left, 46, 62),
+              below_thumbnail=below)
     frame = read_raw(tmp_path / "photo.dng")
     skipped = [int(np.flatnonzero((frame.mosaic[0, 0] == MOSAIC).ravel())[0]) // 66 - top,
                int(np.flatnonzero((frame.mosaic[0, 0] == MOSAIC).ravel())[0]) % 66 - left]
@@ -53,13 +55,14 @@ def test_odd_margins_mix_up_neither_colours_nor_black_levels(tmp_path, top, left
     np.testing.assert_array_equal(frame.cfa, np.array([[0, 1], [1, 2]])[np.ix_(y, x)])
 
 
-def test_black_levels_come_from_masked_pixels_where_the_file_names_them(tmp_path):
+@pytest.mark.parametrize("below", [False, True])
+def test_black_levels_come_from_masked_pixels_where_the_file_names_them(tmp_path, below):
     rng, true = np.random.default_rng(5), np.array([[600.3, 604.6], [607.2, 602.9]])
     mosaic = rng.integers(2000, 9000, (96, 128)).astype(np.uint16)
     mosaic[:, :40] = np.rint(np.tile(true, (48, 20)) + rng.normal(scale=4.0, size=(96, 40)))
     mosaic[7, 9] = 9000  # a hot pixel
     write_dng(tmp_path / "photo.dng", mosaic, black=(610,) * 4, active_area=(0, 44, 96, 128),
-              masked_areas=(0, 0, 96, 40))
+              masked_areas=(0, 0, 96, 40), below_thumbnail=below)
     # 960 samples of 4 DN noise at each position: 0.13 DN, within 4 sigma.
     np.testing.assert_allclose(read_raw(tmp_path / "photo.dng").black_level, true,
                                atol=4 * 4 / np.sqrt(960))
@@ -128,6 +131,15 @@ def test_black_levels_that_change_over_columns_are_refused_not_ignored(photo):
     photo.write_bytes(renamed)
     with pytest.raises(InputError, match="black levels that change over rows or columns"):
         read_raw(photo)
+
+
+@pytest.mark.parametrize("light, known", [(21, True), (23, True), (17, False), (0, False)])
+def test_a_dng_states_its_own_colour_matrix_under_daylight(tmp_path, light, known):
+    write_dng(tmp_path / "photo.dng", MOSAIC, matrix_light=light, below_thumbnail=True)
+    frame = read_raw(tmp_path / "photo.dng")
+    assert frame.matrix_of_file == known == (frame.camera_from_xyz is not None)
+    if known:
+        np.testing.assert_allclose(frame.camera_from_xyz.ravel(), CAMERA_FROM_XYZ)
 
 
 def test_exposure_and_camera_are_those_of_the_file(photo):

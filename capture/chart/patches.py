@@ -49,9 +49,11 @@ def patches_and_excluded(image: LinearImage,
                for number, quad in enumerate(detection.corners_px, start=1)]
     mean, covariance, pixels, saturated, gradient, excluded = (
         np.array(column) for column in zip(*patches, strict=True))
+    # how far matrices depart from fitted curves is known of LibRaw's alone
+    known = None if image.matrix_of_file else image.camera_from_xyz
     return PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels,
                         saturated_fraction=saturated, gradient=gradient,
-                        camera_from_xyz=image.camera_from_xyz), excluded
+                        camera_from_xyz=known), excluded
 
 
 def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str,

@@ -271,4 +271,5 @@ def _image(frame: RawFrame | FullColourFrame, signal: np.ndarray, variance: np.n
     return LinearImage(signal=signal, variance=variance, saturated=saturated,
                        sensor_step=sensor_step, exposure_s=frame.exposure_s, iso=frame.iso,
                        f_number=frame.f_number, kind=kind, camera=frame.camera, source=frame.file,
-                       sha256=frame.sha256, camera_from_xyz=frame.camera_from_xyz)
+                       sha256=frame.sha256, camera_from_xyz=frame.camera_from_xyz,
+                       matrix_of_file=frame.matrix_of_file)

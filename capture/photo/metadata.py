@@ -26,15 +26,23 @@ EXPOSURE_TAGS = ("EXIF ExposureTime", "Image ExposureTime")
 F_NUMBER_TAGS = ("EXIF FNumber", "Image FNumber")
 ISO_TAGS = ("EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSpeedRatings")
 TAKEN_TAGS = ("EXIF DateTimeOriginal", "Image DateTimeOriginal", "Image DateTime")
-# Tags of DNG files, in whichever directory holds the mosaic.
-BLACK_TAG, BLACK_REPEAT_TAG = "BlackLevel", "0xC619"
-ACTIVE_AREA_TAG, MASKED_AREAS_TAG = "0xC68D", "0xC68E"
+# Tags of DNG files, in whichever directory holds the mosaic: by number, of BlackLevel by name too,
+# which other raws have
+BLACK_TAG, BLACK, BLACK_REPEAT = "BlackLevel", 0xC61A, 0xC619
+ACTIVE_AREA, MASKED_AREAS = 0xC68D, 0xC68E
+BLACK_DELTAS = (0xC61B, 0xC61C)  # BlackLevelDeltaH, BlackLevelDeltaV
 DNG_VERSION_TAG = "Image Tag 0xC612"
-BLACK_DELTA_TAGS = ("0xC61B", "0xC61C")  # BlackLevelDeltaH, BlackLevelDeltaV
+# ColorMatrix1 and 2, each with its CalibrationIlluminant, of the first directory
+MATRIX_TAGS = (("Image Tag 0xC621", "Image Tag 0xC65A"), ("Image Tag 0xC622", "Image Tag 0xC65B"))
+DAYLIGHTS = (21, 22, 20, 23, 1, 9, 10, 11)      # as EXIF numbers lights: D65 and those next to it
 EXIF_TIME = re.compile(r"([12]\d{3}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)")
 COMPRESSION, PHOTOMETRY = 259, 262      # tags of TIFF
+# TIFF's types of numbers: letter of struct, and numbers a value
+NUMBER_TYPES = {1: ("B", 1), 3: ("H", 1), 4: ("L", 1), 5: ("L", 2), 6: ("b", 1), 8: ("h", 1),
+                9: ("l", 1), 10: ("l", 2)}
 RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
 UNCOMPRESSED = 1
+MAX_TAG_BYTES = 1_000_000
 LOSSY_JPEG, JPEG_XL = 34892, 52546      # of DNG 1.4 and 1.7
 
 
@@ -57,6 +65,7 @@ class PhotoMetadata:
     stated_bytes: tuple[int, int] | None = None     # of a plain mosaic: by its size, by its strips
     compression: int | None = None                  # TIFF's number for that of a DNG's pixels
     taken_at: str = ""                              # "2026-11-23 14:05:09", by the camera's clock
+    daylight_matrix: tuple[Fraction, ...] = ()      # of a DNG: 9 numbers, from X, Y, Z to R, G, B
 
     @property
     def camera(self) -> str:
@@ -84,8 +93,8 @@ def photo_metadata(path: Path) -> PhotoMetadata:
     try:
         with path.open("rb") as file:
             tags = exifread.process_file(file, details=False)
-            compression = _compression(file, _fractions(_values(tags, "Image SubIFDs"))) \
-                if DNG_VERSION_TAG in tags else None
+            mosaic = _raw_directory(file, _fractions(_values(tags, "Image SubIFDs"))) \
+                if DNG_VERSION_TAG in tags else {}
     # as exifread meets damaged tags
     except (LookupError, ValueError, TypeError, OverflowError, struct.error, EOFError) as error:
         raise InputError(f"photo {path.name} has damaged metadata ({error}); "
@@ -93,21 +102,21 @@ def photo_metadata(path: Path) -> PhotoMetadata:
     finally:
         logger.setLevel(level)
     iso = _number(tags, ISO_TAGS)
-    repeat, area, masked = (tuple(int(value) for value in _fractions(_values(tags, name)))
-                            for name in (BLACK_REPEAT_TAG, ACTIVE_AREA_TAG, MASKED_AREAS_TAG))
+    repeat, area, masked = (tuple(int(value) for value in mosaic.get(tag, []))
+                            for tag in (BLACK_REPEAT, ACTIVE_AREA, MASKED_AREAS))
     return PhotoMetadata(
         exposure_s=_number(tags, EXPOSURE_TAGS), f_number=_number(tags, F_NUMBER_TAGS),
         iso=None if iso is None else float(iso),
         make=_text(tags, MAKE_TAGS), model=_text(tags, MODEL_TAGS), serial=_text(tags, SERIAL_TAGS),
-        black_level=tuple(_fractions(_values(tags, BLACK_TAG))) or None,
+        black_level=tuple(mosaic.get(BLACK) or _fractions(_values(tags, BLACK_TAG))) or None,
         black_repeat=(repeat[0], repeat[1]) if len(repeat) == 2 and min(repeat) > 0 else (1, 1),
         active_origin=(area[0], area[1]) if len(area) == 4 else (0, 0),
         masked_areas=tuple(masked[index:index + 4] for index in range(0, len(masked) - 3, 4)),
         is_dng=DNG_VERSION_TAG in tags,
-        varying_black=any(value != 0 for name in BLACK_DELTA_TAGS
-                          for value in _fractions(_values(tags, name))),
-        stated_bytes=_stated_bytes(tags), compression=compression,
-        taken_at=_taken_at(_text(tags, TAKEN_TAGS)))
+        varying_black=any(value != 0 for tag in BLACK_DELTAS for value in mosaic.get(tag, [])),
+        stated_bytes=_stated_bytes(tags),
+        compression=int(mosaic[COMPRESSION][0]) if mosaic.get(COMPRESSION) else None,
+        taken_at=_taken_at(_text(tags, TAKEN_TAGS)), daylight_matrix=_daylight_matrix(tags))
 
 
 def _taken_at(text: str) -> str:
@@ -132,22 +141,49 @@ def _stated_bytes(tags: dict[str, Any]) -> tuple[int, int] | None:
     return height * -(-width * int(sum(listed[4])) // 8), int(sum(listed[5]))
 
 
-def _compression(file: BinaryIO, directories_below: list[Fraction]) -> int | None:
-    """How the raw pixels of a DNG are compressed, in whichever directory holds them (TIFF 6.0, p.
-    14); exifread reads none below the first.
+def _raw_directory(file: BinaryIO, directories_below: list[Fraction]) -> dict[int, list[Fraction]]:
+    """Numbers of each tag of the directory that holds the raw pixels of a DNG, in the first or one
+    below it (TIFF 6.0, p. 14); exifread reads none below.
     """
     file.seek(0)
     order = "<" if file.read(2) == b"II" else ">"
     file.seek(4)
     for offset in (*struct.unpack(f"{order}L", file.read(4)), *map(int, directories_below)):
-        file.seek(offset)
-        count = file.read(2)
-        entries = file.read(12 * struct.unpack(f"{order}H", count)[0]) if len(count) == 2 else b""
-        # LibRaw says what is wrong with a file that is cut short
-        values = dict(struct.iter_unpack(f"{order}H6xH2x", entries[:len(entries) // 12 * 12]))
-        if values.get(PHOTOMETRY) in RAW_PHOTOMETRY:
-            return values.get(COMPRESSION)
-    return None
+        tags = _directory(file, order, offset)
+        if tags.get(PHOTOMETRY, [None])[0] in RAW_PHOTOMETRY:
+            return tags
+    return {}
+
+
+def _directory(file: BinaryIO, order: str, offset: int) -> dict[int, list[Fraction]]:
+    """Numbers of each tag of one directory; none where the file is cut short, as LibRaw says."""
+    file.seek(offset)
+    start = file.read(2)
+    entries = file.read(12 * struct.unpack(f"{order}H", start)[0]) if len(start) == 2 else b""
+    tags = {}
+    for tag, kind, count, inline in struct.iter_unpack(f"{order}HHL4s",
+                                                       entries[:len(entries) // 12 * 12]):
+        letter, parts = NUMBER_TYPES.get(kind, ("", 0))
+        form = f"{order}{count * parts}{letter}"
+        if not letter or (size := struct.calcsize(form)) > MAX_TAG_BYTES:
+            continue
+        if size > len(inline):
+            file.seek(struct.unpack(f"{order}L", inline)[0])
+            inline = file.read(size)
+        if len(inline) >= size:
+            numbers = struct.unpack(form, inline[:size])
+            tags[tag] = [Fraction(value, below) for value, below in zip(
+                numbers[::parts], numbers[1::parts] if parts == 2 else [1] * count, strict=True)
+                if below]
+    return tags
+
+
+def _daylight_matrix(tags: dict[str, Any]) -> tuple[Fraction, ...]:
+    """The colour matrix of a DNG whose light is nearest to D65; empty without one of daylight."""
+    matrices = {int(light[0]): tuple(_fractions(tags[matrix].values))
+                for matrix, of_light in MATRIX_TAGS if matrix in tags and of_light in tags
+                if (light := _fractions(tags[of_light].values))}
+    return next((matrices[light] for light in DAYLIGHTS if len(matrices.get(light, ())) == 9), ())
 
 
 def _text(tags: dict[str, Any], names: tuple[str, ...]) -> str:

@@ -49,6 +49,7 @@ class FullColourFrame:
     file: str
     sha256: str
     camera_from_xyz: np.ndarray | None = None   # (3, 3), as in the raw frame
+    matrix_of_file: bool = False
 
 
 def read_raw(path: str | os.PathLike[str]) -> RawFrame:
@@ -99,7 +100,7 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
             "iso": float(metadata.iso or raw.other.iso_speed) or None,
             "f_number": float(metadata.f_number or raw.other.aperture) or None,
             "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path),
-            "camera_from_xyz": _colour_matrix(raw)}
+            **_colour_matrix(raw, metadata)}
         white_level, full_colour = float(raw.white_level), raw.raw_type == rawpy.RawType.Stack
         if full_colour:
             black_level = full_colour_black(raw, metadata)
@@ -266,10 +267,16 @@ def _require_plausible_tile(cfa: np.ndarray, black_level: np.ndarray, white_leve
                          "copy it from the camera card again")
 
 
-def _colour_matrix(raw: rawpy.RawPy) -> np.ndarray | None:
-    """The matrix (3, 3) from X, Y, Z to R, G, B in daylight by which LibRaw knows the camera.
-
-    Of any scale; None where it has none, as for a DNG that states its own, which rawpy hides.
+def _colour_matrix(raw: rawpy.RawPy, metadata: PhotoMetadata) -> dict[str, Any]:
+    """The matrix (3, 3) from X, Y, Z to R, G, B in daylight, of any scale: that by which LibRaw
+    knows the camera, else the one that a DNG states.
     """
     matrix = np.array(raw.rgb_xyz_matrix, dtype=float)[:3]
-    return matrix if raw.num_colors == 3 and matrix.any() else None
+    if raw.num_colors != 3:
+        return {}
+    if matrix.any():
+        return {"camera_from_xyz": matrix}
+    stated = np.array([float(number) for number in metadata.daylight_matrix])
+    if stated.size != 9 or np.linalg.matrix_rank(stated.reshape(3, 3)) < 3:
+        return {}
+    return {"camera_from_xyz": stated.reshape(3, 3), "matrix_of_file": True}

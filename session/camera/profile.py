@@ -98,11 +98,11 @@ def _with_spread(number: dict[str, Any]) -> str:
 
 
 def _own_matrix(photo: Path) -> np.ndarray:
-    """The matrix (3, 3) from X, Y, Z by which LibRaw knows the camera of a raw file."""
+    """The matrix (3, 3) from X, Y, Z by which LibRaw knows the camera of a raw file, or a DNG's."""
     matrix = decode(photo).camera_from_xyz
     if matrix is None:
-        raise InputError(f"LibRaw has no colour matrix for the camera of {photo.name}, and that of "
-                         "a DNG is not read; leave --raw out")
+        raise InputError(f"{photo.name} states no colour matrix for daylight, and LibRaw has none "
+                         "for its camera; leave --raw out")
     return matrix
 
 

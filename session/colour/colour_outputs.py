@@ -75,14 +75,14 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
         raise InputError("a colour profile is of a camera of three bands, R, G and B, that was "
                          f"calibrated by a chart; {view.photo_files[0]} has "
                          f"{len(calibration.sensitivity.curves)}")
-    own = chart.samples.camera_from_xyz
+    photo, _ = read_photo(config, view.photo)
+    own = photo.camera_from_xyz
     response, draws = response_of_calibration(calibration)
     profile = colour_profile(response, draws, families or _stated_families(config), own)
     camera = chart.thumbnail.camera or "camera"
     files = [path for name in ("camera.icc", "camera.ocio")
              for path in write_profile(folder / name, f"{camera}, {config.session.name}",
                                        profile.matrix.coefficients, profile.table.xyz)]
-    photo, _ = read_photo(config, view.photo)
     picture, clipped = colour_picture(
         relative_signals(photo, flat_photos(config, records)[0], known_spectra(config),
                          flat_errors(config, records)), profile.table, SPACES[space])

@@ -395,8 +395,8 @@ class CameraProfileRequest(CommonOptions):
         metavar="FAMILY", help="What will be photographed: paint, textile, leaves, skin, white, "
         "earth or animal; any by default. May be repeated.")] = ()
     raw: Annotated[Path | None, typer.Option(
-        metavar="PHOTO", help="A raw file of the camera: the errors of the matrix by which LibRaw "
-        "knows it stand beside the profile's.")] = None
+        metavar="PHOTO", help="A raw file of the camera: the errors of its own matrix (that by "
+        "which LibRaw knows it, or a DNG's) stand beside the profile's.")] = None
     draws_file: Annotated[Path | None, Was("--samples"), typer.Option(
         metavar="NPZ",
         help="Draws of the curves, from 'camera fit --draws-file': gives every number "
