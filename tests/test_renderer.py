@@ -6,7 +6,12 @@ import pytest
 
 from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import (
+    CPU_VARIANT,
+    load_scene,
+    render,
+    start_mitsuba,
+)
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 
@@ -85,6 +90,13 @@ def test_the_same_seed_gives_the_same_picture_bit_for_bit(tmp_path):
 def test_a_scene_that_mitsuba_cannot_load_is_an_input_error():
     with pytest.raises(InputError, match="Mitsuba cannot load the scene"):
         load_scene('<scene version="3.0.0"><shape type="no_such_shape"/></scene>')
+
+
+def test_auto_takes_no_gpu_even_where_there_is_one(mitsuba, monkeypatch):
+    import drjit as dr
+
+    monkeypatch.setattr(dr, "has_backend", lambda backend: True)
+    assert start_mitsuba("auto").variant() == CPU_VARIANT
 
 
 def test_a_device_that_is_not_there_is_said(mitsuba):

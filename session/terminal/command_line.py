@@ -41,8 +41,8 @@ RECTANGLE = "X0,Y0,X1,Y1"       # two opposite corners in pixels
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
 Device = Annotated[str, typer.Option(
-    metavar="auto|cpu|cuda", help="Where Mitsuba renders; auto takes a GPU where there is one. A "
-    "GPU (cuda) is untested.")]
+    metavar="auto|cpu|cuda", help="Where Mitsuba renders: auto is the CPU; a GPU (cuda) is "
+    "untested.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
 LAST = ("device", "allow_outside", "quiet", "as_json", "debug")
