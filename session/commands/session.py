@@ -271,8 +271,7 @@ def doctor(request: DoctorRequest) -> Answer:
              f"{facts['python']}"]
     lines += [f"{name} {version}" for name, version in facts["versions"].items()]
     lines += [f"- {problem}" for problem in facts["problems"]]
-    lines.append("rendering on a GPU (--device cuda) is untested; without it everything is rendered on "
-                 "the CPU")
+    lines.append("rendering on a GPU (--device cuda) is untested; without it the CPU renders")
     return Answer(facts, "\n".join(lines), EnvironmentProblem.exit_code if facts["problems"] else 0)
 
 
