@@ -12,6 +12,7 @@ import numpy as np
 from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.radiometry.chart import typical_camera_signals
@@ -156,20 +157,35 @@ def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
 
 
 def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
-    """Decode every photo and look for what the stages would refuse."""
+    """Decode every photo and look for what the stages would refuse.
+
+    Of a photo whose flat field or dark frame is at fault, its own faults are looked for without it.
+    """
+    photos = config.photos
+    alone = config.model_copy(update={"photos": photos.model_copy(update={"flat": None,
+                                                                          "dark": None})})
+    frames = [*photos.flats.values(), *photos.dark_files]
+    for name in (*frames, *(name for view in config.all_views
+                            for name in (*view.photo_files, *view.chart_files))):
+        attempt(lambda name: open_any(config.path(name), photos.not_linear), name)
+
+    def developed_photo(photo: dict[str, tuple[str, ...]]) -> LinearImage | None:
+        developed = attempt(read_photo, config, photo) or readable(read_photo, alone, photo)
+        return None if developed is None else developed[0]
+
     for view in config.all_views:
         scene = None if config.flat else readable(read_session_scene, config, view)
-        if (developed := attempt(read_photo, config, view.photo)) is not None:
-            attempt(require_exposed, developed[0], view.photo_files[0])
+        if (photo := developed_photo(view.photo)) is not None:
+            attempt(require_exposed, photo, view.photo_files[0])
             for name, region in config.regions_in(view).items():
-                attempt(sample_regions, developed[0], {name: region.outline()})
+                attempt(sample_regions, photo, {name: region.outline()})
             if scene is not None:
-                attempt(require_same_shape, developed[0], scene, view.photo_files[0])
+                attempt(require_same_shape, photo, scene, view.photo_files[0])
         light = readable(read_light_of, config, view)
         chart_signals = readable(read_chart_reference, config)
-        if view.chart and (chart := attempt(read_photo, config, view.chart)) is not None \
+        if view.chart and (chart := developed_photo(view.chart)) is not None \
                 and light is not None and chart_signals is not None:
-            attempt(require_chart, config, view, chart[0],
+            attempt(require_chart, config, view, chart,
                     typical_camera_signals(chart_signals, FINE_GRID, power_of(light)))
 
 

@@ -185,7 +185,21 @@ def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypat
 
 
 def test_the_faults_of_every_photo_are_said_at_once(captured):
-    for name in ("box", "chart"):
+    for name in ("box", "chart", "flat"):
         (captured / "photos" / f"{name}.dng").write_bytes(b"no raw")
+    said = [problem.sentence for problem in preflight_check(captured).problems]
+    assert len(said) == 3
+    for name in ("box", "chart", "flat"):
+        assert any(f"{name}.dng" in sentence for sentence in said)
+
+
+@pytest.mark.parametrize("flat", ["missing", "of another size"])
+def test_a_flat_field_at_fault_hides_no_fault_of_the_photos(captured, flat):
+    (captured / "photos" / "flat.dng").unlink()
+    if flat != "missing":
+        write_dng(captured / "photos" / "flat.dng", np.full((64, 96), 6000, np.uint16))
+    write_dng(captured / "photos" / "chart.dng", np.full((208, 312), 6000, np.uint16))
     said = "\n".join(problem.sentence for problem in preflight_check(captured).problems)
-    assert "box.dng" in said and "chart.dng" in said
+    assert ("flat.dng is missing" if flat == "missing" else "the white card at the same size") \
+        in said
+    assert "no ColorChecker was found in photo chart.dng" in said
