@@ -73,9 +73,7 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     errors : FlatErrors
     """
     responses = [photo.response for photo in photos]
-    of_photo = [next(other for other in range(number + 1)
-                     if _same(responses[other], responses[number]))
-                for number in range(len(photos))]
+    of_photo = first_of_response(responses)
     distinct = sorted(set(of_photo))
     names, count = tuple(families), len(bands)
     labels = tuple(f"{photos[number].name}: {band}" if len(photos) > 1 else band
@@ -97,11 +95,11 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
             for cause, covariance in errors_of_region(name, shown, errors).items():
                 whole = causes.setdefault(cause, np.zeros((len(names), *(2 * [len(labels)]))))
                 whole[index, own, own] = covariance
-            lamps[own] = photos[number].lamp or f"of {number}"
+            lamps[own] = lamp_of(photos, number)
             silent[index, own] = np.any([_silent_bands(white, name) for _, white in shown], axis=0)
         for cause, covariance in causes.items():
-            covariance[index] += _common_to_photos(cause, covariance[index], signal[index], lamps,
-                                                   errors.disagreement)
+            covariance[index] += common_to_photos(cause, covariance[index], signal[index], lamps,
+                                                  errors.disagreement)
     signal[silent] = np.nan
     response = np.vstack([responses[number] for number in distinct])
     spectra = np.array([known[name] if name in known
@@ -139,9 +137,9 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
     parts: list[dict[str, np.ndarray]] = []
     for row, (photo, white) in zip(rows, shown, strict=True):
         signal = white.signal[row]
-        veil = glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1))) / white.white[row]
-        haze = UNEVEN_VEIL * np.maximum(white.glare / white.white[row] - USUAL_VEIL, 0)
-        parts.append({**white.errors(row), GLARE: added_covariance(veil) + added_covariance(haze),
+        parts.append({**white.errors(row),
+                      GLARE: stray_light(photo, white, row, errors)
+                      / np.outer(white.white[row], white.white[row]),
                       SURFACE_REFLECTION: added_covariance(np.full(signal.size, reflection)),
                       DISAGREEMENT: proportional_covariance(
                           signal, errors.disagreement.among_bands(signal.size))})
@@ -154,17 +152,57 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
         cause: np.mean([part.get(cause, zero) for part in parts], axis=0) for cause in causes}}
 
 
+def stray_light(photo: FlatPhoto, white: PhotoWhite, row: int, errors: FlatErrors) -> np.ndarray:
+    """Covariance (K, K) of a photo's signal by stray light that the chart does not tell of: one
+    veil over the whole photo, and what of haze differs over it.
+
+    Parameters
+    ----------
+    photo : FlatPhoto
+    white : PhotoWhite
+        At its regions.
+    row : int
+        Of the region.
+    errors : FlatErrors
+    """
+    veil = glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1)))
+    haze = UNEVEN_VEIL * np.maximum(white.glare - USUAL_VEIL * white.white[row], 0)
+    return added_covariance(veil) + added_covariance(haze)
+
+
 def _silent_bands(white: PhotoWhite, name: str) -> np.ndarray:
     """Bands (K,) that say nothing of a region: too dark beside the brightest, or saturated."""
     row, clipped = white.samples.names.index(name), white.samples.clipped
-    dark = white.white[row] < DARK_BAND * white.white[row].max()
+    dark = dark_bands(white.white[row])
     return np.asarray(dark if clipped is None else dark | clipped[row])
 
 
-def _common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lamps: np.ndarray,
-                      disagreement: PatchError) -> np.ndarray:
-    """What one cause adds to a surface's covariance (J, J) between photos under one lamp, given
-    the covariance within each photo and the lamp of each band (J,).
+def dark_bands(white: np.ndarray) -> np.ndarray:
+    """Bands (K,) of a photo in which white (K,) is too dark beside the brightest to say anything.
+    """
+    return np.asarray(white < DARK_BAND * white.max())
+
+
+def lamp_of(photos: Sequence[FlatPhoto], number: int) -> str:
+    """The lamp of a photo, the same for all under one that stayed in its position."""
+    return photos[number].lamp or f"of {number}"
+
+
+def common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lamps: np.ndarray,
+                     disagreement: PatchError) -> np.ndarray:
+    """What one cause adds to a surface's covariance (J, J) between photos under one lamp.
+
+    Parameters
+    ----------
+    cause : str
+        Of radiometry.error_model.
+    covariance : (J, J) array
+        Of the signal by this cause, within each photo.
+    signal : (J,) array
+        Relative to white.
+    lamps : (J,) array of str
+        Of each band, from ``lamp_of``; empty for a band that shows nothing.
+    disagreement : PatchError
     """
     one_lamp = (lamps[:, None] == lamps) & (lamps != "") & (covariance == 0)
     if cause == DISAGREEMENT:
@@ -182,6 +220,13 @@ def _expected_spectrum(families: Sequence[str], response: np.ndarray,
     mixture = posterior(of_families(load_prior(), families), coarse, signal[None, seen],
                         EXPECTED**2 * np.eye(int(seen.sum())))
     return np.interp(FINE_GRID.nm, PRIOR_GRID.nm, mean_and_spread(mixture)[0][0])
+
+
+def first_of_response(responses: Sequence[np.ndarray]) -> list[int]:
+    """Of each photo the first that has the same response (K, P)."""
+    return [next(other for other in range(number + 1)
+                 if _same(responses[other], responses[number]))
+            for number in range(len(responses))]
 
 
 def _same(response: np.ndarray, other: np.ndarray) -> bool:

@@ -172,9 +172,12 @@ class PhotoWhite:
         return self.samples.covariance_of_mean[region] / np.outer(self.white[region],
                                                                   self.white[region])
 
-    def errors(self, region: int) -> dict[str, np.ndarray]:
-        """Covariance (K, K) of a region's relative signal by cause; they add up to the whole."""
-        rows, signal = self.jacobian(region), self.signal[region]
+    def errors(self, region: int, signal: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Covariance (K, K) of a region's relative signal by cause, where the signal is the
+        measured one or ``signal`` (K,); they add up to the whole.
+        """
+        rows = self.jacobian(region, signal)
+        signal = self.signal[region] if signal is None else signal
         ends = [self.glare_part.stop, self.field_part.stop,
                 *range(self.exposure_part.start + 1, self.mean.size + 1)]
         totals = [rows[:, :end] @ self.covariance[:end, :end] @ rows[:, :end].T for end in ends]

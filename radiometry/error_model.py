@@ -428,4 +428,6 @@ def _independent_of_views(surfaces: SurfaceSignals,
         mine = surfaces.view_of_band == view
         by_view.append(errors_of(int(view), surfaces.response[mine]).covariance(
             surfaces.signal[:, mine], surfaces.spectra))
-    return np.array([block_diagonal(*blocks) for blocks in zip(*by_view, strict=True)])
+    bands = len(surfaces.bands)     # no surface is no row
+    return np.array([block_diagonal(*blocks) for blocks
+                     in zip(*by_view, strict=True)]).reshape(-1, bands, bands)

@@ -161,8 +161,13 @@ def _picture(config: SessionConfig, scenes: SessionScenes) -> StageInputs:
     if config.flat:
         known = {name: _outlines(config)[name] | {"spectrum": _plain(table)}
                  for name, table in _known(config).items()}
-        return StageInputs([*files, *_known_files(config)], settings | {"known": known},
-                           ("chart", "calibrate"))
+        further = config.picture_views[1:]
+        return StageInputs(
+            [*files, *(name for view in further for name in view.photo_files),
+             *_known_files(config)],
+            settings | {"known": known, "further photos": {view.name: view.photo
+                                                           for view in further}},
+            ("chart", "calibrate"))
     return StageInputs([*files, *scenes.photos, *_named_by(config, *scenes.photos.values()),
                         config.camera.lens, *_colmap_files(config)],
                        settings | {"engine": config.reconstruct.engine},

@@ -186,8 +186,9 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     white = White(LEVEL[None], covariance[None, :3, :3], covariance[None, :3, 3:])
     veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[4e-6, 6e-6, 5e-6]])
     shared, mirrored = 0.01**2 * np.eye(3), 0.02
-    errors = PixelErrors(None, white, None, GLARE, covariance[3:, 3:], veil, mirrored,
-                         shared + model**2 * np.eye(3), None, None, None)
+    errors = PixelErrors(None, white, None, GLARE, covariance[3:, 3:] + np.outer(veil, veil),
+                         np.full((3, 3), mirrored**2), shared + model**2 * np.eye(3), None, None,
+                         None, None)
     signal = np.array([[0.15, 0.4, 0.25]])
     draws = rng.multivariate_normal(np.zeros(6), covariance, DRAWS)
     photo_signal = signal * LEVEL + GLARE

@@ -2,6 +2,7 @@
 
 Statistical tests have a significance of 1e-4 each (3.9 sigma), at fixed seeds.
 """
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,14 +13,17 @@ from test_light_drift import photo
 from test_posterior_laws import SMOOTH, mixture_of
 from test_sampling_uplift import painted
 
+from spectrabox.capture.photo.resampled import resampled
 from spectrabox.measure.pictures import pixel_spectra, scene_light
 from spectrabox.measure.pictures import reference_surfaces as references
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.illumination import Illumination, even_light, light_adaptation
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spectra, survey_rows
 from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
+from spectrabox.measure.pictures.shown_bands import shown_bands
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LightScale
 from spectrabox.reconstruct.pixels.light_nodes import LightNodes
@@ -35,7 +39,7 @@ def errors_of(white, **changes):
     none = np.zeros((bands, bands))
     parts = dict.fromkeys(("between", "light", "calibrations", "fine_responses", "prior"))
     parts |= {"white": white, "glare": np.zeros(bands), "glare_covariance": none,
-              "veil": np.zeros(bands), "reflection": 0.0, "relative": none}
+              "photo_of_band": np.zeros(bands, int), "reflection": none, "relative": none}
     return PixelErrors(**parts | changes)
 
 
@@ -190,6 +194,52 @@ def test_a_developed_pixel_lies_in_the_middle_of_those_that_it_is_made_of(step):
     whole = np.arange(40.0).reshape(-1, int(step)).mean(axis=1)
     np.testing.assert_allclose(crop.x_px, whole[2:7])
     np.testing.assert_allclose(crop.y_px, whole[3:9])
+
+
+def test_a_moved_photo_is_interpolated_and_its_noise_is_that_of_draws():
+    """A plane of light, moved by 2.6 and -1.4 pixels of the sensor: between four of its own."""
+    matrix = np.array([[1, 0, 2.6], [0, 1, -1.4]])
+    at = np.arange(3.5, 40, 2)      # of the sensor
+    y, x = np.mgrid[:24, :24]
+    plane = np.repeat((0.3 + 0.01 * x + 0.004 * y)[..., None], 3, axis=2).astype(np.float32)
+    clipped = np.zeros(plane.shape, bool)
+    clipped[6, 9] = True
+    image = photo(signal=plane, saturated=clipped, variance=np.full_like(plane, 1e-4))
+    image = dataclasses.replace(image, sensor_step=2.0)
+    shown, off_px = resampled(image, matrix, at, at)
+    inside = ~shown.saturated[..., 0]
+    columns, rows = np.meshgrid((at + 2.6 + 0.5) / 2 - 0.5, (at - 1.4 + 0.5) / 2 - 0.5)
+    # single precision
+    np.testing.assert_allclose(shown.signal[inside, 0],
+                               (0.3 + 0.01 * columns + 0.004 * rows)[inside], rtol=1e-5)
+    # four pixels see the clipped one; none lies beyond the photo
+    assert (~inside).sum() == 4
+    np.testing.assert_allclose(shown.variance[inside], 1e-4 * (0.2**2 + 0.8**2)**2, rtol=1e-4)
+    np.testing.assert_allclose(off_px, 2 * 0.2 * 0.8, rtol=1e-4)
+    noisy = dataclasses.replace(image, signal=(0.01 * np.random.default_rng(6).standard_normal(
+        (24, 24, 3))).astype(np.float32))
+    drawn = resampled(noisy, matrix, at, at)[0].signal
+    # 1000 pixels that share noise with their neighbours: 6 % of the variance
+    assert drawn.var() == pytest.approx(shown.variance[inside].mean(), rel=3.9 * 0.06)
+
+
+def test_pixels_take_the_photos_that_show_them_and_are_flagged_where_none_does():
+    signal = np.full((2, 3, 4), 0.5, np.float32)
+    signal[0, 1, 0] = 0.01          # the glare alone: the first photo says nothing
+    clipped = np.zeros(signal.shape, bool)
+    clipped[0, 2, 3] = clipped[1, 0, 1] = clipped[1, 0, 2] = True
+    stack = photo(signal=signal, variance=signal, saturated=clipped)
+    one, both = np.array([0, 0, 0, 0]), np.array([0, 0, 2, 2])
+    glare, loud = np.full(4, 0.01), np.zeros(4, bool)
+    shown = shown_bands(stack, glare, both, loud)
+    assert shown.sets.tolist() == [[True] * 4, [True] * 2 + [False] * 2, [False] * 2 + [True] * 2]
+    assert shown.index.tolist() == [[0, 2, 1], [0, 0, 0]]
+    assert shown.flags.tolist() == [[SEEN, SEEN, SEEN], [CLIPPED, SEEN, SEEN]]
+    assert shown_bands(stack, glare, one, loud) is None
+    silent = np.array([False, False, False, True])
+    dark = shown_bands(stack, glare, both, silent)
+    assert dark.sets.tolist() == [[True] * 3 + [False], [False, False, True, False]]
+    assert dark.index.tolist() == [[0, 1, 0], [0, 0, 0]]
 
 
 @pytest.mark.parametrize("cell", [1, 4, 5])

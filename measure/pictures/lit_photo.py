@@ -2,7 +2,8 @@
 
 White and light may come from a chart in the photo of a flat sample, or from light traced in a
 scene. A pixel's errors lie between those of the best and of the worst known places of the photo,
-for which its two tables of spectra are computed.
+for which its two tables of spectra are computed. A photo may be several of one sample, stacked;
+pixels that not all of them show have tables of their own (shown_bands.py).
 """
 from __future__ import annotations
 
@@ -12,9 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.pictures.pixel_errors import COARSE_TOLERANCE, PixelErrors, White
+from spectrabox.measure.pictures.pixel_errors import (
+    COARSE_TOLERANCE,
+    PixelErrors,
+    White,
+    of_seen,
+)
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SEEN
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
+from spectrabox.measure.pictures.shown_bands import ShownBands
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
@@ -68,6 +75,7 @@ class LitPhoto:
     errors: PixelErrors
     flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, as the scene gives them
     highlights: bool = False    # whether what is brighter than white is a highlight: no spectrum
+    shown: ShownBands | None = None     # where some pixels are seen in some bands; of one light
 
     table_side, error_levels = SIDE, 2
 
@@ -84,8 +92,19 @@ class LitPhoto:
 
     @property
     def responses(self) -> np.ndarray:
-        """Relative response (J, K, 61) under the typical lights."""
-        return self.errors.responses
+        """Relative response (J, K, 61) under the typical lights, or with each of the sets of bands
+        that pixels are seen in.
+        """
+        responses = self.errors.responses
+        return responses if self.shown is None else np.repeat(responses, len(self.shown.sets),
+                                                              axis=0)
+
+    def _light_and_bands(self, light: int) -> tuple[int, np.ndarray]:
+        """Index of the typical light, and the bands (K,) that are seen, by the index of
+        ``responses``.
+        """
+        return (light, np.ones(self.size[2], bool)) if self.shown is None \
+            else (0, self.shown.sets[light])
 
     @cached_property
     def noise(self) -> np.ndarray:
@@ -124,18 +143,25 @@ class LitPhoto:
         low, high = np.percentile(self.grey_variance, [BEST_KNOWN, WORST_KNOWN])
         high = max(high, low * (1 + 1e-6))
         light = None
-        if len(errors.responses) > 1:   # that of the node of most weight
+        if self.shown is not None:
+            light = self.shown.index[first:last].ravel()
+        elif len(errors.responses) > 1:     # that of the node of most weight
             per_row = weights.nnz // weights.shape[0]
             at = np.argmax(weights.data.reshape(-1, per_row), axis=1)
             light = errors.light.kind[weights.indices.reshape(-1, per_row)[np.arange(at.size), at]]
-        signals = errors.adaptation.signals(measured / white, weights @ errors.light.maps, light)
+        signals = errors.adaptation.signals(measured / white, weights @ errors.light.maps,
+                                            None if self.shown is not None else light)
         # without a node there is no light to be known
         grey_error = np.sqrt(np.where(variance > 0, variance, 1.0))
         flags = np.zeros(len(measured), np.uint8) if self.flags is None \
             else self.flags[first:last].ravel().copy()
-        clipped = self.photo.saturated[first:last].reshape(-1, bands).any(axis=1)
-        flags[(flags == SEEN) & clipped] = CLIPPED
-        flags[(flags == SEEN) & (measured <= 0).any(axis=1)] = DARK
+        if self.shown is None:
+            clipped = self.photo.saturated[first:last].reshape(-1, bands).any(axis=1)
+            flags[(flags == SEEN) & clipped] = CLIPPED
+            flags[(flags == SEEN) & (measured <= 0).any(axis=1)] = DARK
+        else:
+            flags = self.shown.flags[first:last].ravel()
+            signals[~self.shown.sets[light]] = GREY
         if self.highlights:
             brighter = np.max(signals - MAX_SIGNAL, axis=1) > SIGMAS * grey_error
             flags[(flags == SEEN) & brighter] = HIGHLIGHT
@@ -148,11 +174,12 @@ class LitPhoto:
             self.photo.variance[first:last].reshape(-1, bands) if direct else None)
 
     def table_errors(self, light: int, signals: np.ndarray) -> list[np.ndarray]:
-        """Covariances (n, K, K) of signals (n, K) under one typical light, at the best and at the
-        worst known places.
+        """Covariances (n, K, K) of signals (n, K) under one typical light, or in one set of bands,
+        at the best and at the worst known places.
         """
-        by_curves = self.errors.by_curves(signals, light)
-        return [self._errors_near(percentile, signals) + by_curves
+        light, seen = self._light_and_bands(light)
+        by_curves = self.errors.by_curves(signals, light, seen)
+        return [of_seen(self._errors_near(percentile, signals) + by_curves, seen)
                 for percentile in (BEST_KNOWN, WORST_KNOWN)]
 
     def _errors_near(self, percentile: float, signals: np.ndarray) -> np.ndarray:
@@ -180,13 +207,15 @@ class LitPhoto:
         shape = count, PRIOR_GRID.nm.size
         whole = Uplifted(np.empty(shape), np.empty(shape), np.empty(count))
         lights = np.zeros(count, int) if block.light is None else block.light
-        for light in np.unique(lights):
-            own = np.flatnonzero(lights == light)
+        for number in np.unique(lights):
+            own = np.flatnonzero(lights == number)
+            light, seen = self._light_and_bands(number)
             covariance = self.errors.at_white(within[own], block.white.rows(own),
                                               block.variance[own])
             if not coarse:
-                covariance += self.errors.by_curves(within[own], light)
-            part = uplift_signals(self.prior, self.responses[light], within[own], covariance,
+                covariance += self.errors.by_curves(within[own], light, seen)
+            part = uplift_signals(self.prior, self.responses[number][seen], within[own][:, seen],
+                                  covariance[:, seen][..., seen],
                                   tolerance=COARSE_TOLERANCE if coarse else TOLERANCE)
             for name, values in vars(whole).items():
                 values[own] = getattr(part, name)

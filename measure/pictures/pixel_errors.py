@@ -17,18 +17,21 @@ from spectrabox.measure.pictures.illumination import (
     LightAdaptation,
     light_adaptation,
 )
-from spectrabox.radiometry.error_model import ResponseErrors, curve_errors, light_errors
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.error_model import (
+    filter_covariance,
+    light_covariance,
+    sensitivity_covariance,
+)
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.records import Calibration, SurfaceSignals
 from spectrabox.sampling.prior.informative_bands import informative_bands
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
 EXPECTED_AT_ONCE = 500
+UNSEEN = 100.0          # of white: error of a band that says nothing
 COARSE_TOLERANCE = 1e-3     # logits: a coarse spectrum need not be nearer to its mode
-
-
 
 
 @dataclass(frozen=True)
@@ -52,12 +55,13 @@ class PixelErrors:
     white: White                # at the nodes
     light: Illumination         # at the nodes
     glare: np.ndarray           # (K,) signal
-    glare_covariance: np.ndarray    # (K, K)
-    veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
-    reflection: float           # standard error of what surfaces mirror, relative to white
+    glare_covariance: np.ndarray    # (K, K) of it and of the veil over the whole photo
+    reflection: np.ndarray      # (K, K) covariance of what surfaces mirror, relative to white
     relative: np.ndarray        # (K, K) further relative covariance: drift of the light's colour,
                                 # disagreement of photo and model
-    calibrations: Sequence[Calibration]     # J, with each of the typical lights
+    # of the photos, with each of the J typical lights
+    calibrations: Sequence[Sequence[Calibration]]
+    photo_of_band: np.ndarray   # (K,) whose calibration is that of each band
     fine_responses: np.ndarray  # (J, K, P) on FINE_GRID, rows summing to 1
     prior: LogitMixture
 
@@ -70,14 +74,6 @@ class PixelErrors:
     def adaptation(self) -> LightAdaptation:
         """How signals are adapted to the typical lights."""
         return light_adaptation(self.light, self.prior)
-
-    @cached_property
-    def curves(self) -> list[ResponseErrors]:
-        """Errors by sensitivities and light under each typical light."""
-        return [curve_errors(calibration, FINE_GRID).together_with(
-                    light_errors(calibration, FINE_GRID, response)).at(PRIOR_GRID.nm, FINE_GRID)
-                for calibration, response in zip(self.calibrations, self.fine_responses,
-                                                 strict=True)]
 
     def white_at(self, weights: csr_array) -> White:
         """White at the pixels (n) of some weights of the nodes."""
@@ -99,20 +95,29 @@ class PixelErrors:
         """
         inverse = 1 / white.signal
         between = signals[:, :, None] * white.log_and_glare * inverse[:, None, :]
-        veil = self.veil * inverse
         covariance = _outer(signals) * (white.log + self.relative) \
             + between + between.transpose(0, 2, 1) \
-            + _outer(inverse) * self.glare_covariance + _outer(veil) + self.reflection**2
+            + _outer(inverse) * self.glare_covariance + self.reflection
         own = variance * inverse**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
 
-    def by_curves(self, signals: np.ndarray, light: int) -> np.ndarray:
+    def by_curves(self, signals: np.ndarray, light: int,
+                  seen: np.ndarray | None = None) -> np.ndarray:
         """Covariance (n, K, K) of signals (n, K) under one typical light by the errors of
-        sensitivities and light, for the spectra that the prior expects behind them.
+        sensitivities, light and filters, for the spectra that the prior expects behind them.
+
+        Parameters
+        ----------
+        signals : (n, K) array
+        light : int
+            Index of the typical light.
+        seen : (K,) bool array, optional
+            The bands that say something; all by default.
         """
+        seen = np.ones(signals.shape[1], bool) if seen is None else seen
         spectra = np.empty((len(signals), PRIOR_GRID.nm.size))
-        noise = EXPECTED**2 * np.eye(signals.shape[1])
+        noise = of_seen(EXPECTED**2 * np.eye(signals.shape[1]), seen)
         gain, response = informative_bands(reflectance_moments(self.prior)[1],
                                            self.responses[light], noise)
         for start in range(0, len(signals), EXPECTED_AT_ONCE):
@@ -120,7 +125,19 @@ class PixelErrors:
             mixture = posterior(self.prior, response, some @ gain.T, gain @ noise @ gain.T,
                                 tolerance=COARSE_TOLERANCE)
             spectra[start:start + len(some)] = mean_and_spread(mixture)[0]
-        return self.curves[light].covariance(signals, spectra)
+        surfaces = SurfaceSignals(
+            ("",) * len(signals), (False,) * len(signals), FINE_GRID,
+            spectra @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm).T, ("",) * seen.size,
+            self.photo_of_band, self.fine_responses[light], np.where(seen, signals, 0.0), ())
+        return np.sum([by_cause(self.calibrations[light], surfaces) for by_cause in (
+            sensitivity_covariance, light_covariance, filter_covariance)], axis=0)
+
+
+def of_seen(covariance: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """A covariance (..., K, K) of signals with errors so large in the bands that are not seen (K,)
+    that these say nothing.
+    """
+    return np.where(np.outer(seen, seen), covariance, UNSEEN**2 * np.eye(seen.size))
 
 
 def _outer(values: np.ndarray) -> np.ndarray:

@@ -181,8 +181,9 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     responses = typical[:, None, :] * (view.sensitivities * view.grid.weights_nm)
     errors = PixelErrors(
         between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
-        np.zeros(bands), np.zeros((bands, bands)), scene.veil, scene.reflection, relative,
-        [_calibration_under(scene, colour) for colour in typical],
+        np.zeros(bands), np.outer(scene.veil, scene.veil),
+        np.full((bands, bands), scene.reflection**2), relative,
+        [(_calibration_under(scene, colour),) for colour in typical], np.zeros(bands, int),
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
     flags = np.full(nodes.surface.shape, SEEN, np.uint8)
     region = nodes.region

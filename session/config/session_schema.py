@@ -353,7 +353,9 @@ class SamplingSection(Table):
 
 
 class PictureSection(Table):
-    """A picture of spectra: every pixel of the first photo. Off without it."""
+    """A picture of spectra: every pixel of the first photo, of a flat sample in the bands of all
+    photos. Off without it.
+    """
 
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners "
                                        "in pixels of the photo; all of it where left out")
@@ -544,6 +546,16 @@ class SessionConfig(SessionTables):
         """The regions that the photo of a view shows."""
         return {name: region for name, region in self.regions.items()
                 if not region.photos or view.title in region.photos}
+
+    @property
+    def picture_views(self) -> tuple[ViewInputs, ...]:
+        """Views of a flat sample whose photos a picture of spectra is made from: the first, and
+        those that show a region of it in another photo.
+        """
+        first, *others = self.all_views
+        shown = self.regions_in(first).keys()
+        return (first, *(view for view in others if shown & self.regions_in(view).keys()
+                         and view.photo_files != first.photo_files))
 
     @property
     def results_folder(self) -> Path:

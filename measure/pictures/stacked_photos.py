@@ -1,0 +1,204 @@
+"""Photos of one flat sample under several lights or filters, as one photo of all their bands.
+
+Each photo has its own white, field of light and clipped pixels. Photos of one response are
+averaged, as `measure/flat.py` averages their regions, and errors that photos under one lamp have in
+common are those of regions.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from spectrabox.measure.flat import (
+    common_to_photos,
+    dark_bands,
+    first_of_response,
+    lamp_of,
+    stray_light,
+)
+from spectrabox.measure.pictures.illumination import even_light
+from spectrabox.measure.pictures.lit_photo import LitPhoto
+from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.pictures.pixel_spectra import row_blocks
+from spectrabox.measure.pictures.shown_bands import shown_bands
+from spectrabox.measure.white import FlatErrors, FlatPhoto, white_at_regions
+from spectrabox.radiometry.covariance import block_diagonal
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    SURFACE_REFLECTION,
+    drift_covariance,
+)
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.records import LinearImage
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+
+Between = Callable[[int, int], csr_array]   # weights (n, N) of the nodes at pixels of some rows
+
+
+@dataclass(frozen=True, eq=False)
+class PicturePhoto:
+    """One photo of a picture."""
+
+    photo: FlatPhoto        # which shows a region
+    image: LinearImage      # the part that the picture shows, in the pixels of the first photo
+    nodes_px: np.ndarray    # (N, 2) nodes over that part, in the photo's own pixels
+
+
+@dataclass(frozen=True, eq=False)
+class _PhotoAtNodes:
+    """A photo, or several of one response as one, with white and its errors at N nodes."""
+
+    image: LinearImage
+    white: np.ndarray               # (N, K) signal
+    log: np.ndarray                 # (N, K, K), as of pixel_errors.White
+    log_and_glare: np.ndarray       # (N, K, K)
+    glare: np.ndarray               # (K,) signal
+    glare_covariance: np.ndarray    # (K, K)
+    causes: Mapping[str, np.ndarray]    # (N, K, K) relative covariance of white by cause
+    drift: np.ndarray               # (K, K) relative
+
+
+def stack_photos(photos: Sequence[PicturePhoto], between: Between,
+                 known: Mapping[str, np.ndarray], errors: FlatErrors, reflection: float,
+                 prior: LogitMixture) -> LitPhoto:
+    """All bands of some photos with the light on every pixel, as a source of pixels' signals.
+
+    Parameters
+    ----------
+    photos : sequence of PicturePhoto
+        Of one size; the first is the one whose pixels the picture has.
+    between : function of (first row, last row)
+        Weights (n, N) of the nodes at the pixels of some rows.
+    known : mapping
+        From names of regions to their known reflectances (P,) on the grid.
+    errors : FlatErrors
+    reflection : float
+        Standard error of what the surfaces mirror, relative to white.
+    prior : LogitMixture
+        Of the reflectances.
+
+    Raises
+    ------
+    InputError, CheckError
+        As ``white.white_at_regions``.
+    """
+    flat = [each.photo for each in photos]
+    of_photo = first_of_response([photo.response for photo in flat])
+    distinct = sorted(set(of_photo))
+    parts = [_averaged([_at_nodes(each, known, errors) for each, first
+                        in zip(photos, of_photo, strict=True) if first == number], between)
+             for number in distinct]
+    nodes, bands = parts[0].white.shape
+    lamps = np.repeat([lamp_of(flat, number) for number in distinct], bands).astype(object)
+    white = np.ones(len(lamps))
+
+    def with_common(cause: str, covariance: np.ndarray) -> np.ndarray:
+        return covariance + common_to_photos(cause, covariance, white, lamps, errors.disagreement)
+
+    log = _blocks([part.log for part in parts])
+    for cause in dict.fromkeys(cause for part in parts for cause in part.causes):
+        none = np.zeros((nodes, bands, bands))
+        log += [common_to_photos(cause, node, white, lamps, errors.disagreement) for node
+                in _blocks([part.causes.get(cause, none) for part in parts])]
+    relative = block_diagonal(*(part.drift for part in parts)) + with_common(
+        DISAGREEMENT, block_diagonal(*[errors.disagreement.among_bands(bands)] * len(parts)))
+    mirrored = with_common(SURFACE_REFLECTION, block_diagonal(
+        *[np.full((bands, bands), reflection**2)] * len(parts)))
+    response = np.vstack([flat[number].response for number in distinct])
+    glare, photo_of_band = np.concatenate([part.glare for part in parts]), np.repeat(distinct,
+                                                                                     bands)
+    image = _stacked([part.image for part in parts])
+    return LitPhoto(image, PixelErrors(
+        between, White(np.hstack([part.white for part in parts]), log,
+                       _blocks([part.log_and_glare for part in parts])),
+        even_light(response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm), nodes), glare,
+        block_diagonal(*(part.glare_covariance for part in parts)), mirrored, relative,
+        [[photo.calibration for photo in flat]], photo_of_band, response[None], prior),
+        shown=shown_bands(image, glare, photo_of_band,
+                          np.concatenate([dark_bands(part.white[0]) for part in parts])))
+
+
+def _at_nodes(each: PicturePhoto, known: Mapping[str, np.ndarray],
+              errors: FlatErrors) -> _PhotoAtNodes:
+    """White of one photo and its errors at the nodes."""
+    white = white_at_regions(each.photo, known, errors, each.nodes_px)
+    assert white is not None, "the photo shows a region"
+    bands, first = white.glare.size, len(white.samples.names) - len(each.nodes_px)
+    nodes = range(first, len(white.samples.names))          # they stand after the regions
+    covariance = np.array([white.white_and_glare(node) for node in nodes])
+    by_cause = [white.errors(node, np.ones(bands)) for node in nodes]
+    typical = nodes[np.argsort(white.white[first:, 0])[len(nodes) // 2]]
+    drift = each.photo.drift
+    return _PhotoAtNodes(
+        each.image, white.white[first:], covariance[:, :bands, :bands],
+        covariance[:, :bands, bands:], white.glare + white.mean[white.glare_part],
+        covariance[0, bands:, bands:] + stray_light(each.photo, white, typical, errors),
+        {cause: np.array([causes[cause] for causes in by_cause]) for cause in by_cause[0]},
+        np.zeros((bands, bands)) if drift is None else drift_covariance(drift))
+
+
+def _averaged(parts: Sequence[_PhotoAtNodes], between: Between) -> _PhotoAtNodes:
+    """Photos of one response as one, in the units of the first: each pixel is the mean of those
+    that are not clipped there; noise is averaged, other errors are taken as common.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    gains = [first.white / part.white for part in parts]        # (N, K) each
+    typical = [gain.mean(axis=0) for gain in gains]
+    shape = first.image.signal.shape
+    signal, variance = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    saturated = np.empty(shape, bool)
+    for start, end in row_blocks(*shape[:2]):
+        weights = between(start, end)
+        clipped = np.array([part.image.saturated[start:end].any(axis=2, keepdims=True)
+                            for part in parts])
+        used = ~clipped | clipped.all(axis=0)
+        total, noise = np.zeros((2, end - start, *shape[1:]))
+        for part, gain, use in zip(parts, gains, used, strict=True):
+            over = (weights @ gain).reshape(total.shape)
+            total += use * over * (part.image.signal[start:end] - part.glare)
+            noise += use * over**2 * part.image.variance[start:end]
+        count = used.sum(axis=0)
+        signal[start:end] = total / count + first.glare
+        variance[start:end] = noise / count**2
+        saturated[start:end] = clipped.all(axis=0)
+
+    def mean(values: Sequence[np.ndarray]) -> np.ndarray:
+        return np.asarray(np.mean(values, axis=0))
+
+    none = np.zeros_like(first.log)
+    return _PhotoAtNodes(
+        _with_pixels(first.image, signal, variance, saturated), first.white,
+        mean([part.log for part in parts]),
+        mean([part.log_and_glare * gain for part, gain in zip(parts, typical, strict=True)]),
+        first.glare,
+        mean([np.outer(gain, gain) * part.glare_covariance
+              for part, gain in zip(parts, typical, strict=True)]),
+        {cause: mean([part.causes.get(cause, none) for part in parts])
+         for cause in dict.fromkeys(cause for part in parts for cause in part.causes)},
+        mean([part.drift for part in parts]))
+
+
+def _stacked(images: Sequence[LinearImage]) -> LinearImage:
+    """The bands of all images as one."""
+    if len(images) == 1:
+        return images[0]
+    return _with_pixels(images[0], *(
+        np.concatenate([getattr(image, name) for image in images], axis=2)
+        for name in ("signal", "variance", "saturated")))
+
+
+def _with_pixels(image: LinearImage, signal: np.ndarray, variance: np.ndarray,
+                 saturated: np.ndarray) -> LinearImage:
+    for array in (signal, variance, saturated):
+        array.flags.writeable = False       # records then keep it without a copy
+    return replace(image, signal=signal, variance=variance, saturated=saturated)
+
+
+def _blocks(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Matrices (N, K, K) of each photo as (N, J, J), zeros between photos."""
+    return np.array([block_diagonal(*node) for node in zip(*parts, strict=True)])
