@@ -71,7 +71,8 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
                 yield first, last, (spectra.mean, spectra.standard_deviation)
 
         write_spectra(blocks(), (height, width), folder, layout,
-                      lambda share: progress(before + (1 - before) * share), photo.responses)
+                      lambda share: progress(before + (1 - before) * share),
+                      photo.errors.responses)
     for each in maps:
         write_png(folder / f"preview-{each.file}", reduced_picture(reduced, each))
     total = height * width
