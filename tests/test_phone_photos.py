@@ -125,12 +125,30 @@ def test_a_processed_photo_is_told_what_to_photograph_instead(name, what, tmp_pa
     assert ran.exit_code == 3 and "ProRAW" in ran.stderr and "Traceback" not in ran.output
 
 
-def test_a_chart_on_a_jpeg_is_judged_as_a_photo_and_not_as_a_measurement(tmp_path):
+def encoded_picture(path, **options):
+    """The chart and paints of the flat examples, encoded as sRGB."""
     from tests.flat_example import picture
     light = np.clip(picture() / picture().max() * 0.9, 0, 1)
     encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light**(1 / 2.4) - 0.055)
-    path = tmp_path / "a.jpg"
-    Image.fromarray((255 * encoded).round().astype(np.uint8)).save(path, quality=92)
+    Image.fromarray((255 * encoded).round().astype(np.uint8)).save(path, **options)
+    return path
+
+
+def test_a_picture_that_is_taken_all_the_same_is_never_a_pass(tmp_path):
+    from tests.flat_example import rect_of
+    path = encoded_picture(tmp_path / "a.png")
+    region = "--region", "paint=" + ",".join(map(str, rect_of("red_wall")))
+    assert call("flat", path, *region).exit_code == 3
+    ran = call("flat", path, *region, "--not-linear", "--json")
+    facts = json.loads(ran.stdout)
+    assert facts["verdict"] in ("warn", "fail")
+    assert "tone curve and its colours remain in every spectrum" in facts["says"]
+    assert "not_linear = true" in (tmp_path / "a-flat" / "session.toml").read_text()
+    assert call("flat", path, "--not-linear").exit_code == 0        # without a region, a look
+
+
+def test_a_chart_on_a_jpeg_is_judged_as_a_photo_and_not_as_a_measurement(tmp_path):
+    path = encoded_picture(tmp_path / "a.jpg", quality=92)
     facts = json.loads(call("chart", path, "--json").stdout)
     # what compression does to the noise of a patch is no dust, and no lack of light
     assert not any(word in " ".join(facts["reasons"]) for word in ("dust", "exposure", "too small"))

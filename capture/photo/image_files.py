@@ -43,8 +43,8 @@ PROCESSED_CONTAINERS = {b"WEBP": "a WebP", b"avif": "an AVIF", b"avis": "an AVIF
 RAW_INSTEAD = ("give the camera's raw file, or a linear EXR or 16-bit TIFF; on a phone use the RAW "
                "or ProRAW setting (iPhone: Settings > Camera > Formats > Apple ProRAW, then RAW "
                "in the camera; Android: RAW in the Pro or Expert mode of the camera app)")
-NOT_LINEAR_GIVES = ("'spectrabox develop --not-linear' and not_linear of a session decode it as "
-                    "sRGB all the same: good for finding a chart, but what is measured on it has "
+NOT_LINEAR_GIVES = ("--not-linear of flat and develop, and not_linear of a session, decode it as "
+                    "sRGB all the same: good for a first look, but what is measured on it has "
                     "errors that nobody states")
 
 

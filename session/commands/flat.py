@@ -88,6 +88,9 @@ class FlatRequest(CommonOptions):
     truth: Annotated[tuple[str, ...], typer.Option(
         "--truth", metavar="NAME=FILE", help="Measured reflectance of a region, to compare "
         "with.")] = ()
+    not_linear: Annotated[bool, typer.Option(
+        "--not-linear", help="Take JPEG and PNG, decoded as sRGB: for a first look, since nobody "
+        "knows the errors of what the camera has processed; never a PASS.")] = False
     picture: Annotated[bool, typer.Option(
         "--picture", help="Also the spectrum of every pixel, with maps, in "
         "results/picture.")] = False
@@ -165,7 +168,7 @@ def _measure(request: FlatRequest) -> Answer:
                       None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
                       families, surfaces, of_all, known, truths, request.layout,
                       request.reference, request.picture, request.picture_light,
-                      further, request.swatches)
+                      further, request.swatches, request.not_linear)
     if request.picture_light is not None and not request.picture:
         raise InputError("--picture-light says how a picture is shown: give --picture too")
     with session_of(order, request.session) as folder:
@@ -209,7 +212,7 @@ def _show_photo(photo: Path, request: FlatRequest) -> Answer:
     from spectrabox.session.camera.inputs import judged_chart
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
-    image = turned(open_any(photo), photo_orientation(photo))
+    image = turned(open_any(photo, request.not_linear), photo_orientation(photo))
     chart = None
     try:
         if request.chart is None:

@@ -75,6 +75,7 @@ class FlatOrder:
     picture_light: str | None = None            # CIE name of a light beside D65
     further: Sequence[FurtherPhoto] = ()
     swatches: Path | None = None                # spectra, named as their regions
+    not_linear: bool = False                    # JPEG and PNG are decoded as sRGB
 
 
 @contextlib.contextmanager
@@ -97,7 +98,7 @@ def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
                  *(further.photo for further in order.further)):
         if path is not None and not path.is_file():
             raise InputError(f"{path} is missing; give the name of a photo")
-        if path is not None:
+        if path is not None and not order.not_linear:
             require_linear_file(path)
     _require_several(order)
     made = not folder.exists()
@@ -169,7 +170,8 @@ def _write(order: FlatOrder, folder: Path) -> None:
              f"name = {_quoted(_name(order.photo))}", "", "[photos]",
              *(f"{key} = {_quoted(name)}" for key, name in photos.items()),
              # of all photos: a camera that looks down states any orientation
-             *([] if orientation == AS_READ else [f"orientation = {orientation}"]), "", "[light]",
+             *([] if orientation == AS_READ else [f"orientation = {orientation}"]),
+             *(["not_linear = true"] if order.not_linear else []), "", "[light]",
              f"spectrum = {_quoted(light)}", ""]
     if chart := _chart(order, folder):
         lines += ["[chart]", *(f"{key} = {value}" for key, value in chart.items()), ""]

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.capture.develop.developed import NOT_LINEAR
 from spectrabox.measure.surface_signals import noise_and_disagreement, relative_errors
 from spectrabox.measure.surface_spectra import score
 from spectrabox.radiometry.grid import FINE_GRID
@@ -83,7 +84,8 @@ def assemble(config: SessionConfig, run: FinishedRun,
                 for name, stage in run.stored.items()],
         surfaces_stated=all(surface.surface is not None or surface.measured is not None
                             for surface in config.surfaces.values()),
-        picture=picture_of(config, records.picture), swatches=records.sample.swatches)
+        picture=picture_of(config, records.picture), swatches=records.sample.swatches,
+        processed=NOT_LINEAR in records.notes)
     if joint is None:
         return FlatResults(
             **vars(common), photos=[_photo_of_regions(config, records, view)

@@ -152,6 +152,7 @@ class CommonEvidence:
     materials: list[MaterialResult]
     surfaces_stated: bool           # matt, satin or glossy, of every surface that is estimated
     picture: PictureOfSpectra | None = None     # where the session asks for one
+    processed: bool = False         # a photo by the camera, and decoded as sRGB
 
 
 @dataclass(frozen=True, kw_only=True)

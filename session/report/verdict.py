@@ -143,8 +143,8 @@ def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
             "Photo, rendering and calibration agree within the limits."
         conditions = _scene_conditions(evidence)
     fits = {"": evidence.calibration, **evidence.other_calibrations}
-    criteria = (*own, *calibration_doubts(evidence), *_chart_agreement(evidence),
-                *held_out_patches(evidence), _clipped(evidence),
+    criteria = (*_processed(evidence), *own, *calibration_doubts(evidence),
+                *_chart_agreement(evidence), *held_out_patches(evidence), _clipped(evidence),
                 *(_outcome(f"Sensitivity fit{where_of(view)}", fit.sensitivity.outcome)
                   for view, fit in fits.items()), *_samplers(evidence), _coverage(evidence),
                 *_truths(evidence))
@@ -153,6 +153,14 @@ def judge(evidence: SceneEvidence | FlatEvidence) -> Verdict:
         reasons = dict.fromkeys(c.sentence for c in criteria if c.status is status)
         return Verdict(status, " ".join(reasons), criteria)
     return Verdict(status, f"{good} The bands hold if {conditions}.", criteria)
+
+
+def _processed(evidence: CommonEvidence) -> list[Criterion]:
+    """Whether a photo is not proportional to light, and was decoded as sRGB all the same."""
+    return [Criterion("Photos proportional to light", None, "no", "yes", Status.WARN,
+                      "A photo was processed by the camera and decoded as sRGB: its tone curve and "
+                      "its colours remain in every spectrum, with errors that no band states. "
+                      "Photograph raw.")] if evidence.processed else []
 
 
 def _scene_criteria(evidence: SceneEvidence) -> list[Criterion]:
