@@ -42,9 +42,15 @@ def main() -> None:
     """Print all photos, and the means over those that are fitted."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True, help="folder of raw photos of charts")
-    rows = [row(path) for path in sorted(parser.parse_args().data.iterdir())
-            if path.is_file() and path.suffix not in (".md", ".txt")]
+    parser.add_argument("--data", type=Path, required=True,
+                        help="folder of raw photos of charts, or one that holds raw_charts")
+    data = parser.parse_args().data
+    folder = data / "raw_charts" if (data / "raw_charts").is_dir() else data
+    photos = [path for path in sorted(folder.iterdir())
+              if path.is_file() and path.suffix not in (".md", ".txt")] if folder.is_dir() else []
+    if not photos:
+        parser.error(f"{folder} holds no photos; give a folder of raw photos of colour charts")
+    rows = [row(path) for path in photos]
     print("\n".join(text for text, _ in rows))
     means = np.array([each for _, each in rows if each is not None])
     if len(means):
