@@ -2,13 +2,13 @@
 
 Cases are those of bench_flat.py: an unknown camera whose maker the prior does not hold, an unknown
 lamp, a chart off the published average by 1 %, light that falls off over the picture, 1 % of noise
-in a pixel, nine published test colours. Every further photo is another raw file of the same scene:
-through a filter whose file is off by about 1 %, or under another lamp from another side. The
-sessions run as ``spectrabox flat`` writes them. Filters: a CSV of transmittances, a column each,
-``--filters``; without it, and beside it, two gels of the kind that are sold for lamps, which are
-given here by seven values. What ``spectrabox plan`` expects of each, from the first photo alone,
-stands beside what comes out. With ``--card`` a white card of known spectrum takes the place of the
-fifth colour.
+in a pixel, nine published test colours, none twice before all were used. Every further photo is
+another raw file of the same scene: through a filter whose file is off by about 1 %, or under
+another lamp from another side. The sessions run as ``spectrabox flat`` writes them. Filters: a CSV
+of transmittances, a column each, ``--filters``; without it, and beside it, two gels of the kind
+that are sold for lamps, which are given here by seven values. What ``spectrabox plan`` expects of
+each, from the first photo alone, stands beside what comes out. With ``--card`` a white card of
+known spectrum takes the place of the fifth colour.
 
     python -m benchmarks.bench_more_bands --data FOLDER --filters CSV --names "Tiffen Orange 16"
 """
@@ -170,7 +170,8 @@ def scene_of(data: Path, case: int, seed: int,
                           for lamp in chosen])
     named = [(name, row) for name, rows in test_reflectances(grid_from_nm(NM[20:-30])).items()
              if name not in REFERENCES for row in rows]
-    picked = [named[index] for index in rng.choice(len(named), REGIONS, replace=False)]
+    order = np.random.default_rng(seed).permutation(len(named))     # each comes before any returns
+    picked = [named[order[(REGIONS * case + number) % len(named)]] for number in range(REGIONS)]
     surfaces = np.array([np.pad(row, (20, 30), mode="edge") for _, row in picked])
     if card:
         surfaces[CARD] = CARD_REFLECTANCE

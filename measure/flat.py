@@ -44,10 +44,12 @@ EXPECTED = 0.01         # of white: error of the signals whose spectra the error
 # of white, beyond which a veil is haze; and how far it then differs over a photo: on a real one by
 # 0.3 of itself over a chart
 USUAL_VEIL, UNEVEN_VEIL = 0.03, 0.3
-# of an error: what photos under one lamp that stayed in its position repeat, whatever the filter.
-# Each photo tells its own field of light, but by the same patches and the same lamp: by simulation
-# fields at a region differ by 0.2 to 0.45 of their error.
-SHARED_UNDER_ONE_LAMP = {SAMPLE_PLANE: 1.0, SURFACE_REFLECTION: 1.0, LIGHT_FIELD: 0.95}
+# Share of an error's variance that photos repeat: under one lamp that stayed in its position,
+# whatever the filter; and under another lamp. All tell the light at a region by the same patches,
+# whose errors grow with the distance from the chart (benchmarks/bench_light_field.py); what a
+# surface mirrors is half its own, half the lamp's position.
+SHARED_BY_PHOTOS = {SAMPLE_PLANE: (1.0, 0.0), SURFACE_REFLECTION: (1.0, 0.5),
+                    LIGHT_FIELD: (0.95, 0.6)}
 
 
 def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],
@@ -56,7 +58,7 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     """Signals of all regions in the bands of all photos; photos of one response are averaged, and
     bands that are dark or saturated on a region are not a number there.
 
-    Photos under one lamp, through filters, err alike by what the lamp and the sample's plane do.
+    Photos of one chart err alike in part, those under one lamp, through filters, nearly as one.
 
     Parameters
     ----------
@@ -190,7 +192,7 @@ def lamp_of(photos: Sequence[FlatPhoto], number: int) -> str:
 
 def common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lamps: np.ndarray,
                      disagreement: PatchError) -> np.ndarray:
-    """What one cause adds to a surface's covariance (J, J) between photos under one lamp.
+    """What one cause adds to a surface's covariance (J, J) between photos.
 
     Parameters
     ----------
@@ -204,12 +206,14 @@ def common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lam
         Of each band, from ``lamp_of``; empty for a band that shows nothing.
     disagreement : PatchError
     """
-    one_lamp = (lamps[:, None] == lamps) & (lamps != "") & (covariance == 0)
+    one_lamp = lamps[:, None] == lamps
     if cause == DISAGREEMENT:
-        common = disagreement.common * signal
+        common, share = disagreement.common * signal, one_lamp.astype(float)
     else:
-        common = np.sqrt(SHARED_UNDER_ONE_LAMP.get(cause, 0.0) * np.diag(covariance))
-    return np.asarray(np.where(one_lamp, np.outer(common, common), 0.0))
+        common = np.sqrt(np.diag(covariance))
+        share = np.where(one_lamp, *SHARED_BY_PHOTOS.get(cause, (0.0, 0.0)))
+    between = (covariance == 0) & (lamps != "") & (lamps != "")[:, None]
+    return np.asarray(np.where(between, share * np.outer(common, common), 0.0))
 
 
 def _expected_spectrum(families: Sequence[str], response: np.ndarray,

@@ -2,8 +2,8 @@
 
 Spectra are drawn from what is known of a surface, the photos of each are simulated with the errors
 that they would have, and the spectrum behind them is estimated as it will be: the forecast is the
-mean over draws. A photo under the same lamp shares the errors of lamp and plane with the first, and
-its chart sharpens the camera's curves: they are conditioned on the signals of its patches, whose
+mean over draws. Photos share errors as `measure.flat` has them; under the same lamp the second
+chart sharpens the camera's curves: they are conditioned on the signals of its patches, whose
 levels are free. Where the light of a session is unknown, the camera's own curves are the products
 over the light's posterior mean.
 """
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.measure.flat import DARK_BAND, SHARED_UNDER_ONE_LAMP
+from spectrabox.measure.flat import DARK_BAND, SHARED_BY_PHOTOS
 from spectrabox.measure.surface_signals import errors_by_cause
 from spectrabox.radiometry.covariance import error_patterns, symmetric
 from spectrabox.radiometry.error_model import (
@@ -280,9 +280,9 @@ def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, known: int,
     bands = len(own)
     scale = np.ones_like(signal) if CAUSES[cause].kind == "added" else signal
     relative = own / np.outer(scale[:bands], scale[:bands])
-    shared = SHARED_UNDER_ONE_LAMP.get(cause, 0.0) * relative
+    under_one, under_two = (share * relative for share in SHARED_BY_PHOTOS.get(cause, (0.0, 0.0)))
     if cause == DISAGREEMENT:       # what the bands of a patch have in common, photos have
-        shared = np.full_like(relative, relative[~np.eye(bands, dtype=bool)].mean())
+        under_one = np.full_like(relative, relative[~np.eye(bands, dtype=bool)].mean())
     total = np.zeros((signal.size,) * 2)
     first = slice(0, bands)
     for number, (block, photo) in enumerate(zip(blocks, photos, strict=True)):
@@ -290,9 +290,9 @@ def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, known: int,
         others = [(first, True), *((blocks[other], photos[other].same_lamp)
                                    for other in range(number))]
         for other, same_lamp in others:
-            if photo.same_lamp and same_lamp:
-                both = shared * np.outer(scale[other], scale[block])
-                total[other, block], total[block, other] = both, both.T
+            shared = under_one if photo.same_lamp and same_lamp else under_two
+            both = shared * np.outer(scale[other], scale[block])
+            total[other, block], total[block, other] = both, both.T
     return total
 
 
