@@ -18,6 +18,7 @@ import shutil
 import tomllib
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +27,24 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 import spectrabox
+from spectrabox.calibrate.geometry.lens_files import write_lens
+from spectrabox.capture.photo.image_files import read_linear_file, write_exr
+from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
+from spectrabox.fixtures.dng import write_dng
+from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.terminal.examples import EXAMPLES
+
+from tests import test_beam as wall
+from tests import test_geometry_commands as geometry
+
+GRID = visible_grid(5)
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -40,12 +55,8 @@ NOT_RUN = {"needs-setup": "sets up an environment", "needs-minutes": "takes too 
 HOW_MANY_ARE_NOT_RUN = {"needs-setup": 4, "needs-minutes": 6, "needs-meter": 2, "needs-photos": 19,
                         "needs-data": 7, "needs-browser": 3}
 EXAMPLES_NOT_RUN = {
-    "demo": "takes too long", "rehearse": "takes too long", "certify": "takes too long",
-    "prior train": "takes too long", "camera prior": "needs measured cameras",
-    "camera add": "needs measured cameras", "filter fit": "needs a filter",
-    "geometry lens": "needs photos of a board", "geometry pose": "needs known points",
-    "geometry box": "needs a measured box", "geometry undistort": "needs a lens",
-    "geometry light": "takes too long", "geometry beam": "needs a wall",
+    "demo": "takes too long", "rehearse": "takes too long", "prior train": "takes too long",
+    "geometry box": "needs a measured box", "geometry light": "takes too long",
     "meter identify": "needs a meter", "meter measure": "needs a meter",
     "open": "serves a page until it is stopped"}
 FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -242,11 +253,76 @@ def write_files_of(words, folder):
         write_flat_demo(folder / "painting", 1)
     if "colour" in words and not (folder / "painting").exists():
         run_command(["spectrabox", "demo", "painting", "--flat"], "")
-    if "--board" in words:
-        (folder / "board.toml").write_text("columns = 8\nrows = 11\nsquare = 20.0\nmarker = 15.0\n",
-                                           encoding="utf-8")
+    for file, write in FILES.items():
+        if file in words and not (folder / file).exists():
+            write(folder)
     if "cube.npy" in words:
         np.save(folder / "cube.npy", np.full((4, 5, 31), 0.3))
+
+
+def write_curves(folder):
+    (folder / "measured-cameras").mkdir()
+    for name in ("Nikon D810", "Nikon D800E", "Canon EOS 5D", "Canon EOS 200D"):
+        curves = dict(zip("RGB", sensitivities(name, GRID), strict=True))
+        write_table(folder / "measured-cameras" / f"my {name}.csv", curves, Quantity.RELATIVE)
+
+
+def write_paints(folder):
+    (folder / "measured-paints").mkdir()
+    for number, paint in enumerate(published_reflectances(GRID)["CES99"][:12]):
+        write_table(folder / "measured-paints" / f"{number}.csv", {"value": paint})
+
+
+def write_filtered(folder):
+    """A chart and a lamp, without and with a filter."""
+    shutil.copy(folder / "mybox" / "photos" / "chart.dng", folder / "chart.dng")
+    frame = read_raw(folder / "chart.dng")
+    black = np.tile(frame.black_level, np.array(frame.mosaic.shape) // 2)
+    write_dng(folder / "chart-gel.dng", (black + 0.6 * (frame.mosaic - black)).astype(np.uint16),
+              black=frame.black_level.ravel(), exposure_s=Fraction(frame.exposure_s))
+    for name, share in (("lamp", 1.0), ("lamp-gel", 0.6)):
+        write_table(folder / f"{name}.csv", {"value": share * light("A", GRID)}, Quantity.RELATIVE)
+
+
+def write_board(folder):
+    (folder / "board.toml").write_text(
+        geometry.BOARD + "origin = [0, 1, 2]\nright = [1, 0, 0]\ndown = [0, -1, 0]\n",
+        encoding="utf-8")
+
+
+def write_board_photos(folder):
+    write_board(folder)
+    for number, tilt in enumerate(geometry.TILTS[:3], start=1):
+        geometry.bent_photo(folder, tilt).rename(folder / f"board{number}.dng")
+
+
+def write_box_photo(folder):
+    """A board by a bent lens; the scene, the lens and points that were marked on a box."""
+    write_board(folder)
+    geometry.bent_photo(folder, geometry.TILTS[0]).rename(folder / "box.dng")
+    (folder / "scene.xml").write_text(geometry.SCENE, encoding="utf-8")
+    write_lens(folder / "lens.json", geometry.TRUE)
+    geometry.points_file(folder, geometry.seen(geometry.CORNERS, geometry.TURN, geometry.BOX_SHIFT))
+
+
+def write_wall(folder):
+    wall.written(folder)
+    (folder / "wall.exr").rename(folder / "wall.dng")
+    shape = read_linear_file(folder / "wall.dng").signal.shape
+    noise = 0.005 * np.random.default_rng(1).standard_normal(shape)
+    write_exr(folder / "card.exr", (0.5 + noise).astype(np.float32), "RGB", 0.1)
+    (folder / "card.exr").rename(folder / "white-card.dng")
+
+
+def write_table(path, columns, quantity=Quantity.REFLECTANCE):
+    path.write_text(table_text(GRID.nm, columns, quantity=quantity, source="example"),
+                    encoding="utf-8")
+
+
+FILES = {"measured-cameras": write_curves, "measured-paints": write_paints,
+         "chart-gel.dng": write_filtered, "lamp-gel.csv": write_filtered,
+         "board.toml": write_board, "board1.dng": write_board_photos, "box.dng": write_box_photo,
+         "wall.dng": write_wall}
 
 
 @pytest.mark.parametrize("name", COMMANDS)

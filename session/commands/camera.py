@@ -23,7 +23,8 @@ from spectrabox.session.terminal.command_line import (
 )
 
 PRIORS = {".npz": "a prior on curves"}
-camera = Commands(help="Sensitivities of a camera: fit, prior, preflight.")
+camera = Commands(help="Sensitivities of a camera: measured on a chart, known by its name, or "
+                       "forecast before the shoot.")
 
 
 def register(app: typer.Typer) -> None:
@@ -68,7 +69,7 @@ class CameraPriorRequest(CommonOptions):
     folder: Annotated[Path, typer.Argument(
         metavar="FOLDER", show_default=False, help="Curves: rawtoaces JSON, camspec TXT, CSV.")]
     out: Annotated[Path, typer.Option(
-        metavar="NPZ", show_default=False, help="Where to write the prior.")]
+        "--out", "-o", metavar="NPZ", show_default=False, help="Where to write the prior.")]
     leave_out: Annotated[tuple[str, ...], typer.Option(
         metavar="NAME", help="A camera to leave out; may be repeated.")] = ()
     source: Annotated[str | None, typer.Option(

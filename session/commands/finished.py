@@ -116,8 +116,8 @@ class ColourRequest(SessionOptions):
 
 @command
 def colour(request: ColourRequest) -> Answer:
-    """Colour management of a finished session of flat samples: the photo as 16-bit TIFF, ICC and
-    OpenColorIO profiles with their errors, and a page for the archive.
+    """Write a finished session of flat samples for colour management: the photo as 16-bit TIFF, ICC
+    and OpenColorIO profiles with their errors, and a page for the archive.
     """
     from spectrabox.session.colour.colour_outputs import write_colour
     from spectrabox.session.config.session_file import read_session

@@ -48,15 +48,15 @@ class FlatRequest(CommonOptions):
         "light:LIGHT as of --light, or same (the first photo's light). May be repeated.")] = ()
     region: Annotated[tuple[str, ...], typer.Option(
         "--region", metavar=f"NAME={RECTANGLE}", help="A region by two opposite corners in pixels "
-        "of the first photo; may be repeated. Without one the chart is looked for, and a "
-        "picture written that shows it, with pixels on its axes.")] = ()
+        "of the first photo; may be repeated. Without one, the command looks for the chart and "
+        "writes a picture of the photo with its pixels on the axes.")] = ()
     regions: Annotated[Path | None, typer.Option(
         metavar="TOML",
         help="File of regions, [regions.NAME] with rect, family, surface, known and "
         "truth as in a session, for photos that are framed alike.")] = None
     each: Annotated[bool, typer.Option(
-        "--each", help="Every photo is one of its own, with the same regions: a session for each, "
-        "as for the photos of a day.")] = False
+        "--each", help="Measure every photo by itself, with the same regions, and make a session "
+        "of each: for the photos of a day.")] = False
     light: Annotated[str, typer.Option(
         metavar="FILE|NAME",
         help="Of the first photo: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
@@ -96,7 +96,8 @@ class FlatRequest(CommonOptions):
         "results/picture.")] = False
     picture_light: Annotated[str | None, typer.Option(
         metavar="NAME",
-        help="CIE name of a light beside D65 under which the picture's colours are shown.")] = None
+        help="CIE name of a second light, besides D65, under which the picture's colours are "
+        "shown.")] = None
     session: Annotated[Path | None, typer.Option(
         metavar="DIR", help="The session folder; beside the photo and named after it by "
         "default.")] = None

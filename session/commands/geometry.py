@@ -40,8 +40,8 @@ LensFile = Annotated[Path | None, typer.Option("--lens", metavar="lens.json",
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    group = Commands(help="Lens and pose of the camera, photos without distortion, place and "
-                     "beam of the lamp.")
+    group = Commands(help="Lens and position of the camera, photos without distortion, position "
+                          "and beam of the lamp.")
     for function in (board, lens, pose, box, undistort, light, beam):
         group.command()(function)
     app.add_typer(group, name="geometry")

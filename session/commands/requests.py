@@ -136,8 +136,8 @@ class SampleRequest(PriorOptions, MeasuredSignal):
         help="Draws of each signal; 1000 at least for a 95 % band.")] = 2000
     seed: Seed = 0
     out: Annotated[Path | None, typer.Option(
-        metavar="NPZ|CSV", help="Where to write the draws (.npz), or means and bands "
-        "(.csv).")] = None
+        "--out", "-o", metavar="NPZ|CSV", help="Where to write the draws (.npz), or means and "
+        "bands (.csv).")] = None
     plot: Annotated[Path | None, typer.Option(
         "--plot", metavar="PNG", help="Draw means and bands into this picture.")] = None
     level: Annotated[float, typer.Option(
@@ -240,7 +240,7 @@ class CertifyRequest(PriorOptions, ObserverAndDaylight):
     noise: Annotated[float, typer.Option(help="Relative standard error of the signals.")] = 0.0
     delta_light: DeltaLights = DELTA_LIGHTS
     out: Annotated[Path | None, typer.Option(
-        metavar="MD", help="Where to write the page.")] = None
+        "--out", "-o", metavar="MD", help="Where to write the page.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,7 +250,8 @@ class TrainRequest(ObserverAndDaylight):
     folders: Annotated[tuple[str, ...], typer.Argument(
         metavar="[FAMILY=]FOLDER...", help="One folder per library, and the family of surfaces "
         "that it is of, or mixed; paint by default.")]
-    out: Annotated[Path, typer.Option(metavar="NPZ", help="Where to write the prior.")]
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="NPZ", help="Where to write the prior.")]
     models: Annotated[bool, typer.Option(
         "--models/--libraries-alone", help="Also learn from the models of skin, leaves, dyes ... "
         "that come with the program.")] = True
@@ -290,7 +291,7 @@ class JudgeRequest(PriorOptions, ObserverAndDaylight):
     seed: Seed = 0
     baseline: Baseline = False
     out: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="Where to write the regions' spectra.")] = None
+        "--out", "-o", metavar="CSV", help="Where to write the regions' spectra.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -334,7 +335,7 @@ class CameraFitRequest(CommonOptions):
     curves: Annotated[Path | None, typer.Option(
         metavar="CSV", help="Measured curves, with method file.")] = None
     out: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="Write the curves and their band.")] = None
+        "--out", "-o", metavar="CSV", help="Write the curves and their band.")] = None
     draws_file: Annotated[Path | None, Was("--samples"), typer.Option(
         metavar="NPZ", help="Write 1000 draws of the curves.")] = None
     reference: Annotated[tuple[str, ...], typer.Option(

@@ -33,7 +33,8 @@ def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     for function in (sample, uplift, plan, certify, judge, match):
         app.command()(function)
-    prior = Commands(help="The prior on reflectances: train one of your own.")
+    prior = Commands(help="What is known of reflectances beforehand, the prior: learn one from "
+                          "your own measurements.")
     prior.command("train")(prior_train)
     prior.callback()(lambda: None)  # keeps "train" a word of its own while it is the only command
     app.add_typer(prior, name="prior")
@@ -68,7 +69,7 @@ def sample(request: SampleRequest) -> Answer:
 
 @command
 def uplift(request: UpliftRequest) -> Answer:
-    """Recover the spectrum behind every pixel: mean and spread, as spectral EXR or ENVI images."""
+    """Recover the spectrum behind every pixel: mean and spread, as EXR, ENVI or OME-Zarr."""
     out = request.out
     if out.suffix.lower() in (".exr", ".hdr", ".img"):
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "

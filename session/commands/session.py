@@ -39,7 +39,8 @@ class DemoRequest(CommonOptions):
     """Options of ``spectrabox demo``."""
 
     folder: Annotated[Path | None, typer.Argument(
-        metavar="[DIR]", help="Where to write it: demo-session, demo-flat or demo-picture.")] = None
+        metavar="[DIR]", help="Where to write it; by default demo-session, with --flat demo-flat, "
+        "with --picture demo-picture.")] = None
     flat: Annotated[bool, typer.Option(
         "--flat", help="A painting with a chart in one photo, without a scene.")] = False
     picture: Annotated[bool, typer.Option(

@@ -359,7 +359,7 @@ class PictureSection(Table):
 
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners "
                                        "in pixels of the photo; all of it where left out")
-    light: str | None = Field(None, description="CIE name of a light beside D65 under which "
+    light: str | None = Field(None, description="CIE name of a light besides D65 under which "
                               "colours are shown")
     bands_nm: ListOf[float] = Field((450, 500, 550, 600, 650), description="wavelengths of which "
                                     "maps are made")

@@ -58,11 +58,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "geometry lens": ("spectrabox geometry lens board1.dng board2.dng board3.dng \\\n"
                       "    --board board.toml --out lens.json",
                       "spectrabox geometry lens board1.dng board2.dng board3.dng \\\n"
-                      "    --board board.toml --out lens.json --overlay seen"),
+                      "    --board board.toml --out lens.json --force --overlay seen"),
     "geometry pose": ("spectrabox geometry pose box.dng --scene scene.xml \\\n"
                       "    --points points.toml --out posed.xml",
                       "spectrabox geometry pose box.dng --scene scene.xml \\\n"
-                      "    --board board.toml --lens lens.json --out posed.xml"),
+                      "    --board board.toml --lens lens.json --out by-board.xml"),
     "geometry box": ("spectrabox geometry box tapebox", "spectrabox geometry box tapebox --json"),
     "geometry undistort": (
         "spectrabox geometry undistort box.dng --lens lens.json --out box.exr",
@@ -71,10 +71,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
                        "    --sensitivity curves.csv --reflectances paints.csv --out lit.xml",
                        "spectrabox geometry light box.dng --scene posed.xml --light LED-B3 \\\n"
                        f"    --sensitivity {CAMERA} --reflectances paints.csv \\\n"
-                       "    --out lit.xml --spp 512"),
+                       "    --out lit.xml --force --spp 512"),
     "geometry beam": ("spectrabox geometry beam wall.dng --wall wall.toml --out beam.csv",
                       "spectrabox geometry beam wall.dng --wall wall.toml --out beam.csv \\\n"
-                      "    --dark off.dng --flat-field white-card.dng"),
+                      "    --flat-field white-card.dng --force"),
     "sample": (f"spectrabox sample --sensitivity {CAMERA} --light D65 \\\n"
                "    --signal 0.47,0.27,0.12 --noise 0.005 --reading 700:0.6:0.01",
                "spectrabox sample --srgb 200,100,50 --out colour.csv --plot colour.png"),
@@ -112,8 +112,25 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
 }
 
 
+# what examples name that no demonstration writes
+BROUGHT_ALONG = {
+    "measured-cameras": "files of your cameras' measured curves",
+    "measured-paints": "files of reflectances that you have measured",
+    "chart-gel.dng": "the chart, photographed without and with the filter",
+    "lamp-gel.csv": "spectra of a lamp, measured without and with the filter",
+    "board.toml": "the columns, rows, square and marker of your printed board",
+    "points.toml": "known points: [points.NAME] scene = [x, y, z], px = [x, y]",
+    "lens.json": "'spectrabox geometry lens' writes it",
+    "paints.csv": "reflectances of the scene's surfaces, a column for each",
+    "wall.toml": "where the wall's rectangle and the lamp are",
+    "cube.npy": "a picture of spectra, rows x columns x wavelengths",
+    "fixtures/transcripts": "in the source of spectrabox"}
+
+
 def origin_of_files(examples: Iterable[str]) -> list[str]:
-    """What writes the demonstration sessions that examples name, a line for each."""
+    """What writes the files that examples name, or what they are, a line for each."""
     text = " ".join(examples)
-    return [f"('{demo}' writes {folder})" for folder, demo in DEMOS.items()
-            if f" {folder}" in text and demo not in text]
+    demos = [f"('{demo}' writes {folder})" for folder, demo in DEMOS.items()
+             if f" {folder}" in text and demo not in text]
+    return demos + [f"({name}: {what})" for name, what in BROUGHT_ALONG.items()
+                    if name in text and f"--out {name}" not in text]
