@@ -7,6 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from flat_example import CHART, HEAD, PAINTS, picture, rect_of, regions_toml, write_flat
+from test_photo_orientation import photo_bytes_with
 from typer.testing import CliRunner
 
 import spectrabox
@@ -235,6 +236,8 @@ def test_a_photo_without_a_whole_chart_is_told_which_option_to_use(tmp_path, cha
 def test_photos_of_a_day_have_their_regions_in_a_file_and_a_session_each(tmp_path):
     write_raw()(tmp_path / "a.dng")
     write_raw(seed=2)(tmp_path / "b.dng")
+    # a camera that looks down states any orientation, and the regions stay where they are
+    (tmp_path / "b.dng").write_bytes(photo_bytes_with(tmp_path / "b.dng", 8))
     write_raw(chart=None)(tmp_path / "none.dng")
     (tmp_path / "regions.toml").write_text("".join(
         f"[regions.{name}]\nrect = {rect_of(name)}\n" + more for name, more in

@@ -3,6 +3,7 @@ import json
 from fractions import Fraction
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from flat_example import picture, rect_of
 from PIL import Image, ImageOps
@@ -90,6 +91,17 @@ def test_page_regions_and_report_are_of_the_upright_picture(tmp_path):
     assert np.sqrt(np.mean((mean - truth) ** 2)) < 0.04
     with Image.open(session / "results" / "photo" / "preview.png") as preview:
         assert preview.width > preview.height
+    assert CliRunner().invoke(app, ["colour", str(session), "--family", "paint"]).exit_code == 0
+    tiff = oiio.ImageBuf(str(session / "colour" / "photo.tif"))
+    red, green, blue = tiff.getpixel((x0 + x1) // 4, (y0 + y1) // 4)    # of half the size
+    assert tiff.spec().width == 240 and green > red and green > blue
+
+
+def test_a_developed_photo_stays_in_the_sensors_frame_and_states_how_to_turn_it(tmp_path):
+    photo, out = photo_of(tmp_path / "a.dng", 6), tmp_path / "a.exr"
+    assert CliRunner().invoke(app, ["develop", str(photo), "--out", str(out)]).exit_code == 0
+    np.testing.assert_array_equal(open_photo(out).signal, open_photo(photo).signal)
+    assert photo_orientation(out) == 6
 
 
 def photo_bytes_with(path, orientation):

@@ -326,13 +326,17 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
     return channel_names(path, spec), spec.height, spec.width, rows
 
 
-def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
+def write_linear_exr(path: str | os.PathLike[str], image: LinearImage,
+                     orientation: int = 1) -> None:
     """Write a linear image with its variance and saturation; ``read_linear_file`` gives it back.
 
     Parameters
     ----------
     path : path
     image : LinearImage
+        As the sensor read it.
+    orientation : int
+        1 to 8, as EXIF numbers them: how it is to be turned to stand upright.
 
     Raises
     ------
@@ -353,6 +357,7 @@ def write_linear_exr(path: str | os.PathLike[str], image: LinearImage) -> None:
                         ("FNumber", image.f_number), ("spectrabox:sensor_step", image.sensor_step)):
         if value is not None:
             spec.attribute(name, float(value))
+    spec.attribute("Orientation", orientation)
     _write(Path(path), np.ascontiguousarray(pixels, dtype=np.float32), spec)
 
 

@@ -102,10 +102,11 @@ def develop(request: DevelopRequest) -> Answer:
     """
     from spectrabox.capture.develop.developed import develop_photos
     from spectrabox.capture.photo.image_files import write_linear_exr
+    from spectrabox.capture.photo.orientation import photo_orientation
     check_ending(request.out, {".exr": "the signal in floating point"})
     image, notes = develop_photos(request.photos, request.dark, request.flat_field,
                                   request.not_linear)
-    write_linear_exr(request.out, image)
+    write_linear_exr(request.out, image, photo_orientation(request.photos[0]))
     facts = {**_photo_facts(image), "out": str(request.out), "notes": list(notes),
              "size": [image.signal.shape[1], image.signal.shape[0]]}
     lines = [f"wrote {request.out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "

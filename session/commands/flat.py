@@ -1,6 +1,7 @@
 """The command that goes from photos with a chart in them to spectra of their regions."""
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
 from collections.abc import Iterable, Sequence
@@ -56,7 +57,7 @@ class FlatRequest(CommonOptions):
         "truth as in a session, for photos that are framed alike.")] = None
     each: Annotated[bool, typer.Option(
         "--each", help="Measure every photo by itself, with the same regions, and make a session "
-        "of each: for the photos of a day.")] = False
+        "of each: for the photos of a day. All are turned as the first states.")] = False
     light: Annotated[str, typer.Option(
         metavar="FILE|NAME",
         help="Of the first photo: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
@@ -118,9 +119,10 @@ def _measure_each(request: FlatRequest) -> Answer:
                          "out")
     answers: list[dict[str, object]] = []
     texts, codes = [], []
+    orientation = _first_orientation(request.photos)
     for photo in request.photos:
         try:
-            answer = _measure(dataclasses.replace(request, photos=(photo,)))
+            answer = _measure(dataclasses.replace(request, photos=(photo,)), orientation)
             answers.append({"photo": photo, **answer.facts})
             texts.append(f"{photo}\n{answer.text}")
         except SpectraboxError as error:
@@ -131,12 +133,23 @@ def _measure_each(request: FlatRequest) -> Answer:
     return Answer({"photos": answers}, "\n\n".join(texts), min(codes, default=0))
 
 
-def _measure(request: FlatRequest) -> Answer:
+def _first_orientation(photos: Sequence[Path]) -> int | None:
+    """The orientation of the first photo that can be read, in which all are framed alike: a camera
+    that looks down states any.
+    """
+    from spectrabox.capture.photo.orientation import photo_orientation
+    for photo in photos:
+        with contextlib.suppress(SpectraboxError):
+            return photo_orientation(photo)
+    return None
+
+
+def _measure(request: FlatRequest, orientation: int | None = None) -> Answer:
     """The session of one sample, run; without regions a look at its photo."""
     start = time.perf_counter()
     photo, *others = request.photos
     if not request.region and request.regions is None:
-        return _show_photo(photo, request)
+        return _show_photo(photo, request, orientation)
     from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
     from spectrabox.session.flat.regions_file import StatedRegions, read_regions
     in_file = StatedRegions() if request.regions is None else read_regions(request.regions)
@@ -169,7 +182,7 @@ def _measure(request: FlatRequest) -> Answer:
                       None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
                       families, surfaces, of_all, known, truths, request.layout,
                       request.reference, request.picture, request.picture_light,
-                      further, request.swatches, request.not_linear)
+                      further, request.swatches, request.not_linear, orientation)
     if request.picture_light is not None and not request.picture:
         raise InputError("--picture-light says how a picture is shown: give --picture too")
     with session_of(order, request.session) as folder:
@@ -206,14 +219,14 @@ def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, s
     return stated, of_all
 
 
-def _show_photo(photo: Path, request: FlatRequest) -> Answer:
+def _show_photo(photo: Path, request: FlatRequest, orientation: int | None) -> Answer:
     """Look for the chart, and write a picture to read regions from, with the chart drawn on it."""
     from spectrabox.capture.develop.developed import open_any
     from spectrabox.capture.photo.orientation import photo_orientation, turned
     from spectrabox.session.camera.inputs import judged_chart
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
-    image = turned(open_any(photo, request.not_linear), photo_orientation(photo))
+    image = turned(open_any(photo, request.not_linear), orientation or photo_orientation(photo))
     chart = None
     try:
         if request.chart is None:

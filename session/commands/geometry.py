@@ -146,7 +146,7 @@ class PoseRequest(CommonOptions):
         "this camera.")]
     points_file: Annotated[Path | None, typer.Option(
         "--points", metavar="points.toml", help="Known points: [points.NAME] scene = [x, y, z], px "
-        "= [x, y].")] = None
+        "= [x, y] in the photo as the sensor read it.")] = None
     board_file: BoardFile = None
     lens_file: LensFile = None
     overlay: Annotated[Path | None, typer.Option(
@@ -246,13 +246,14 @@ def undistort(request: UndistortRequest) -> Answer:
     from spectrabox.calibrate.geometry.projection import undistorted
     from spectrabox.capture.photo.image_files import write_linear_exr
     from spectrabox.capture.photo.linear import open_photo
+    from spectrabox.capture.photo.orientation import photo_orientation
     from spectrabox.radiometry.files import writable
     check_ending(request.out, {".exr": "the signal in floating point"})
     require_new(request.out, request.force, request.photo)
     image = open_photo(request.photo)
     straight = undistorted(image, read_lens(request.lens_file))
     with writable(request.out.parent):
-        write_linear_exr(request.out, straight)
+        write_linear_exr(request.out, straight, photo_orientation(request.photo))
     lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
     return Answer({"out": request.out,
                    "size": [straight.signal.shape[1], straight.signal.shape[0]],

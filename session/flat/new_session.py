@@ -76,6 +76,7 @@ class FlatOrder:
     further: Sequence[FurtherPhoto] = ()
     swatches: Path | None = None                # spectra, named as their regions
     not_linear: bool = False                    # JPEG and PNG are decoded as sRGB
+    orientation: int | None = None              # of all photos; None: as the first states
 
 
 @contextlib.contextmanager
@@ -165,7 +166,7 @@ def _write(order: FlatOrder, folder: Path) -> None:
     for key, path in (("chart", order.chart), ("flat", order.flat_field)):
         if path is not None:
             photos[key] = _copied(path, folder, "photos")
-    light, orientation = _spectrum(order.light, folder), _orientation(order.photo, folder)
+    light, orientation = _spectrum(order.light, folder), _orientation(order, folder)
     lines = ["#:schema ./session.schema.json", "", "[session]",
              f"name = {_quoted(_name(order.photo))}", "", "[photos]",
              *(f"{key} = {_quoted(name)}" for key, name in photos.items()),
@@ -211,13 +212,13 @@ def _write(order: FlatOrder, folder: Path) -> None:
         write_schema(folder)
 
 
-def _orientation(photo: Path, folder: Path) -> int:
-    """How photos are turned: as the first states, or as in the session that is written anew, whose
-    regions must not move.
+def _orientation(order: FlatOrder, folder: Path) -> int:
+    """How photos are turned: as ordered, as the first states, or as in the session that is written
+    anew, whose regions must not move.
     """
     written = folder / FILE_NAME
     if not written.exists():
-        return photo_orientation(photo)
+        return order.orientation or photo_orientation(order.photo)
     with written.open("rb") as file:
         return int(tomllib.load(file)["photos"].get("orientation", AS_READ))
 
