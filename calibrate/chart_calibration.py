@@ -69,6 +69,7 @@ from spectrabox.radiometry.records import (
     Spectrum,
     UnknownLight,
     WavelengthGrid,
+    default_band_names,
 )
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.shaped import Record
@@ -98,10 +99,13 @@ class ChartPhoto(Record):
     excluded: Annotated[np.ndarray, "I"] | None = None      # bool: patches that no fit may use
     chart: Chart = CLASSIC
     filter: Filter | None = None        # before the lens or the lamp; never of the first photo
+    bands: tuple[str, ...] = ()         # K names; none: those of bands that nobody named
 
     @property
     def used(self) -> np.ndarray:
-        """Whether each patch (I,) may be used: neither excluded nor saturated."""
+        """Whether each patch (I,) may be used: neither excluded nor saturated in every band. Of one
+        that is, fits use the bands that are not clipped.
+        """
         return ~self.samples.saturated if self.excluded is None \
             else ~(self.excluded.astype(bool) | self.samples.saturated)
 
@@ -135,7 +139,7 @@ class ChartCalibration(Record):
     prior_fit: PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
     excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
-    saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded
+    saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded, in every band
     cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
     departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
 
@@ -196,7 +200,7 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     assert held_out is not None
     measured, signals_without = first.samples.mean, first.samples.mean * (1 - held_out)
     covariance = relative_prediction_covariance(held_out, first.samples)
-    known = ~first.samples.saturated
+    known = ~first.samples.clipped.any(axis=1)
     delta_e, delta_e_without = (
         chart_colour_differences(measured, signal, first.reflectances, grid)
         for signal in (fitted.predicted, signals_without))
@@ -218,7 +222,7 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     # products with an unknown light are no curves that a matrix could be held against
     if fitted.light is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
         doubts += (CalibrationDoubt.COLOUR_MATRIX,)
-    checks += [*unseen, *_saturated_notes(fitted.without, first), *fitted.notes,
+    checks += [*unseen, *_clipped_notes(fitted.without, first), *fitted.notes,
                *(doubt.value for doubt in doubts)]
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
                               tuple(checks), doubts, fitted.light)
@@ -392,13 +396,17 @@ def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) ->
         raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
 
 
-def _saturated_notes(without: PatchesWithout, photo: ChartPhoto) -> tuple[str, ...]:
-    """What it costs that saturated patches could not be used."""
-    known = without.known_within(photo.reflectances)
-    return tuple(f"patch {photo.chart.names[patch]} is saturated and was left out: its signal is "
-                 f"predicted within {known[patch, 0]:.1%}, and would be within "
-                 f"{known[patch, 1]:.1%} had it been used"
-                 for patch in np.flatnonzero(photo.samples.saturated))
+def _clipped_notes(without: PatchesWithout, photo: ChartPhoto) -> tuple[str, ...]:
+    """What it costs that clipped bands of patches could not be used."""
+    samples, known = photo.samples, without.known_within(photo.reflectances)
+    bands = np.array(photo.bands or default_band_names(samples.mean.shape[1]))
+    return tuple(
+        f"patch {photo.chart.names[patch]} is saturated"
+        + (" and was left out" if samples.saturated[patch] else
+           f" in {', '.join(bands[samples.clipped[patch]])} and was left out there")
+        + f": its signal is predicted within {known[patch, 0]:.1%}, and would be within "
+        f"{known[patch, 1]:.1%} had it been used"
+        for patch in np.flatnonzero(samples.clipped.any(axis=1)))
 
 
 def _power_of(light: Spectrum | UnknownLight,
@@ -571,10 +579,14 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
     """Measured curves as they are; the photo gives the scale of its light."""
     samples, used, irradiance = photo.samples, photo.used, photo.irradiance_or_pi
     unscaled = _chart_signals(photo, grid, curves, power)
-    scale = scale_from_signals(samples.mean[used], unscaled[used], CHART_ERROR, "chart photo")
     patches, bands = samples.mean.shape
-    others = [scale_from_signals(samples.mean[used & rest], unscaled[used & rest], CHART_ERROR,
-                                 "chart photo").value for rest in ~np.eye(patches, dtype=bool)]
+
+    def scale_by(chosen: np.ndarray) -> LightScale:
+        return scale_from_signals(samples.mean[chosen], unscaled[chosen], CHART_ERROR,
+                                  "chart photo", ~samples.clipped[chosen])
+
+    scale = scale_by(used)
+    others = [scale_by(used & rest).value for rest in ~np.eye(patches, dtype=bool)]
     predicted = scale.value * unscaled
     residuals = 1 - predicted / samples.mean
     relative = relative_prediction_covariance(residuals, samples)
@@ -584,7 +596,7 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
         relative * samples.mean[:, :, None] * samples.mean[:, None, :])
     without = PatchesWithout(curves.T, power * grid.weights_nm, factor * np.eye(bands),
                              np.zeros((patches, bands)), covariance, samples.mean,
-                             samples.covariance_of_mean)
+                             samples.covariance_of_mean, samples.clipped)
     equations = _as_equations(photo, grid)
     note = check_measured_curves(equations if used.all() else some_patches(equations, used), curves,
                                  grid)

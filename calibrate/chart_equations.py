@@ -29,6 +29,9 @@ DARK_SHARE = 0.03            # of the brightest patch: below it an error is no l
 # reflectance in dark and in light paints.
 OWN_DARK_SHARE = 0.2
 DARK_BAND = 0.003            # of the brightest band: the same of bands that a filter leaves dark
+# of the brightest patch of the band: standard error of a clipped signal. It leaves no weight (1e-8
+# of that of a signal that can be read), and inverses keep their digits.
+CLIPPED_SD = 100.0
 # relative errors that the bands of a patch may have in common: light that is no smooth field, and
 # patches that are lighter than their reference
 COMMON_ERRORS = (0.0, 0.004, 0.01, 0.025)
@@ -87,6 +90,13 @@ class ChartEquations(Record):
     filter: Filter | None = None                    # before lens or lamp
     # of each patch on the chart, the same in photos whose patches err alike; None: in no other
     number: Annotated[np.ndarray, "I"] | None = None
+    # bool: signals that say nothing, being clipped; None: none is
+    clipped: Annotated[np.ndarray, "I K"] | None = None
+
+    @property
+    def readable(self) -> np.ndarray:
+        """Whether each signal (I, K) can be read."""
+        return np.ones(self.signal.shape, bool) if self.clipped is None else ~self.clipped
 
     @property
     def filter_errors(self) -> int:
@@ -117,7 +127,7 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
     Parameters
     ----------
     samples : PatchSamples
-        Mean signal (I, K) and its covariance.
+        Mean signal (I, K) and its covariance; clipped bands get no weight.
     reflectances : (I, P) array
     light : (P,) array
         Spectrum of the light on ``grid``.
@@ -138,7 +148,8 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
     return ChartEquations(samples.mean, samples.covariance_of_mean, reflectances,
                           passed * grid.weights_nm, irradiance, terms, glare=True, rows=rows,
                           light_terms=light_terms, filter=filter,
-                          number=np.arange(len(samples.mean)))
+                          number=np.arange(len(samples.mean)),
+                          clipped=samples.clipped if samples.clipped.any() else None)
 
 
 def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
@@ -153,7 +164,8 @@ def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
     return replace(photo, signal=photo.signal[chosen], covariance=photo.covariance[chosen],
                    reflectances=photo.reflectances[chosen], irradiance=photo.irradiance[chosen],
                    field_terms=photo.field_terms[chosen], rows=None,
-                   number=None if photo.number is None else photo.number[chosen])
+                   number=None if photo.number is None else photo.number[chosen],
+                   clipped=None if photo.clipped is None else photo.clipped[chosen])
 
 
 def field_terms(positions: np.ndarray, patches: np.ndarray | None = None) -> np.ndarray:
@@ -284,7 +296,7 @@ def predicted_signal(photo: ChartEquations, design: np.ndarray, coefficients: np
 def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
     """Covariance (I, K, K) of the patches' signals, that of the pixels and the model's.
 
-    Errors of different patches are independent.
+    Errors of different patches are independent. A clipped signal is not known at all.
 
     Parameters
     ----------
@@ -294,7 +306,22 @@ def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
         its bands by itself as one of 20 %.
     """
     level = _relative_to(photo)
-    return photo.covariance + _model_covariance(error, level, level)
+    covariance = photo.covariance + _model_covariance(error, level, level)
+    if photo.clipped is None:
+        return covariance
+    return covariance + variance_of_clipped(photo.clipped, photo.signal)
+
+
+def variance_of_clipped(clipped: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Covariance (I, K, K) that takes all weight from clipped signals, 0 in the others.
+
+    Parameters
+    ----------
+    clipped : (I, K) bool array
+    signal : (I, K) array
+    """
+    return np.asarray(np.eye(clipped.shape[1]) * (
+        clipped * (CLIPPED_SD * signal.max(axis=0))**2)[:, :, None])
 
 
 def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.ndarray:

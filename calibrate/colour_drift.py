@@ -105,7 +105,8 @@ def colour_drift(posterior: CurvePosterior, photos: Sequence[ChartEquations],
     colours = np.einsum("ij,ik,kc->icjk", np.eye(patches), 1 / level, contrasts).reshape(
         -1, residuals.size)
     unit = np.linalg.solve(np.linalg.cholesky(colours @ noise @ colours.T), colours)
-    free = float(np.maximum(1 - np.linalg.eigvalsh(unit @ fitted @ unit.T), 0).sum()) - drift.size
+    free = float(np.maximum(1 - np.linalg.eigvalsh(unit @ fitted @ unit.T), 0).sum()) \
+        - drift.size - np.count_nonzero(~photo.readable)    # a clipped band takes one of its patch
     spread = (np.sum((unit @ residuals) ** 2) - chi_square) / free if free > 0 else 1.0
     statistic = chi_square / drift.size / max(spread, MIN_SPREAD)
     across = drift * np.ptp(along, axis=0)[:, None]

@@ -21,6 +21,7 @@ from spectrabox.calibrate.chart_equations import (
     ChartEquations,
     PatchError,
     noise_covariance,
+    variance_of_clipped,
 )
 from spectrabox.radiometry.shaped import Record
 
@@ -34,7 +35,7 @@ class PatchesWithout(Record):
 
     response = (coefficients @ basis.T) x power. The covariance is that of the coefficients, then of
     what is added to each band by exposure, field and glare (D = K N + K); ``noise`` is that of the
-    patch's own signal, with the model error.
+    patch's own signal, with the model error, were it not clipped.
     """
 
     basis: Annotated[np.ndarray, "P N"]
@@ -44,6 +45,7 @@ class PatchesWithout(Record):
     covariance: Annotated[np.ndarray, "I D D"]
     signal: Annotated[np.ndarray, "I K"]
     noise: Annotated[np.ndarray, "I K K"]
+    clipped: Annotated[np.ndarray, "I K"]           # bool: of the signals, those that say nothing
 
     @property
     def response(self) -> np.ndarray:
@@ -55,15 +57,20 @@ class PatchesWithout(Record):
         return np.asarray(np.einsum("ikp,ip->ik", self.response, reflectances) + self.offset)
 
     def known_within(self, reflectances: np.ndarray) -> np.ndarray:
-        """Relative error (I, 2) of each patch's predicted signal, rms over bands: by the fit
-        without it, and had the fit used it.
+        """Relative error (I, 2) of what a fit predicts of each patch in its clipped bands (of a
+        patch that has none, in all), rms over them: by the bands that can be read, and had the fit
+        used the clipped ones as well.
         """
-        without = self.error_covariance(reflectances) - self.noise
-        # measured curves and patches without noise leave nothing uncertain: no inverse
-        used = without - without @ np.linalg.pinv(without + self.noise, hermitian=True) @ without
-        return np.stack([np.sqrt(np.mean(np.maximum(np.einsum("ikk->ik", covariance), 0)
-                                         / self.predicted(reflectances)**2, axis=1))
-                         for covariance in (without, used)], axis=1)
+        lost = variance_of_clipped(self.clipped, self.signal)
+        without = self.error_covariance(reflectances) - self.noise - lost
+        bands = self.clipped | ~self.clipped.any(axis=1, keepdims=True)
+        errors = []
+        for noise in (self.noise + lost, self.noise):
+            # measured curves and patches without noise leave nothing uncertain: no inverse
+            used = without - without @ np.linalg.pinv(without + noise, hermitian=True) @ without
+            variance = np.maximum(np.einsum("ikk->ik", used), 0) / self.predicted(reflectances)**2
+            errors.append(np.sqrt(np.sum(bands * variance, axis=1) / bands.sum(axis=1)))
+        return np.stack(errors, axis=1)
 
     def deviations(self, reflectances: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """How much brighter than predicted each patch is (I,), relative and by generalised least
@@ -80,10 +87,13 @@ class PatchesWithout(Record):
         information = np.sum(light * weighted, axis=1)
         brighter = np.sum(off * weighted, axis=1) / information
         rest = np.sum(off * innovation, axis=1) - brighter**2 * information
-        return brighter, information**-0.5, chdtrc(self.signal.shape[1] - 1, rest)
+        readable = np.sum(~self.clipped, axis=1)
+        return brighter, information**-0.5, chdtrc(np.maximum(readable - 1, 1), rest)
 
     def error_covariance(self, reflectances: np.ndarray) -> np.ndarray:
-        """Covariance (I, K, K) of signals less predictions, for reflectances (I, P)."""
+        """Covariance (I, K, K) of signals less predictions, for reflectances (I, P); clipped
+        signals are not known at all.
+        """
         bands = self.signal.shape[1]
         seen = (reflectances * self.power) @ self.basis
         rows = np.concatenate([np.einsum("kl,in->ikln", np.eye(bands), seen).reshape(
@@ -93,7 +103,7 @@ class PatchesWithout(Record):
         # What is known exactly has a variance of 0, which rounding may take below.
         values, vectors = np.linalg.eigh((predicted + predicted.transpose(0, 2, 1)) / 2)
         predicted = (vectors * np.maximum(values, 0)[:, None]) @ vectors.transpose(0, 2, 1)
-        return np.asarray(predicted + self.noise)
+        return np.asarray(predicted + self.noise + variance_of_clipped(self.clipped, self.signal))
 
 
 def weights_without(inverse: np.ndarray, weighted: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -129,7 +139,7 @@ def covariance_without(covariance: np.ndarray, gain: np.ndarray, inverse: np.nda
 
 
 def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covariance: np.ndarray,
-                  size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                  basis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coefficients (K, N), offset (K,) and covariance (D, D) of one patch, see ``PatchesWithout``.
 
     Parameters
@@ -139,10 +149,11 @@ def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covarian
     state : (Z,) array
         Curves, then log exposure, field and glare of the photo.
     covariance : (Z, Z) array
-    size : int
-        K N, of the curves.
+    basis : (P, N) array
+        From coefficients to curves.
     """
     bands, terms = photo.signal.shape[1], photo.field_terms.shape[1]
+    size = bands * basis.shape[1]
     field = photo.field_terms[patch]
     irradiance = np.exp(state[size] + field @ state[size + 1:size + 1 + terms])
     irradiance *= photo.irradiance[patch] / np.pi
@@ -150,12 +161,15 @@ def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covarian
     offset = state[glare] if photo.glare else np.zeros(bands)
     change = np.zeros((size + bands, state.size))
     change[:size, :size] = irradiance * np.eye(size)
-    signal = photo.signal[patch] - offset
+    curves = irradiance * state[:size].reshape(bands, -1)
+    # what a clipped band reads is no signal
+    signal = np.where(photo.readable[patch], photo.signal[patch] - offset,
+                      curves @ (basis.T @ (photo.reflectances[patch] * photo.power)))
     change[size:, size] = signal
     change[size:, size + 1:size + 1 + terms] = np.outer(signal, field)
     if photo.glare:
         change[size:, glare] = np.eye(bands)
-    return irradiance * state[:size].reshape(bands, -1), offset, change @ covariance @ change.T
+    return curves, offset, change @ covariance @ change.T
 
 
 def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
@@ -174,7 +188,9 @@ def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
     coefficients, offset, covariance = (np.array(column) for column in zip(*patches, strict=True))
     return PatchesWithout(basis, photos[0].power, coefficients, offset, covariance,
                           np.concatenate([photo.signal for photo in photos]),
-                          np.concatenate([noise_covariance(photo, error) for photo in photos]))
+                          np.concatenate([noise_covariance(dataclasses.replace(photo, clipped=None),
+                                                           error) for photo in photos]),
+                          np.concatenate([~photo.readable for photo in photos]))
 
 
 def in_chart_order(without: PatchesWithout, used: np.ndarray) -> PatchesWithout:
@@ -189,4 +205,4 @@ def in_chart_order(without: PatchesWithout, used: np.ndarray) -> PatchesWithout:
     position = np.argsort(np.concatenate([np.flatnonzero(used), np.flatnonzero(~used)]))
     return dataclasses.replace(without, **{
         name: getattr(without, name)[position]
-        for name in ("coefficients", "offset", "covariance", "signal", "noise")})
+        for name in ("coefficients", "offset", "covariance", "signal", "noise", "clipped")})

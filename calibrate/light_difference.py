@@ -20,7 +20,7 @@ def light_difference(first: PatchSamples, other: PatchSamples, positions: np.nda
     """Relative difference (standard deviation over bands and patches) that no field and exposure
     explain.
 
-    Patches that are dark or saturated in either photo say nothing, and noise is taken off.
+    Patches that are dark or clipped in a band of either photo say nothing, and noise is taken off.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def light_difference(first: PatchSamples, other: PatchSamples, positions: np.nda
     positions : (I, 2) array
         Of the patches on the chart.
     """
-    bright = ~(first.saturated | other.saturated)
+    bright = ~(first.clipped | other.clipped).any(axis=1)
     for samples in (first, other):
         bright &= (samples.mean > DARK_SHARE * samples.mean.max(axis=0)).all(axis=1)
     difference = np.log(other.mean[bright] / first.mean[bright])

@@ -215,7 +215,7 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     method : str
         One of ``SPLINE_METHODS``; for ``prior`` see ``fit_with_prior``.
     used : (I,) bool array or None
-        Patches that the fit may use; None for all.
+        Patches that the fit may use, in the bands that are not clipped; None for all.
 
     Returns
     -------
@@ -237,9 +237,10 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
         raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
     used = np.ones(len(patches.mean), bool) if used is None else used
     require_usable(patches.mean[used])
+    readable = used[:, None] & ~patches.clipped
     rows = reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]
     sigma = _patch_sigma(patches)
-    bands = fit_bands(method, rows, patches.mean, sigma, grid, coefficients, used)
+    bands = fit_bands(method, rows, patches.mean, sigma, grid, coefficients, readable)
     return *_normalised(bands, patches, grid, method), _without(bands, light * grid.weights_nm,
                                                                 irradiance, patches, sigma)
 
@@ -248,8 +249,8 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     """Covariance (K, K) of (photo - predicted) / photo for a surface that was not in the fit.
 
     From the residuals of patches that were left out, about zero and over patches bright enough to
-    have a relative error and not saturated; it holds the error of curves, chart and light together,
-    for reflectances like the chart's.
+    have a relative error, in their bands that are not clipped; it holds the error of curves, chart
+    and light together, for reflectances like the chart's.
 
     Parameters
     ----------
@@ -258,8 +259,9 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     patches : PatchSamples
     """
     bright = (patches.mean > DIM_PATCH * patches.mean.max(axis=0)).all(axis=1)
-    used = fit_residuals[bright & ~patches.saturated]
-    return used.T @ used / len(used)
+    readable = ~patches.clipped[bright]
+    used = np.where(readable, fit_residuals[bright], 0.0)
+    return used.T @ used / np.sqrt(np.outer(*2 * [readable.sum(axis=0)]))
 
 
 def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
@@ -301,7 +303,8 @@ def _without(bands: BandFits, power: np.ndarray, irradiance: np.ndarray, patches
             *bands.covariance_without[patch])
     noise = np.einsum("ik,kl->ikl", sigma**2, np.eye(number))
     return PatchesWithout(bands.basis, power, factor[:, None, None] * bands.without,
-                          np.zeros((count, number)), covariance, patches.mean, noise)
+                          np.zeros((count, number)), covariance, patches.mean, noise,
+                          patches.clipped)
 
 
 def _patch_sigma(patches: PatchSamples) -> np.ndarray:

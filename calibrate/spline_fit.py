@@ -68,28 +68,29 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
         Working grid, of P wavelengths.
     coefficients : int
         Of ``paper`` and ``nonnegative``, with the two zero ends.
-    used : (I,) bool array
-        Patches that the fit may use.
+    used : (I, K) bool array
+        Signals that the fit may use.
 
     Raises
     ------
     CalibrationError
-        If there are fewer patches than coefficients, or the light leaves fewer independent
-        directions.
+        If there are fewer patches than coefficients in a band, or the light leaves fewer
+        independent directions.
     """
     full = basis_matrix(grid.nm, SMOOTH_COEFFICIENTS if method == "smooth" else coefficients)
     basis = full if method == "smooth" else full[:, 1:-1]  # b_400 c = b_700 c = 0
     design = rows @ basis
-    condition = condition_number(rows[used], grid, coefficients)
+    patches = used.any(axis=1)
+    condition = condition_number(rows[patches], grid, coefficients)
     if method != "smooth":
-        _require_determined(design[used], condition, coefficients)
+        _require_determined(design[patches], int(used.sum(axis=0).min()), condition, coefficients)
     solvers: dict[str, Solver] = {"paper": _solve_paper, "nonnegative": _solve_nonnegative}
     solve = (solvers[method] if method in solvers
-             else partial(_solve_smooth, roughness=_best_roughness(design[used], signal[used],
-                                                                   sigma[used])))
-    solved, covariance = _fit_each(solve, design[used], signal[used], sigma[used])
-    others = [_fit_each(solve, *(values[used & (np.arange(len(signal)) != patch)]
-                                 for values in (design, signal, sigma)))
+             else partial(_solve_smooth, roughness=_best_roughness(
+                 design[patches], signal[patches], sigma[patches], used[patches])))
+    solved, covariance = _fit_each(solve, design, signal, sigma, used)
+    others = [_fit_each(solve, design, signal, sigma,
+                        used & (np.arange(len(signal)) != patch)[:, None])
               for patch in range(len(signal))]
     without, spread = (np.array(column) for column in zip(*others, strict=True))
     if method != "smooth":                          # the two ends are zero
@@ -116,9 +117,10 @@ def condition_number(rows: np.ndarray, grid: WavelengthGrid,
     return float(np.linalg.cond(rows @ basis_matrix(grid.nm, coefficients)[:, 1:-1]))
 
 
-def _require_determined(design: np.ndarray, condition: float, coefficients: int) -> None:
-    if len(design) < design.shape[1]:
-        raise CalibrationError(f"{len(design)} usable patches cannot determine {coefficients} "
+def _require_determined(design: np.ndarray, fewest: int, condition: float,
+                        coefficients: int) -> None:
+    if fewest < design.shape[1]:
+        raise CalibrationError(f"{fewest} usable patches cannot determine {coefficients} "
                                "coefficients a band; use method \"prior\", or shoot the chart "
                                "again")
     if not np.isfinite(condition) or condition > MAX_CONDITION:
@@ -127,10 +129,11 @@ def _require_determined(design: np.ndarray, condition: float, coefficients: int)
                                "light covers 400-700 nm")
 
 
-def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray,
-              sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (K, N) and covariances (K, N, N), band after band."""
-    solved = [solve(design, signal[:, band], sigma[:, band]) for band in range(signal.shape[1])]
+def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
+              used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (K, N) and covariances (K, N, N), band after band, of signals that are used."""
+    solved = [solve(design[of_band], signal[of_band, band], sigma[of_band, band])
+              for band, of_band in enumerate(used.T)]
     coefficients, covariances = (np.array(column) for column in zip(*solved, strict=True))
     return coefficients, covariances
 
@@ -189,24 +192,26 @@ def _least_squares_above_zero(rows: np.ndarray, target: np.ndarray) -> tuple[np.
     return solution, float(norm)
 
 
-def _best_roughness(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+def _best_roughness(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
+                    used: np.ndarray) -> np.ndarray:
     """Penalty (N, N), one for all bands, that best predicts each patch from the others."""
     size = design.shape[1]
     differences = np.diff(np.eye(size), 2, axis=0)
     # a straight line is not penalised: keep it invertible
     rough = differences.T @ differences + 1e-9 * np.eye(size)
-    unit = float(np.sum((design / sigma.mean(axis=1, keepdims=True)) ** 2)) / size
-    errors = [_left_out_error(design, signal, sigma, penalty * unit * rough)
+    unit = float(np.sum((design / sigma.mean(axis=1, keepdims=True, where=used)) ** 2)) / size
+    errors = [_left_out_error(design, signal, sigma, used, penalty * unit * rough)
               for penalty in PENALTIES]
     return PENALTIES[int(np.argmin(errors))] * unit * rough
 
 
-def _left_out_error(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
+def _left_out_error(design: np.ndarray, signal: np.ndarray, sigma: np.ndarray, used: np.ndarray,
                     roughness: np.ndarray) -> float:
     """Sum of squared left-out residuals in standard errors, in closed form, signs unconstrained."""
     total = 0.0
-    for band in range(signal.shape[1]):
-        weighted, target = design / sigma[:, band, None], signal[:, band] / sigma[:, band]
+    for band, of_band in enumerate(used.T):
+        error = sigma[of_band, band]
+        weighted, target = design[of_band] / error[:, None], signal[of_band, band] / error
         hat = weighted @ np.linalg.solve(weighted.T @ weighted + roughness, weighted.T)
         total += float(np.sum(((target - hat @ target) / (1 - np.diag(hat))) ** 2))
     return total

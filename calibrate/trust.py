@@ -70,12 +70,12 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
     Parameters
     ----------
     photo : ChartEquations
-        No reading is tried where patches were left out.
+        No reading is tried where patches were left out, or bands of some are clipped.
     prior : CameraPrior
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    if photo.rows is None:
+    if photo.rows is None or photo.clipped is not None:
         return None
     order = np.arange(len(photo.signal)).reshape(photo.rows, -1)
     readings = {

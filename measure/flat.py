@@ -174,9 +174,8 @@ def stray_light(photo: FlatPhoto, white: PhotoWhite, row: int, errors: FlatError
 
 def _silent_bands(white: PhotoWhite, name: str) -> np.ndarray:
     """Bands (K,) that say nothing of a region: too dark beside the brightest, or saturated."""
-    row, clipped = white.samples.names.index(name), white.samples.clipped
-    dark = dark_bands(white.white[row])
-    return np.asarray(dark if clipped is None else dark | clipped[row])
+    row = white.samples.names.index(name)
+    return np.asarray(dark_bands(white.white[row]) | white.clipped(row))
 
 
 def dark_bands(white: np.ndarray) -> np.ndarray:

@@ -63,6 +63,8 @@ class FlatPhoto:
     calibration: Calibration        # of the camera under this light
     drift: LightDrift | None = None     # of the light from the chart photo to this one
     lamp: str | None = None         # the same for photos under one lamp that stayed; None: its own
+    # (K,) bool: bands in which too little of the chart can be read; None: there is none
+    lost: np.ndarray | None = None
 
     @property
     def response(self) -> np.ndarray:
@@ -121,6 +123,11 @@ class PhotoWhite:
     def exposure_part(self) -> slice:
         """Of the unknowns: the errors of the exposure, by cause."""
         return slice(self.field_part.stop, self.mean.size)
+
+    def clipped(self, region: int) -> np.ndarray:
+        """Bands (K,) whose mean says nothing of a region."""
+        clipped = self.samples.clipped
+        return np.zeros(self.glare.size, bool) if clipped is None else clipped[region]
 
     @property
     def white(self) -> np.ndarray:
@@ -230,6 +237,9 @@ def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
     samples = photo.samples
     if samples is None:
         return None
+    if photo.lost is not None:
+        samples = dataclasses.replace(samples, clipped=photo.lost | (
+            np.zeros(samples.mean.shape, bool) if samples.clipped is None else samples.clipped))
     points = list(samples.points_px)
     if nodes_px is not None:
         points += list(nodes_px[:, None])
@@ -259,7 +269,8 @@ def _with_nodes(samples: RegionSamples, nodes_px: np.ndarray) -> RegionSamples:
         np.vstack([samples.mean, empty]),
         np.concatenate([samples.covariance_of_mean, np.zeros((count, bands, bands))]),
         np.r_[samples.pixels, np.ones(count, samples.pixels.dtype)],
-        np.vstack([samples.scatter, empty]), np.concatenate([samples.points_px, points]))
+        np.vstack([samples.scatter, empty]), np.concatenate([samples.points_px, points]),
+        None if samples.clipped is None else np.vstack([samples.clipped, empty.astype(bool)]))
 
 
 def light_map(photo: FlatPhoto, known: Mapping[str, np.ndarray],
@@ -283,7 +294,8 @@ def light_map(photo: FlatPhoto, known: Mapping[str, np.ndarray],
 
 def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
                        errors: Mapping[str, np.ndarray]) -> PhotoWhite:
-    """The same after regions of known spectrum said how bright the light is upon them.
+    """The same after regions of known spectrum said how bright the light is upon them, in the bands
+    that are not clipped there.
 
     Parameters
     ----------
@@ -302,18 +314,22 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
     misfits = {}
     for name in known:
         region = white.samples.names.index(name)
-        misfits[name] = _level_misfit(white, region, known[name], errors[name])
-        rows, target = white.jacobian(region), known[name]
-        residual = target - white.signal[region]
-        own = white.noise(region) + errors[name] + KNOWN_ERROR**2 * np.outer(target, target)
-        spread = rows @ white.covariance @ rows.T + own
+        read = np.flatnonzero(~white.clipped(region))
+        within = np.ix_(read, read)
+        rows, target = white.jacobian(region)[read], known[name][read]
+        signal, error = white.signal[region][read], (white.noise(region) + errors[name])[within]
         # an error of the level is one of the target's: in proportion to the reading, a difference
         # of colour would take itself for one of level
-        expected = white.jacobian(region, target)
+        expected = white.jacobian(region, known[name])[read]
+        misfits[name] = _level_misfit(signal / target, expected / target[:, None],
+                                      white.covariance, error / np.outer(target, target))
+        residual = target - signal
+        own = error + KNOWN_ERROR**2 * np.outer(target, target)
+        spread = rows @ white.covariance @ rows.T + own
         _require_one_light(name, residual / target,
                            (expected @ white.covariance @ expected.T + own)
-                           / np.outer(target, target))
-        _require_one_level(name, white.signal[region], target, misfits[name])
+                           / np.outer(target, target), read)
+        _require_one_level(name, signal, target, misfits[name])
         gain = np.linalg.solve(spread, rows @ white.covariance).T
         white = dataclasses.replace(
             white, mean=white.mean + gain @ residual,
@@ -321,18 +337,17 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
     return dataclasses.replace(white, level_misfits=misfits)
 
 
-def _level_misfit(white: PhotoWhite, region: int, target: np.ndarray, error: np.ndarray) -> float:
+def _level_misfit(ratio: np.ndarray, rows: np.ndarray, of_light: np.ndarray,
+                  own: np.ndarray) -> float:
     """How far the level of a known region is from what the light gives, in standard errors.
 
-    The errors are those that the signal has if ``target`` (K,) is right. Those of the light are
-    relative and multiply; those of glare and noise add: a level that is too high is compared in
-    the logarithm and one that is too low is not, so that large errors are never overstated.
+    The errors are those that the signal has if the statement is right: of the light's covariance
+    ``of_light`` (Z, Z) by ``rows`` (K, Z), and its ``own`` (K, K), all relative to the statement.
+    Those of the light are relative and multiply; those of glare and noise add: a level that is too
+    high is compared in the logarithm and one that is too low is not, so that large errors are never
+    overstated.
     """
-    ratio = white.signal[region] / target
-    rows = white.jacobian(region, target) / target[:, None]
-    both = np.outer(target, target)
-    covariance = rows @ white.covariance @ rows.T + (white.noise(region) + error) / both \
-        + KNOWN_ERROR**2
+    covariance = rows @ of_light @ rows.T + own + KNOWN_ERROR**2
     weights = np.linalg.solve(covariance, np.ones(len(ratio)))
     level = float(weights @ ratio / weights.sum())
     return (float(np.log(level)) if level > 1 else level - 1) * float(np.sqrt(weights.sum()))
@@ -394,8 +409,10 @@ def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, fl
                    ROUNDED_EXPOSURES: rounding_error(before, after)}
 
 
-def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray) -> None:
-    """Refuse a known region whose bands disagree with the chart's light beyond errors."""
+def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray,
+                       bands: np.ndarray) -> None:
+    """Refuse a known region whose bands, by number, disagree with the chart's light beyond errors.
+    """
     weights = np.linalg.solve(covariance, np.ones(len(relative)))
     level = float(weights @ relative / weights.sum())
     off = relative - level
@@ -403,8 +420,8 @@ def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray) 
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > OTHER_COLOUR and abs(off[worst]) > SIGMAS * errors[worst]:
         raise CheckError(f"region {name!r} of known spectrum reads {abs(off[worst]):.0%} "
-                         f"{'less' if off[worst] > 0 else 'more'} in band {worst + 1} than the "
-                         "chart's light gives it: chart and samples were photographed under "
+                         f"{'less' if off[worst] > 0 else 'more'} in band {bands[worst] + 1} than "
+                         "the chart's light gives it: chart and samples were photographed under "
                          "different light; take both under one light, or correct the known "
                          "spectrum")
 

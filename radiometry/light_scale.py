@@ -112,7 +112,7 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage, photo: Linear
 
 
 def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_error: float,
-                       source: str) -> LightScale:
+                       source: str, readable: np.ndarray | None = None) -> LightScale:
     """Closed-form weighted least squares of measured against predicted signals.
 
     The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image. The
@@ -127,13 +127,16 @@ def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_err
         Of every signal.
     source : str
         Stored with the scale.
+    readable : (R, K) bool array or None
+        Signals that count; None for all.
     """
-    weight = 1 / (relative_error * measured) ** 2
+    readable = np.ones(measured.shape, bool) if readable is None else readable
+    weight = readable / (relative_error * measured) ** 2
     curvature = np.sum(weight * predicted**2)
     value = np.sum(weight * measured * predicted) / curvature
     residuals = 1 - value * predicted / measured
-    misfit = max(np.sum(weight * (measured - value * predicted) ** 2) / max(measured.size - 1, 1),
-                 1.0)
+    misfit = max(np.sum(weight * (measured - value * predicted) ** 2)
+                 / max(np.count_nonzero(readable) - 1, 1), 1.0)
     regions = len(measured)
     pulls = np.sum(weight * predicted * (measured - value * predicted), axis=1) / curvature
     by_region = np.sum(pulls**2) * regions / max(regions - 1, 1)

@@ -195,9 +195,14 @@ class PatchSamples(Record):
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # where LibRaw knows the camera
 
     @property
+    def clipped(self) -> np.ndarray:
+        """Bands (I, K) of which the mean says nothing: too many samples are saturated."""
+        return np.asarray(self.saturated_fraction > CLIPPED_LIMIT)
+
+    @property
     def saturated(self) -> np.ndarray:
-        """Whether too many samples of each patch (I,) are clipped for its mean to mean anything."""
-        return np.asarray(self.saturated_fraction.max(axis=1) > CLIPPED_LIMIT)
+        """Whether every band of each patch (I,) is clipped, which leaves nothing to read."""
+        return np.asarray(self.clipped.all(axis=1))
 
     @property
     def standard_error(self) -> np.ndarray:

@@ -232,4 +232,4 @@ def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
     layout = session_chart(config)
     detection = find_chart(chart, signals, chart_corners(config, view), layout)
     require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0],
-                      layout.neutrals)
+                      layout.neutrals, bands_may_drop=config.flat)

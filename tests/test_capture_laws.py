@@ -15,7 +15,7 @@ from spectrabox.capture.chart.chart_agreement import (
     _mixture_fit,
     white_excess,
 )
-from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.chart.patches import clipped_bands, require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import _exposure_reasons
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark
@@ -56,6 +56,21 @@ def test_a_patch_that_is_clipped_in_one_band_is_refused_by_name(band):
     clipped[2, band] = 0.005        # a dead pixel or two
     require_unclipped(PatchSamples(samples.mean, samples.covariance_of_mean, samples.pixels,
                                    clipped, samples.gradient), "abcd", "chart.dng")
+
+
+def test_bands_drop_out_where_too_many_patches_are_clipped_in_them():
+    clipped = np.zeros((24, 6))
+    clipped[:4, 4] = clipped[18:20, 2] = clipped[:3, 0] = 1.0
+    samples = PatchSamples(np.full((24, 6), 0.5), np.zeros((24, 6, 6)), np.full(24, 100), clipped,
+                           0 * clipped)
+    neutrals = CLASSIC.neutrals
+    assert clipped_bands(samples, neutrals).tolist() == [False, False, True, False, True, False]
+    note, = require_unclipped(samples, CLASSIC.names, "c.dng", neutrals, tuple("abcdef"),
+                              bands_may_drop=True)
+    assert note.startswith("c.dng: 6 of 24 patches are saturated (dark skin, light skin,")
+    assert "in c, e, which are left out" in note
+    with pytest.raises(ClippedPhotoError, match=r"halve the exposure of c, e$"):
+        require_unclipped(samples, CLASSIC.names, "c.dng", neutrals, tuple("abcdef"))
 
 
 def image(signal, variance=1e-8, **more):

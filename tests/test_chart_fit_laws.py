@@ -181,7 +181,8 @@ def test_the_covariance_of_a_left_out_patch_is_that_of_draws(glare):
     scale = np.r_[np.full(size, 1e-3), 0.01, np.full(5, 0.003)]
     if glare:       # half of what the patch reads
         state, scale = np.r_[state, 0.5 * chart.signal[7]], np.r_[scale, np.full(3, 1e-9)]
-    rows, offset, covariance = patch_moments(chart, 7, state, np.diag(scale**2), size)
+    rows, offset, covariance = patch_moments(chart, 7, state, np.diag(scale**2),
+                                             np.zeros((chart.power.size, nodes)))
     draws = state + scale * rng.standard_normal((40_000, state.size))
     read = chart.signal[7] - (state[-3:] if glare else 0)
     np.testing.assert_allclose(offset, chart.signal[7] - read, rtol=1e-12)

@@ -101,7 +101,8 @@ def without(glare, factor=1.0):
     offset = glare * np.ones((2, 3))
     return PatchesWithout(np.eye(PRIOR_GRID.nm.size), np.ones(PRIOR_GRID.nm.size),
                           np.repeat(response[None], 2, axis=0), offset,
-                          root @ root.transpose(0, 2, 1), truth @ response.T + offset, noise), truth
+                          root @ root.transpose(0, 2, 1), truth @ response.T + offset, noise,
+                          np.zeros((2, 3), bool)), truth
 
 
 def test_glare_and_the_unit_of_a_signal_change_nothing_of_a_patch_left_out():

@@ -39,8 +39,10 @@ def smooth_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraPr
     first = photos[0]
     bands = first.signal.shape[1]
     nm = np.arange(grid.nm[0], grid.nm[-1] + 1, STEP_NM if bands <= FEW_BANDS else COARSE_STEP_NM)
-    unit_signal = (first.reflectances * first.power * (first.irradiance / np.pi)[:, None]).sum()
-    mean = np.repeat(first.signal.sum(axis=0) / unit_signal, nm.size)
+    unit_signal = (first.reflectances * first.power * (first.irradiance / np.pi)[:, None]).sum(1)
+    # of patches that can be read in the band; of all where none can
+    counted = first.readable | ~first.readable.any(axis=0)
+    mean = np.repeat((counted * first.signal).sum(axis=0) / (unit_signal @ counted), nm.size)
     kinds = list(product(DEPARTURES, LENGTHS_NM))
     departures = np.array([[0.0, 1.0, sd, length, 0.0, 1.0] for sd, length in kinds])
     return CameraPrior(nm, np.full(len(kinds), 1 / len(kinds)), np.tile(mean, (len(kinds), 1)),

@@ -166,8 +166,8 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
 
     In closed form for the component of largest weight: the error of patch i is (Q^-1)_ii^-1 (Q^-1
     r)_i, with Q the covariance of the residuals r of the prior's prediction [Rasmussen & Williams
-    2006, Eq. 5.12]. Chi-square per datum is r Q^-1 r over the number of signals: 1 where photo,
-    chart, light and prior agree within their errors.
+    2006, Eq. 5.12]. Chi-square per datum is r Q^-1 r over the number of signals that can be read:
+    1 where photo, chart, light and prior agree within their errors.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
     def add(photo: ChartEquations, patch: int, state: np.ndarray, spread: np.ndarray) -> None:
         mean, moved = _in_curves(prior, state, spread, designs, photos)
         patches.append(patch_moments(photo, patch, mean[:own], widened * moved[:own, :own],
-                                     prior.means.shape[1]))
+                                     posterior.basis))
 
     for patch in range(len(photos[0].signal)):
         rows = rows_of_patch(photos, patch)
@@ -217,7 +217,8 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
         add(excluded, patch, start + projected @ weighted, after)
     without_each = gathered([photos[0], *([] if excluded is None else [excluded])], posterior.basis,
                             posterior.best_error, patches)
-    return signals, float(innovation @ weighted / innovation.size), without_each
+    readable = sum(np.count_nonzero(photo.readable) for photo in photos)
+    return signals, float(innovation @ weighted / readable), without_each
 
 
 def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family: int,

@@ -177,7 +177,7 @@ def _without_each(posterior: ProductPosterior, photos: list[ChartEquations], gri
         moments = [hypothesis_moments(posterior, h, rows, MAX_COMPONENTS) for h in likely]
         state, spread = in_curves(prior, *mixture_moments(shares, *zip(*moments, strict=True)),
                                   mass)
-        patches.append(patch_moments(source, patch, state[:own], spread[:own, :own], size))
+        patches.append(patch_moments(source, patch, state[:own], spread[:own, :own], basis))
     error = mean_error(np.array([h.share for h in likely]), [h.error for h in likely])
     return gathered([photo, *([] if excluded is None else [excluded])], basis, error, patches)
 

@@ -226,6 +226,7 @@ class _Weighed:
     chart: LinearChart
     innovation: np.ndarray      # (C, Y)
     own: np.ndarray             # (Y, Y) of the signals where patches are off by 1 in each band
+    readable: int               # signals, of Y
     # width, spread of gains, error; log weights (C,), squares (C,), covariance (Y, Y) without error
     tried: list[tuple[float, float, PatchError, np.ndarray, np.ndarray, np.ndarray]]
 
@@ -261,7 +262,8 @@ def _weighed(photos: list[ChartEquations], prior: ProductPrior, chart: LinearCha
             logs = (log_prior - 0.5 * square - 0.5 * np.log(variances).sum()
                     - volume + np.log(width_share * gain_share))
             tried.append((width, gain, PatchError(error, common), logs, square, rest))
-    return _Weighed(chart, innovation, own, tried)
+    readable = sum(int(np.count_nonzero(photo.readable)) for photo in photos)
+    return _Weighed(chart, innovation, own, readable, tried)
 
 
 def _shares(tried: Sequence[tuple[Any, ...]]) -> tuple[np.ndarray, float]:
@@ -290,7 +292,7 @@ def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
         hypotheses.append(Hypothesis(
             width, gain, error, float(share), log_weights, innovation @ inverse, inverse, projected,
             kalman, before - kalman @ projected.T,
-            float(np.exp(log_weights) @ square / len(inverse))))
+            float(np.exp(log_weights) @ square / weighed.readable)))
     return ProductPosterior(prior, chart, innovation, tuple(hypotheses), log_evidence)
 
 

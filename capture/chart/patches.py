@@ -6,13 +6,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
-from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records import (
+    ChartDetection,
+    LinearImage,
+    PatchSamples,
+    default_band_names,
+)
 
 MIN_SAMPLES = 16
 CLIP_SIGMA = 3.0
 VARIANCE_LEFT_BY_CLIPPING = 0.9733  # of a normal distribution cut at 3 sigma
 SIGMA_PER_MAD = 1.4826              # of a normal distribution
-MAX_SATURATED = 8                   # one patch in so many may be saturated
+MAX_CLIPPED = 8                     # one patch in so many may be clipped in a band
+MIN_BANDS = 3                       # that must be left
 
 
 def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSamples:
@@ -56,10 +62,27 @@ def patches_and_excluded(image: LinearImage,
                         camera_from_xyz=known), excluded
 
 
+def clipped_bands(samples: PatchSamples, neutrals: Sequence[int] = ()) -> np.ndarray:
+    """Bands (K,) in which too little of a chart can be read: more than an eighth of its patches are
+    clipped, or the two lightest neutrals.
+
+    Parameters
+    ----------
+    samples : PatchSamples
+    neutrals : sequence of int
+        Indices of the neutral patches, the lightest first.
+    """
+    clipped = samples.clipped
+    lost = clipped.sum(axis=0) > len(clipped) // MAX_CLIPPED
+    return lost | clipped[list(neutrals[:2])].all(axis=0) if len(neutrals) else lost
+
+
 def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str,
-                      neutrals: Sequence[int] = ()) -> None:
-    """Refuse a chart photo whose saturated patches leave too little: more than an eighth of all, or
-    the two lightest neutrals. Fewer are left out of every fit (``PatchSamples.saturated``).
+                      neutrals: Sequence[int] = (), bands: Sequence[str] = (), *,
+                      bands_may_drop: bool = False) -> tuple[str, ...]:
+    """Refuse a chart photo whose clipped patches leave too little in a band (``clipped_bands``).
+
+    Fewer clipped signals are left out of every fit, band by band (``PatchSamples.clipped``).
 
     Parameters
     ----------
@@ -69,17 +92,33 @@ def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: s
     photo_name : str
     neutrals : sequence of int
         Indices of the neutral patches, the lightest first.
+    bands : sequence of K str
+        Names of the bands; none: those of bands that nobody named.
+    bands_may_drop : bool
+        Whether the photo may lose bands, as long as three are left.
+
+    Returns
+    -------
+    tuple of str
+        A sentence if bands are lost.
 
     Raises
     ------
     ClippedPhotoError
-        Naming the saturated patches.
+        Naming the clipped patches and, of more than three, the bands.
     """
-    clipped = np.flatnonzero(samples.saturated).tolist()
-    if len(clipped) > len(names) // MAX_SATURATED or (neutrals and {*neutrals[:2]} <= {*clipped}):
-        named = ", ".join(names[patch] for patch in clipped)
-        raise ClippedPhotoError(f"chart photo {photo_name}: {len(clipped)} of {len(names)} patches "
-                                f"are saturated ({named}); halve the exposure")
+    lost = clipped_bands(samples, neutrals)
+    if not lost.any():
+        return ()
+    patches = np.flatnonzero(samples.clipped[:, lost].any(axis=1))
+    clipped = (f"{patches.size} of {len(names)} patches are saturated "
+               f"({', '.join(names[patch] for patch in patches.tolist())})")
+    of_bands = ", ".join(np.array(bands or default_band_names(lost.size))[lost])
+    if bands_may_drop and np.count_nonzero(~lost) >= MIN_BANDS:
+        return (f"{photo_name}: {clipped} in {of_bands}, which {'is' if lost.sum() == 1 else 'are'}"
+                " left out: halve the exposure to have them",)
+    which = f" of {of_bands}" if lost.size > MIN_BANDS else ""
+    raise ClippedPhotoError(f"chart photo {photo_name}: {clipped}; halve the exposure{which}")
 
 
 def pixels_inside(quad_px: np.ndarray, sensor_step: float, height: int,

@@ -163,7 +163,7 @@ def _outer_edges(chart: Chart) -> list[tuple[int, tuple[float, float]]]:
 def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: float,
                       darkest: int, noise_known: bool = True) -> list[str]:
     reasons = []
-    clipped = np.flatnonzero(samples.saturated)
+    clipped = np.flatnonzero(samples.clipped.any(axis=1))
     if clipped.size:
         reasons.append(f"clipping: {clipped.size} of {len(names)} patches are saturated "
                        f"({', '.join(names[i] for i in clipped)}); "

@@ -12,6 +12,7 @@ from spectrabox.radiometry.records import LinearImage, RegionSamples
 
 MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region
+COLOURS = 3                 # bands of a colour camera
 MIN_SIGNAL_TO_NOISE = 10    # of the mean of a neutral reference
 Outline = Sequence[Sequence[float]]
 POINTS_A_SIDE = 5           # of the grid at which the light on a region is looked up
@@ -33,7 +34,7 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, Outline], *,
         is the centre of the first.
     without_clipped : bool
         Take a region of which more than 1 % is saturated in some bands: the result names them, and
-        their means say nothing. For photos beside others.
+        their means say nothing. For photos beside others; photos of more than three bands always.
 
     Raises
     ------
@@ -42,6 +43,7 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, Outline], *,
     ClippedPhotoError
         If more than 1 % of a region is saturated, in all bands where some may be.
     """
+    without_clipped |= image.signal.shape[2] > COLOURS
     one_by_one = [_one_region(image, np.array(corners, dtype=float),
                               f"photo {image.source}: region {name!r}", without_clipped)
                   for name, corners in outlines.items()]

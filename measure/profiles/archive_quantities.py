@@ -86,7 +86,7 @@ def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
     own : ColourTransform or None
         The camera's own matrix.
     """
-    shown = ~samples.saturated
+    shown = ~samples.clipped.any(axis=1)
     signals = ((samples.mean - glare) / white)[shown]
     slope = np.stack([(transform.lab(signals + STEP * one) - transform.lab(signals - STEP * one))
                       [:, 0] / (2 * STEP) for one in np.eye(3)], axis=1) / white[shown]

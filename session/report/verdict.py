@@ -432,7 +432,7 @@ def _chart_agreement(evidence: CommonEvidence) -> list[Criterion]:
     name, chart = "Chart residual, rms over patches and bands", evidence.chart
     residuals = chart_residuals(evidence)
     if residuals is not None and chart is not None:
-        residuals = residuals[~chart.samples.saturated]
+        residuals = residuals[~chart.samples.clipped]
     each = {"": root_mean_square(residuals)}
     if each[""] is None:
         return [Criterion(name, None, "no chart", _limit(CHART_LIMITS), Status.INFO,

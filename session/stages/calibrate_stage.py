@@ -41,6 +41,7 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
 from spectrabox.session.stages.inputs import (
+    band_names,
     excluded_patches,
     read_chart_reference,
     read_filter,
@@ -72,7 +73,8 @@ def calibrate_views(task: StageTask) -> CalibrationRecords:
     curves = None if config.sensitivity.from_chart else read_sensitivities(config)[1]
     options = _options(config, curves)
     several = options.method == "prior" and options.curves is None
-    photos = {view.name: _chart_photo(config, view, charts[view.name], irradiance)
+    bands = band_names(config, task.records.photo.bands)
+    photos = {view.name: _chart_photo(config, view, charts[view.name], irradiance, bands)
               for view in config.views_with_chart}
     calibrations: dict[str, Calibration] = {}
     whites: dict[str, ChartWhite] = {}
@@ -189,12 +191,12 @@ def _options(config: SessionConfig, curves: np.ndarray | None) -> CalibrationOpt
 
 
 def _chart_photo(config: SessionConfig, view: ViewInputs, chart: MeasuredChart,
-                 irradiance: np.ndarray | None) -> ChartPhoto:
+                 irradiance: np.ndarray | None, bands: tuple[str, ...]) -> ChartPhoto:
     # of flat samples a filter is part of the fit, of a scene part of the light
     through = read_filter(config, view.filter) if config.flat and view.filter else None
     light = read_light(config, view.light) if config.flat else read_light_of(config, view)
     return ChartPhoto(chart.samples, read_chart_reference(config), light, irradiance,
-                      excluded_patches(config), session_chart(config), through)
+                      excluded_patches(config), session_chart(config), through, bands)
 
 
 def _calibration_of(config: SessionConfig, view: ViewInputs, camera: Calibration,

@@ -41,7 +41,7 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
     Raises
     ------
     CheckError
-        If a chart is not found, or a patch is clipped.
+        If a chart is not found, or too little of it can be read.
     """
     config, layout = task.config, session_chart(task.config)
     charts: dict[str, MeasuredChart] = {}
@@ -61,8 +61,9 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         write_png(task.folder / f"{view.label('overlay')}.png", chart_overlay(photo, detection))
         verdict = judge_chart(photo, detection, expected, layout,
                               light_explained=config.chart_pose_known)
-        require_unclipped(verdict.samples, layout.names, name, layout.neutrals)
-        notes += (*own_notes,
+        lost = require_unclipped(verdict.samples, layout.names, name, layout.neutrals,
+                                 task.photos.bands(config, photo), bands_may_drop=config.flat)
+        notes += (*own_notes, *lost,
                   *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
         if config.drift.chart_px and not view.name:
             references = region_signals(photo, config.drift.chart_px)

@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
+from spectrabox.capture.chart.patches import clipped_bands
 from spectrabox.measure.flat import flat_signals
 from spectrabox.measure.white import (
     FlatErrors,
@@ -85,7 +86,8 @@ def flat_photos(config: SessionConfig, records: SessionRecords) -> list[FlatPhot
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart_files == view.photo_files, chart.detection.corners_px, layout,
             records.calibrate.whites[with_chart.name], calibration,
-            None if view.name else records.drift(config), view.lamp))
+            None if view.name else records.drift(config), view.lamp,
+            clipped_bands(chart.samples, layout.neutrals)))
     return photos
 
 
