@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -336,19 +335,38 @@ def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.n
     """
     covariance = block_diagonal(*(patch for photo in photos
                                   for patch in noise_covariance(photo, error)))
-    starts = np.cumsum([0, *(photo.signal.size for photo in photos)])
-    for (first, photo), (second, other) in combinations(enumerate(photos), 2):
-        if photo.filter is other.filter or photo.number is None or other.number is None:
-            continue
-        bands = photo.signal.shape[1]
-        levels = _relative_to(photo), _relative_to(other)
-        for mine, theirs in np.argwhere(photo.number[:, None] == other.number):
-            rows = starts[first] + mine * bands + np.arange(bands)
-            columns = starts[second] + theirs * bands + np.arange(bands)
-            block = REPEATED * _model_covariance(error, levels[0][:, mine], levels[1][:, theirs])
-            covariance[np.ix_(rows, columns)] = block
-            covariance[np.ix_(columns, rows)] = block.T
+    bands, alike = photos[0].signal.shape[1], _alike(photos)
+    levels = np.concatenate([_relative_to(photo) for photo in photos], axis=1)
+    for mine, theirs in np.argwhere(np.triu(alike, 1)).tolist():
+        rows, columns = (slice(patch * bands, (patch + 1) * bands) for patch in (mine, theirs))
+        block = alike[mine, theirs] * _model_covariance(error, levels[:, mine], levels[:, theirs])
+        covariance[rows, columns], covariance[columns, rows] = block, block.T
     return covariance
+
+
+def common_patterns(photos: Sequence[ChartEquations]) -> np.ndarray:
+    """Errors of signals (Y, R), one for each patch of each photo, that bands have in common:
+    ``noise_of_photos`` with a common error is that without and the error squared times
+    ``patterns @ patterns.T``.
+
+    Parameters
+    ----------
+    photos : sequence of ChartEquations
+    """
+    columns = block_diagonal(*(patch[:, None] for photo in photos
+                               for patch in _relative_to(photo)[1]))
+    return columns @ np.linalg.cholesky(_alike(photos))
+
+
+def _alike(photos: Sequence[ChartEquations]) -> np.ndarray:
+    """Correlation (R, R) of the model's errors of all patches of all photos."""
+    of_photo = np.repeat(np.arange(len(photos)), [len(photo.signal) for photo in photos])
+    number = np.concatenate([np.full(len(photo.signal), -1) if photo.number is None
+                             else photo.number for photo in photos])
+    other_filter = np.array([[one.filter is not other.filter for other in photos]
+                             for one in photos])[np.ix_(of_photo, of_photo)]
+    same = (number[:, None] == number) & (number >= 0) & other_filter
+    return np.eye(len(number)) + REPEATED * same
 
 
 def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:

@@ -159,17 +159,22 @@ def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covarian
     irradiance *= photo.irradiance[patch] / np.pi
     glare = slice(size + 1 + terms, size + 1 + terms + bands)
     offset = state[glare] if photo.glare else np.zeros(bands)
-    change = np.zeros((size + bands, state.size))
-    change[:size, :size] = irradiance * np.eye(size)
     curves = irradiance * state[:size].reshape(bands, -1)
     # what a clipped band reads is no signal
     signal = np.where(photo.readable[patch], photo.signal[patch] - offset,
                       curves @ (basis.T @ (photo.reflectances[patch] * photo.power)))
-    change[size:, size] = signal
-    change[size:, size + 1:size + 1 + terms] = np.outer(signal, field)
+    # of what is added to each band, by exposure, field and glare
+    change = np.zeros((bands, state.size - size))
+    change[:, 0] = signal
+    change[:, 1:1 + terms] = np.outer(signal, field)
     if photo.glare:
-        change[size:, glare] = np.eye(bands)
-    return curves, offset, change @ covariance @ change.T
+        change[:, 1 + terms:1 + terms + bands] = np.eye(bands)
+    moved = np.empty((size + bands, size + bands))
+    moved[:size, :size] = irradiance**2 * covariance[:size, :size]
+    moved[size:, :size] = irradiance * (change @ covariance[size:, :size])
+    moved[:size, size:] = moved[size:, :size].T
+    moved[size:, size:] = change @ covariance[size:, size:] @ change.T
+    return curves, offset, moved
 
 
 def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
@@ -186,6 +191,7 @@ def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
     patches : list of tuples
     """
     coefficients, offset, covariance = (np.array(column) for column in zip(*patches, strict=True))
+    covariance.flags.writeable = False      # else the record would copy it
     return PatchesWithout(basis, photos[0].power, coefficients, offset, covariance,
                           np.concatenate([photo.signal for photo in photos]),
                           np.concatenate([noise_covariance(dataclasses.replace(photo, clipped=None),
@@ -202,6 +208,8 @@ def in_chart_order(without: PatchesWithout, used: np.ndarray) -> PatchesWithout:
     used : (I,) bool array
         In the order of the chart.
     """
+    if used.all():
+        return without
     position = np.argsort(np.concatenate([np.flatnonzero(used), np.flatnonzero(~used)]))
     return dataclasses.replace(without, **{
         name: getattr(without, name)[position]

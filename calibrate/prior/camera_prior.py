@@ -86,7 +86,11 @@ class CameraPrior(Record):
         return curves if self.floor is None else np.log(curves + self.floor)
 
     def covariances(self) -> np.ndarray:
-        """Covariance (L, D, D) of the states of every level.
+        """Covariance (L, D, D) of the states of every level."""
+        return np.array([self.covariance(level) for level in range(len(self.shares))])
+
+    def covariance(self, level: int) -> np.ndarray:
+        """Covariance (D, D) of the states of one level.
 
         Relative departures are shares of the last component's mean.
         """
@@ -94,21 +98,21 @@ class CameraPrior(Record):
         top = self.curves(self.means).max()
         each, together = np.eye(self.bands), np.ones((self.bands, self.bands))
         share, length_nm, coupling = self.localised
-        locality = 1 - share + share * np.kron(coupling * together + (1 - coupling) * each,
-                                               matern(self.nm, length_nm, 2.5))
-        inside = locality * (self.within @ self.within.T)
-        across = locality * (self.between @ self.between.T)
+        covariance = np.zeros((last.size, last.size))
+        for variation, weight in zip((self.within, self.between), self.shares[level], strict=True):
+            if variation.size:
+                locality = 1 - share + share * np.kron(
+                    coupling * together + (1 - coupling) * each, matern(self.nm, length_nm, 2.5))
+                covariance += weight * (locality * (variation @ variation.T))
+        add_sd, add_nm, each_sd, each_nm, all_sd, all_nm = self.departures[level]
         relative, absolute = np.outer(last / slope, last / slope), 1 / np.outer(slope, slope)
-        covariances = np.empty((len(self.shares), last.size, last.size))
-        for index, (add_sd, add_nm, each_sd, each_nm, all_sd, all_nm) in enumerate(self.departures):
-            share_inside, share_across = self.shares[index]
-            covariances[index] = (
-                share_inside * inside + share_across * across
-                + absolute * np.kron(each, (add_sd * top) ** 2 * matern(self.nm, add_nm, 1.5))
-                + relative * np.kron(each, each_sd**2 * matern(self.nm, each_nm, 2.5))
-                + relative * np.kron(together, all_sd**2 * matern(self.nm, all_nm, 2.5))
-                + np.diag((self.jitter_sd * top / slope) ** 2))
-        return covariances
+        for scale, bands, shape in (
+                (absolute, each, (add_sd * top) ** 2 * matern(self.nm, add_nm, 1.5)),
+                (relative, each, each_sd**2 * matern(self.nm, each_nm, 2.5)),
+                (relative, together, all_sd**2 * matern(self.nm, all_nm, 2.5))):
+            if shape.any():
+                covariance += scale * np.kron(bands, shape)
+        return np.asarray(covariance + np.diag((self.jitter_sd * top / slope) ** 2))
 
 
 def matern(nm: np.ndarray, length_nm: float, smoothness: float) -> np.ndarray:

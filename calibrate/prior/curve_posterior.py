@@ -141,8 +141,8 @@ def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
     coefficients = mean.reshape(bands, -1)
     curves = coefficients @ posterior.basis.T
     peak = float(curves.max())
-    scaling = _scaling(coefficients / peak, posterior.basis) / peak
-    return CurveMoments(coefficients / peak, scaling @ covariance @ scaling.T, peak)
+    return CurveMoments(coefficients / peak, _scaled(coefficients / peak, posterior.basis,
+                                                     covariance / peak**2), peak)
 
 
 def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) -> np.ndarray:
@@ -226,9 +226,10 @@ def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMom
                        prior.slope(prior.means[-1]))
     before = np.outer(slope, slope) * (
         spread.T @ spread + np.einsum("l,lij->ij", of_level, prior.covariances()))
-    scaling = _scaling(moments.coefficients, posterior.basis) / moments.peak
-    after, prior_variance = (curve_variance(posterior.basis, covariance, prior.bands)
-                             for covariance in (moments.covariance, scaling @ before @ scaling.T))
+    after, prior_variance = (
+        curve_variance(posterior.basis, covariance, prior.bands) for covariance in (
+            moments.covariance, _scaled(moments.coefficients, posterior.basis,
+                                        before / moments.peak**2)))
     floor = 1e-6 * prior_variance.max()
     return np.clip(np.sqrt(after / np.maximum(prior_variance, floor)), 0,
                    1) * (prior_variance > floor)
@@ -263,7 +264,6 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
         Of the posterior.
     """
     coefficients = moments.coefficients * moments.peak
-    scaling = _scaling(moments.coefficients, posterior.basis) / moments.peak
     bands, size = len(coefficients), coefficients.size
     mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
     states = []
@@ -301,7 +301,8 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
                        jacobian @ covariance @ jacobian.T),
             None if photo.filter is None else FittedFilter(
                 _with_errors(photo.filter, mean[of_filter]), covariance[of_filter, of_filter],
-                covariance[of_filter, :size] @ scaling.T)))
+                _scaled_rows(moments.coefficients, posterior.basis,
+                             covariance[of_filter, :size] / moments.peak))))
     return states
 
 
@@ -341,13 +342,19 @@ def nonnegative(mean: np.ndarray, covariance: np.ndarray, count: int | None = No
     return np.concatenate([np.clip(moved[bounded], 0, None), moved[moved[bounded].size:]])
 
 
-def _scaling(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Derivative (D, D) of curves / largest value by the curves, at a largest value of 1."""
-    curves = coefficients @ basis.T
-    band, at = np.unravel_index(np.argmax(curves), curves.shape)
-    at_peak = np.zeros(coefficients.shape)
-    at_peak[band] = basis[at]
-    return np.eye(coefficients.size) - np.outer(coefficients.ravel(), at_peak.ravel())
+def _scaled(coefficients: np.ndarray, basis: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Covariance (D, D) of curves / largest value from that of the curves, at a largest value of 1.
+    """
+    rows = _scaled_rows(coefficients, basis, covariance)
+    return _scaled_rows(coefficients, basis, rows.T)
+
+
+def _scaled_rows(coefficients: np.ndarray, basis: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The same of rows (n, D) of a covariance with something else."""
+    band, at = np.unravel_index(np.argmax(coefficients @ basis.T), (len(coefficients), len(basis)))
+    nodes = basis.shape[1]
+    at_peak = rows[:, band * nodes:(band + 1) * nodes] @ basis[at]
+    return np.asarray(rows - np.outer(at_peak, coefficients.ravel()))
 
 
 def mixture_moments(weights: np.ndarray, means: np.ndarray | Sequence[np.ndarray],

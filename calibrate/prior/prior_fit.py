@@ -9,16 +9,19 @@ the prior (the logarithm of the curves) and handed on in the curves.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from spectrabox.calibrate.chart_equations import (
     COMMON_ERRORS,
     ChartEquations,
     PatchError,
+    common_patterns,
     mean_error,
     noise_of_photos,
     nuisance_sd,
@@ -135,9 +138,8 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
     """
     basis = interpolation_matrix(prior.nm, grid.nm)
     designs = _designs(photos, basis)
-    errors = [PatchError(*pair) for pair in product(model_errors, COMMON_ERRORS)]
-    noises = {error: noise_of_photos(photos, error) for error in errors}
-    noise_of_errors = np.array(list(noises.values()))
+    own_noises = np.array([noise_of_photos(photos, PatchError(own)) for own in model_errors])
+    patterns = common_patterns(photos)
     spreads = prior.covariances()
     # a prior without cameras knows nothing of gains either
     gains = GAINS if prior.between.size else ((0.0, 1.0),)
@@ -147,15 +149,17 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
         covariance, start = _joint_prior(prior, spreads[prior.level[family]], family, gain_sd,
                                          photos, designs)
         jacobian, linear, guess = _linearise(photos, designs, start, covariance, prior, guess)
-        projected = jacobian @ covariance @ jacobian.T
+        projected = _project(jacobian, _project(jacobian, covariance, prior).T, prior)
         for shared in (start, covariance, jacobian, linear):
             shared.flags.writeable = False  # else every candidate below would copy it
         log_share = float(np.log(prior.weights[family] * share))
-        evidence = _log_evidence(projected + noise_of_errors, linear - jacobian @ start)
-        candidates += [Candidate(log_share + float(log_density), family, gain_sd, error, start,
-                                 covariance, jacobian, linear)
-                       for error, log_density in zip(noises, evidence, strict=True)]
-    return _mixture(candidates, noises, basis, prior, designs, photos)
+        for own, own_noise in zip(model_errors, own_noises, strict=True):
+            evidence = _log_evidence(projected + own_noise, linear - jacobian @ start, patterns,
+                                     COMMON_ERRORS)
+            candidates += [Candidate(log_share + log_density, family, gain_sd,
+                                     PatchError(own, common), start, covariance, jacobian, linear)
+                           for common, log_density in zip(COMMON_ERRORS, evidence, strict=True)]
+    return _mixture(candidates, basis, prior, designs, photos)
 
 
 def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
@@ -180,10 +184,11 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
     """
     designs = _designs(photos, posterior.basis)
     family = posterior.best_family
-    covariance, start = _joint_prior(prior, prior.covariances()[prior.level[family]], family,
+    covariance, start = _joint_prior(prior, prior.covariance(prior.level[family]), family,
                                      posterior.best_gain_sd, photos, designs)
     jacobian, linear, _ = _linearise(photos, designs, start, covariance, prior)
-    inverse = np.linalg.inv(jacobian @ covariance @ jacobian.T
+    projected = _project(jacobian, covariance, prior).T
+    inverse = np.linalg.inv(_project(jacobian, projected, prior)
                             + noise_of_photos(photos, posterior.best_error))
     innovation = linear - jacobian @ start
     weighted = inverse @ innovation
@@ -199,9 +204,8 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
         signals.append(without)
     widened = prior.widening[prior.level[family]] ** 2
     own = prior.means.shape[1] + 1 + nuisance_sd(photos[0]).size
-    projected = covariance @ jacobian.T
-    gain, after = projected @ inverse, covariance - projected @ inverse @ projected.T
-    patches = []
+    gain = projected @ inverse
+    after, patches = covariance - gain @ projected.T, []
 
     def add(photo: ChartEquations, patch: int, state: np.ndarray, spread: np.ndarray) -> None:
         mean, moved = _in_curves(prior, state, spread, designs, photos)
@@ -246,7 +250,7 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     candidate = Candidate(0.0, family, GAINS[0][0], error, start, covariance, jacobian,
                           jacobian @ start)
     whole, size = _whole(designs, prior), prior.means.shape[1]
-    state, covariance = _condition(candidate, noise_of_photos(photos, error))
+    state, covariance = _condition(candidate, noise_of_photos(photos, error), prior)
     _, posterior = _in_curves(prior, state, covariance, designs, photos)
     unit = prior.widening[prior.level[family]] * (whole @ prior.curves(prior.means[family]))
     return posterior[:size, :size] * unit**2
@@ -333,9 +337,10 @@ def _linearise(photos: list[ChartEquations], designs: list[Design], start: np.nd
     for _ in range(MAX_ITERATIONS):
         predicted, jacobian = _equations(photos, designs, state, prior)
         linear = measured - predicted + jacobian @ state
-        projected = covariance @ jacobian.T
-        gain = np.linalg.solve(jacobian @ projected + noise, linear - jacobian @ start)
-        step = start + projected @ gain - state
+        projected = _project(jacobian, covariance, prior)
+        gain = np.linalg.solve(_project(jacobian, projected.T, prior) + noise,
+                               linear - jacobian @ start)
+        step = start + gain @ projected - state
         step /= max(1.0, np.abs(step[logarithms]).max() / MAX_STEP)
         if prior.floor is not None:
             step[:size] = np.clip(step[:size], -MAX_LOG_STEP, MAX_LOG_STEP)
@@ -346,35 +351,57 @@ def _linearise(photos: list[ChartEquations], designs: list[Design], start: np.nd
     return jacobian, measured - predicted + jacobian @ state, state
 
 
-def _log_evidence(covariances: np.ndarray, innovation: np.ndarray) -> np.ndarray:
-    """Log density (E,) of the innovation (Y,) under each of (E, Y, Y) covariances, up to a
-    constant; -inf where round-off left no density.
-
-    The innovation is a last row of the matrix that is factorised: the factor's last row is then the
-    innovation whitened, whatever the last element of the matrix.
+def _project(jacobian: np.ndarray, covariance: np.ndarray, prior: CameraPrior) -> np.ndarray:
+    """``jacobian @ covariance`` (Y, ...), of derivatives (Y, Z) of signals that depend on the curve
+    of their own band alone; whole matrices would cost as many times more as there are bands.
     """
-    size = innovation.size
-    bordered = np.empty((len(covariances), size + 1, size + 1))
-    bordered[:, :size, :size] = covariances
-    bordered[:, size, :size] = bordered[:, :size, size] = innovation
-    bordered[:, size, size] = LARGE
+    bands, nodes = prior.bands, prior.nm.size
+    projected = jacobian[:, bands * nodes:] @ covariance[bands * nodes:]
+    for band in range(bands):
+        own = slice(band * nodes, (band + 1) * nodes)
+        projected[band::bands] += jacobian[band::bands, own] @ covariance[own]
+    return np.asarray(projected)
+
+
+def _log_evidence(covariance: np.ndarray, innovation: np.ndarray, patterns: np.ndarray,
+                  common: Sequence[float]) -> list[float]:
+    """Log density of the innovation (Y,) up to a constant, under a covariance (Y, Y) to which each
+    common error squared times ``patterns @ patterns.T`` is added (Y, R); -inf where round-off left
+    no density.
+
+    Innovation and patterns are last rows of the matrix that is factorised: those of the factor are
+    then whitened, whatever the last elements of the matrix. By Sylvester and Woodbury one factor
+    does for all common errors.
+    """
+    size, extra = innovation.size, 1 + patterns.shape[1]
+    bordered = np.zeros((size + extra, size + extra))
+    bordered[:size, :size] = covariance
+    bordered[size:, :size] = np.vstack([innovation, patterns.T])
+    bordered[range(size, size + extra), range(size, size + extra)] = LARGE
     try:
-        lower = np.linalg.cholesky(bordered)
+        lower = np.linalg.cholesky(bordered)    # which reads the lower triangle alone
     except np.linalg.LinAlgError:
-        if len(covariances) == 1:
-            return np.array([-np.inf])
-        return np.concatenate([_log_evidence(one[None], innovation) for one in covariances])
-    logs = np.log(np.diagonal(lower[:, :size, :size], axis1=1, axis2=2)).sum(axis=1)
-    return np.asarray(-0.5 * np.square(lower[:, size, :size]).sum(axis=1) - logs)
+        return [-np.inf] * len(common)
+    white, columns = lower[size, :size], lower[size + 1:, :size]
+    square, along, gram = white @ white, columns @ white, columns @ columns.T
+    log_volume, logs = np.log(np.diag(lower)[:size]).sum(), []
+    for error in common:
+        root = np.linalg.cholesky(np.eye(len(gram)) + error**2 * gram)
+        explained = np.linalg.solve(root, error * along)
+        logs.append(float(-0.5 * (square - explained @ explained) - log_volume
+                          - np.log(np.diag(root)).sum()))
+    return logs
 
 
-def _condition(candidate: Candidate, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _condition(candidate: Candidate, noise: np.ndarray,
+               prior: CameraPrior) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of a Gaussian given linear data."""
-    projected = candidate.prior_covariance @ candidate.jacobian.T
-    lower = np.linalg.cholesky(candidate.jacobian @ projected + noise)
-    innovation = np.linalg.solve(lower, candidate.linear - candidate.jacobian @ candidate.start)
-    shrink = np.linalg.solve(lower, projected.T)
-    return candidate.start + shrink.T @ innovation, candidate.prior_covariance - shrink.T @ shrink
+    projected = _project(candidate.jacobian, candidate.prior_covariance, prior)
+    lower = np.linalg.cholesky(_project(candidate.jacobian, projected.T, prior) + noise)
+    innovation, shrink = np.split(solve_triangular(lower, np.column_stack([
+        candidate.linear - candidate.jacobian @ candidate.start, projected]), lower=True), [1], 1)
+    return (candidate.start + shrink.T @ innovation[:, 0],
+            candidate.prior_covariance - shrink.T @ shrink)
 
 
 def _designs(photos: list[ChartEquations], basis: np.ndarray) -> list[Design]:
@@ -445,9 +472,8 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
     return moved, spread + columns @ (rows.T @ seen) @ columns.T
 
 
-def _mixture(candidates: list[Candidate], noises: dict[PatchError, np.ndarray], basis: np.ndarray,
-             prior: CameraPrior, designs: list[Design],
-             photos: list[ChartEquations]) -> CurvePosterior:
+def _mixture(candidates: list[Candidate], basis: np.ndarray, prior: CameraPrior,
+             designs: list[Design], photos: list[ChartEquations]) -> CurvePosterior:
     logs = np.array([candidate.log_weight for candidate in candidates])
     if not np.isfinite(logs.max()):
         raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
@@ -460,8 +486,8 @@ def _mixture(candidates: list[Candidate], noises: dict[PatchError, np.ndarray], 
                             minlength=len(prior.weights))
     error = mean_error(weights, [candidate.error for candidate in candidates])
     kept = np.flatnonzero(weights > NEGLIGIBLE)
-    solved = [_in_curves(prior, *_condition(candidates[i], noises[candidates[i].error]),
-                         designs, photos) for i in kept]
+    solved = [_in_curves(prior, *_condition(candidates[i], noise_of_photos(
+        photos, candidates[i].error), prior), designs, photos) for i in kept]
     widening = prior.widening[prior.level[[candidates[i].family for i in kept]]]
     best = candidates[int(np.argmax(weights))]
     covariances = np.array([covariance for _, covariance in solved]) * widening[:, None, None] ** 2
