@@ -27,7 +27,7 @@ from spectrabox.capture.chart.chart_agreement import typical_signals
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.measure.chart_check import held_out_patches
-from spectrabox.radiometry.chart import Chart, typical_camera_signals
+from spectrabox.radiometry.chart import Chart, signals_in_bands, typical_camera_signals
 from spectrabox.radiometry.charts.references import published_signals
 from spectrabox.radiometry.colour_science import aces_idt
 from spectrabox.radiometry.records import (
@@ -63,8 +63,7 @@ def chart_signals(chart: Chart, reflectances: np.ndarray | None, bands: int,
         return typical_signals(bands)
     signals = (published_signals(chart, grid) if reflectances is None
                else typical_camera_signals(reflectances, grid))
-    return signals if bands == signals.shape[1] else np.repeat(
-        signals.mean(axis=1, keepdims=True), bands, axis=1)
+    return signals_in_bands(signals, bands)
 
 
 def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, grid: WavelengthGrid,

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -63,6 +64,24 @@ def with_errors(signals: SurfaceSignals, causes: dict[str, np.ndarray]) -> Surfa
     return SurfaceSignals(signals.names, signals.known, signals.grid, signals.spectra,
                           signals.bands, signals.view_of_band, signals.response, signals.signal,
                           tuple(SignalError(*cause) for cause in causes.items()))
+
+
+def in_bands(signals: SurfaceSignals, bands: np.ndarray) -> SurfaceSignals:
+    """The signals in some bands alone.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    bands : int array
+        Indices.
+    """
+    if bands.size == len(signals.bands):
+        return signals
+    return replace(signals, bands=tuple(signals.bands[band] for band in bands.tolist()),
+                   view_of_band=signals.view_of_band[bands], response=signals.response[bands],
+                   signal=signals.signal[:, bands], errors=tuple(
+                       SignalError(error.cause, error.covariance[:, bands][:, :, bands])
+                       for error in signals.errors))
 
 
 def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.surface_signals import errors_by_cause, measurement
+from spectrabox.measure.surface_signals import errors_by_cause, in_bands, measurement
 from spectrabox.measure.swatches import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.errors import InputError
@@ -28,6 +28,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_familie
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.summary import summarise
 
+MIN_BANDS = 3           # that samples and swatches are compared by
+
 
 @dataclass(frozen=True)
 class DrawOptions:
@@ -40,10 +42,23 @@ class DrawOptions:
     seed: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class SurfaceCorrection:
+    """A correction by swatches, and the bands by whose signals it compares samples with them."""
+
+    learnt: SwatchCorrection
+    bands: np.ndarray               # indices of SurfaceSignals.bands
+
+    @property
+    def sentence(self) -> str:
+        """What the swatches did, in words."""
+        return self.learnt.sentence
+
+
 def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
                     families: Mapping[str, Sequence[str]], progress: Progress,
                     joint_draws: Mapping[str, SpectrumSamples] | None = None,
-                    correction: SwatchCorrection | None = None) -> dict[str, SurfaceSpectrum]:
+                    correction: SurfaceCorrection | None = None) -> dict[str, SurfaceSpectrum]:
     """Draws of every unknown surface, and their summary.
 
     Parameters
@@ -55,7 +70,7 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
     progress : callable
     joint_draws : mapping, optional
         Draws of all surfaces at once, where they were made so (``scene_draws``).
-    correction : SwatchCorrection, optional
+    correction : SurfaceCorrection, optional
         From `learn_from_swatches`; of the method "prior" alone.
 
     Raises
@@ -75,7 +90,7 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
 
 def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
                     families: Sequence[str], draws: SpectrumSamples | None,
-                    correction: SwatchCorrection | None) -> SurfaceSpectrum:
+                    correction: SurfaceCorrection | None) -> SurfaceSpectrum:
     seen, prior = measurement(signals, index), of_families(load_prior(), families)
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
@@ -86,9 +101,11 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
             variance_shares = posterior.variance_shares(errors_by_cause(signals, index))
             draws = posterior.samples(options.draws, options.seed, options.coefficients)
         if correction is not None:
+            shared = in_bands(signals, correction.bands)
+            evidence = solve_posterior(prior, measurement(shared, index)).log_evidence
             # the shares are those of the prior's variance
-            draws, variance_shares = corrected_samples(correction, seen.signal,
-                                                       posterior.log_evidence, draws), {}
+            draws, variance_shares = corrected_samples(correction.learnt, shared.signal[index],
+                                                       evidence, draws), {}
     if draws is None:
         draws = draw_spectra(seen, options.method, options.draws, options.seed,
                              options.coefficients, prior)
@@ -98,8 +115,10 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
 
 
 def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
-                        families: Mapping[str, Sequence[str]]) -> SwatchCorrection | None:
+                        families: Mapping[str, Sequence[str]]) -> SurfaceCorrection | None:
     """The correction by known surfaces of the material of the others; None without any.
+
+    Samples are compared with swatches by their signals in the bands that all of them have.
 
     Parameters
     ----------
@@ -117,15 +136,24 @@ def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
     if not names:
         return None
     rows = [signals.names.index(name) for name in names]
-    for index in np.flatnonzero(~np.isfinite(signals.signal).all(axis=1)).tolist():
-        if index in rows or not signals.known[index]:
-            raise InputError(f"{signals.names[index]} is not in every photo; swatches and the "
+    compared = [index for index in range(len(signals.names))
+                if index in rows or not signals.known[index]]
+    shown = np.isfinite(signals.signal)
+    for view in np.unique(signals.view_of_band):
+        own = signals.view_of_band == view
+        if absent := [index for index in compared if not shown[index, own].any()]:
+            raise InputError(f"{signals.names[absent[0]]} is not in every photo; swatches and the "
                              "samples that they correct must be in all of them")
-    return correction_by_swatches(
+    bands = np.flatnonzero(shown[compared].all(axis=0))
+    if bands.size < MIN_BANDS:
+        raise InputError(f"swatches and samples have {bands.size} bands in common that are neither "
+                         f"dark nor saturated; {MIN_BANDS} are needed: expose less")
+    return SurfaceCorrection(correction_by_swatches(
         [measurement(signals, index) for index in rows],
         np.array([np.interp(PRIOR_GRID.nm, signals.grid.nm, signals.spectra[index])
                   for index in rows]),
-        [of_families(load_prior(), families.get(name, ())) for name in names])
+        [of_families(load_prior(), families.get(name, ())) for name in names],
+        signals.signal[rows][:, bands]), bands)
 
 
 def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -> str:

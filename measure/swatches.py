@@ -24,8 +24,8 @@ CORRECTED = " with swatches"        # after the method of corrected draws
 
 
 def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
-                           reflectances: np.ndarray,
-                           priors: Sequence[LogitMixture]) -> SwatchCorrection:
+                           reflectances: np.ndarray, priors: Sequence[LogitMixture],
+                           signals: np.ndarray | None = None) -> SwatchCorrection:
     """The correction that measured swatches teach of the learnt prior.
 
     Parameters
@@ -36,6 +36,8 @@ def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
         Measured, on the prior's wavelengths.
     priors : sequence of n LogitMixture
         Of all families, or of those stated of a swatch.
+    signals : (n, K) array or None
+        By which samples are compared with swatches; None: those of the measurements.
 
     Raises
     ------
@@ -45,7 +47,8 @@ def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
     posteriors = [solve_posterior(prior, one)
                   for prior, one in zip(priors, measurements, strict=True)]
     return learn_correction(Swatches(
-        np.array([one.signal for one in measurements]), reflectances,
+        np.array([one.signal for one in measurements]) if signals is None else signals,
+        reflectances,
         np.array([one.mean for one in posteriors]),
         np.array([one.standard_deviation for one in posteriors])))
 

@@ -140,7 +140,7 @@ def test_covariance_of_splines_is_that_of_their_errors(method, understated):
     signal = rows @ basis_matrix(GRID.nm, 10) @ coefficients.T
     signal = signal + sigma * rng.standard_normal(signal.shape)
     fit = fit_bands(method, rows, signal, np.full(signal.shape, sigma / understated), GRID, 10,
-                    np.ones(24, bool))
+                    np.ones(signal.shape, bool))
     design = rows @ basis_matrix(GRID.nm, 10)[:, 1:-1]
     exact = np.diag(np.linalg.inv(design.T @ design)) * sigma**2
     assert np.all(fit.coefficients[:, 1:-1] > 0)

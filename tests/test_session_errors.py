@@ -131,7 +131,7 @@ def test_a_patch_is_seen_by_the_fit_without_it_and_not_by_those_without_others()
         part = slice(index, index + 1)
         alone = dataclasses.replace(both, **{
             name: getattr(both, name)[part]
-            for name in ("coefficients", "offset", "covariance", "signal", "noise")})
+            for name in ("coefficients", "offset", "covariance", "signal", "noise", "clipped")})
         mean = patches_without(alone, PRIOR_GRID, truth[part], np.zeros(1, bool), known).mean[0]
         # bands of another lean tell of wavelengths 4 nm off: of an edge a tenth of a reflectance
         np.testing.assert_allclose(found[index], mean, atol=0.03)

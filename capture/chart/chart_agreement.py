@@ -30,6 +30,7 @@ HOPELESS_RESIDUAL = 1.0          # rms of the log residual above which no mixtur
 MIN_CONTRAST = 0.2
 WORST_LEFT_OUT = 12              # one patch in so many
 MIXTURE_STEPS = 6
+BRIGHT_PERCENTILE = 99.0         # of a band's signals, that is taken for its brightest
 MIXED_BANDS = 3                  # more would fit 24 patches whatever their colours
 VEILS = np.arange(0.0, 0.31, 0.01)   # of the brightest patch: veiling glare that is tried
 # Powers of the light: below the first a veil is tried, which must then leave the second (sRGB under
@@ -93,6 +94,19 @@ def typical_signals(bands: int) -> np.ndarray:
     return np.repeat(TYPICAL_SIGNALS.mean(axis=1, keepdims=True), bands, axis=1)
 
 
+def in_one_band(signals: np.ndarray) -> np.ndarray:
+    """Signals (..., 1) in which all bands count alike: a chart in bands of any number is recognised
+    by how light its patches are, for through a narrow filter no camera's colours are left.
+
+    Parameters
+    ----------
+    signals : (..., K) array
+    """
+    brightest = np.percentile(signals, BRIGHT_PERCENTILE, axis=tuple(range(signals.ndim - 1)))
+    weights = 1 / np.maximum(brightest, 1e-6 * max(brightest.max(), np.finfo(np.float32).tiny))
+    return np.asarray(signals @ weights.astype(signals.dtype) / len(weights))[..., None]
+
+
 def unit_scale(chart: Chart) -> float:
     """Such units in one of the chart's own.
 
@@ -117,6 +131,8 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
     chart : Chart
     """
     medians = _patch_medians(image, quads_px)
+    if medians is not None and medians.shape[1] != MIXED_BANDS:
+        medians, reference = in_one_band(medians), in_one_band(reference)
     # as proposed, turned by 180 degrees, and in two mirrors
     grid = np.arange(len(chart.names)).reshape(chart.rows, chart.columns)
     orders = [order.ravel() for order in (grid, grid[::-1, ::-1], grid[:, ::-1], grid[::-1])]

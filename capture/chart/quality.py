@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from spectrabox.capture.chart.chart_agreement import (
+    MIXED_BANDS,
     PATCH,
     chart_agreement,
     chart_units,
@@ -85,10 +86,13 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     grey = reference.sum(axis=1)
     lightest, darkest = ((chart.neutrals[0], chart.neutrals[-1]) if chart.neutrals
                          else (int(grey.argmax()), int(grey.argmin())))
-    veil = (veil_fit(linear, reference, chart, contrast=1.0)[0] if image.kind is PhotoKind.RAW
-            else 0.0)
-    veil = veil if veil > MAX_GLARE else 0.0
-    glare = white_excess(linear - veil * linear.max(axis=0), reference, agreement.light, lightest)
+    veil, glare = 0.0, np.zeros(len(linear))
+    if linear.shape[1] == MIXED_BANDS:      # other bands are no mixture of the reference's
+        if image.kind is PhotoKind.RAW:
+            veil = veil_fit(linear, reference, chart, contrast=1.0)[0]
+        veil = veil if veil > MAX_GLARE else 0.0
+        glare = white_excess(linear - veil * linear.max(axis=0), reference, agreement.light,
+                             lightest)
     white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
     tilt = tilt_deg(detection.corners_px, chart)
     blur, names = edge_width(image, detection.corners_px, chart), chart.names

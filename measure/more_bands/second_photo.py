@@ -262,7 +262,9 @@ def joined_errors_of_several(measured: Sequence[SpectralMeasurement], spectra: n
             own = covariance[:bands, :bands]
             if cause in NOISES:
                 level = np.maximum(signal, LEAST_SIGNAL)
-                each = float(np.mean(np.diag(own) * white / level[:bands]))
+                # of bands that are others than the first photo's all count as well exposed
+                bright = white if len(own) == bands else np.ones(len(own))
+                each = float(np.mean(np.diag(own) * bright / level[:len(own)]))
                 for block, photo in zip(blocks, photos, strict=True):
                     total[index, block, block] += np.diag(
                         each * level[block] / np.maximum(photo.white, DARK))

@@ -33,6 +33,7 @@ from spectrabox.sampling.prior.smoothness import smoothness_prior
 from spectrabox.sampling.spline_measurement import MeasurementOperator, nearest_splines, response_on
 
 MENTIONED = 0.005               # share of a family that the outcome names
+SPARE = 5       # spline coefficients beyond the bands of a signal that has many
 APPROXIMATE = (Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)     # draws come near to the signal only
 
 
@@ -167,7 +168,8 @@ class SignalPosterior:
                                  approximate=self.outcome in APPROXIMATE)
 
     def samples(self, count: int, seed: int, coefficients: int) -> SpectrumSamples:
-        """The draws as a record, with the splines of N = ``coefficients`` nearest to each.
+        """The draws as a record, with the splines of N = ``coefficients`` nearest to each; of more
+        where the signal has more bands than that, for which no such spline might be found.
 
         Raises
         ------
@@ -175,7 +177,9 @@ class SignalPosterior:
             As `draws`.
         """
         spectra = self.draws(count, seed)
-        splines = nearest_splines(spectra, basis_matrix(PRIOR_GRID.nm, coefficients))
+        bands = self.measurement.signal.size
+        splines = nearest_splines(spectra, basis_matrix(
+            PRIOR_GRID.nm, coefficients if coefficients >= bands else bands + SPARE))
         return SpectrumSamples(PRIOR_GRID, spectra, splines, self.method, float(count), seed,
                                self.outcome, self.sentence)
 

@@ -22,7 +22,7 @@ from spectrabox.measure.more_bands.second_photo import (
     white_of_bands,
 )
 from spectrabox.measure.signals import measurement_of_signal
-from spectrabox.measure.surface_signals import measurement
+from spectrabox.measure.surface_signals import FEW_BANDS, measurement
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra
@@ -131,8 +131,10 @@ def _known_surface(config: SessionConfig, records: SessionRecords, index: int) -
     draws = records.sample.spectra[name].samples
     surface = None
     first = signals.view_of_band == signals.view_of_band[0]
-    if fit is not None and fit.patch_error is not None and np.isfinite(
-            signals.signal[index][first]).all():
+    seen = np.isfinite(signals.signal[index])
+    # of more bands a measurement holds a choice, whose first are not the first photo's
+    if fit is not None and fit.patch_error is not None and seen[first].all() \
+            and np.count_nonzero(seen) <= FEW_BANDS:
         surface = Surface(signals, index, calibration, read_chart_reference(config),
                           float(fit.patch_error[0]))
     return KnownSurface(of_families(load_prior(), config.surfaces[name].families),

@@ -1,0 +1,93 @@
+"""A flat session of photos under five LED lamps, thirteen bands, from photos to plan."""
+import json
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flat_example import light_over
+from session_runs import call, run
+
+from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
+from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals, write_photo
+from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+
+SIZE, LAMPS_NM, WIDTH_NM = (320, 480), (430, 490, 550, 610, 670), 30
+SAMPLES = ("c3", "c7", "c11")           # the others are swatches
+
+
+def write_session(folder):
+    """Twelve colours beside a chart; at 550 nm white is clipped in green, at 610 nm much in red."""
+    for name in ("photos", "spectra"):
+        (folder / name).mkdir()
+    colours = np.array([np.interp(NM, FINE_GRID.nm, colour)
+                        for colour in published(FINE_GRID)["CES99"][::8][:12]])
+    corners = [(0.56 + 0.11 * (index % 4), 0.04 + 0.2 * (index // 4)) for index in range(12)]
+    areas = [(box(x, y, x + 0.09, y + 0.16), colour)
+             for (x, y), colour in zip(corners, colours, strict=True)]
+    for number, centre in enumerate(LAMPS_NM):
+        lamp = np.exp(-0.5 * ((NM - centre) / WIDTH_NM) ** 2)
+        light = surface_signals(SIZE, camera_sensitivities() * lamp,
+                                chart_truth(np.random.default_rng(1)),
+                                chart_corners(0.06, 0.08, 0.45), areas, np.full(NM.size, 0.2))
+        write_photo(folder / "photos" / f"{centre}.dng", light * light_over(SIZE)[..., None],
+                    Fraction(1, 60), np.random.default_rng(number),
+                    brightest={550: 1.3, 610: 2.0}.get(centre, 0.8))
+    names = [f"c{index}" for index in range(12)]
+    (folder / "spectra" / "c.csv").write_text(
+        table_text(NM, dict(zip(names, colours, strict=True)), quantity=Quantity.REFLECTANCE,
+                   source="CES99"), encoding="utf-8")
+    table = ", ".join(f'"{centre}" = "photos/{centre}.dng"' for centre in LAMPS_NM)
+    lines = [f'[photos]\nobject = {{ {table} }}\n[light]\nspectrum = "unknown"\n[sampling]\n'
+             'draws = 1000']
+    for name, (x, y) in zip(names, corners, strict=True):
+        rect = [round(480 * at) for at in (x + 0.015, y + 0.03, x + 0.075, y + 0.13)]
+        lines.append(f'[regions.{name}]\nrect = {rect}\n{"truth" if name in SAMPLES else "swatch"}'
+                     f' = {{ file = "spectra/c.csv", column = "{name}" }}')
+    (folder / "session.toml").write_text("\n".join(lines), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = write_session(tmp_path_factory.mktemp("lamps"))
+    return folder, run(folder).records
+
+
+def test_what_is_clipped_drops_out_band_by_band_and_is_named(finished):
+    _, records = finished
+    assert len(records.photo.bands) == 13
+    checks = " ".join(records.calibrate.calibrations[""].checks)
+    assert "patch white 9.5 is saturated in 550 G, 610 R and was left out there" in checks
+    assert not any("glare" in note for note in records.notes)
+    silent = np.isnan(records.signals.signal).all(axis=0)
+    assert [records.signals.bands[band] for band in np.flatnonzero(silent)] == ["610 R"]
+    assert any("in 610 R, which is left out: halve the exposure" in note for note in records.notes)
+
+
+def test_spectra_of_many_bands_hold_and_swatches_are_compared_in_the_bands_that_all_have(finished):
+    _, records = finished
+    assert "9 swatches" in records.sample.swatches
+    held = []
+    for index, name in zip((3, 7, 11), SAMPLES, strict=True):
+        truth = published(FINE_GRID)["CES99"][8 * index]
+        summary = records.sample.spectra[name].summary
+        held.append((summary.lower <= truth) & (truth <= summary.upper))
+        assert np.sqrt(np.mean((summary.mean - truth)[30:-30] ** 2)) < 0.04     # where lamps shine
+    # about six independent readings of each: 95 % less 3 standard errors
+    assert np.mean(held) > 0.8
+
+
+@pytest.mark.parametrize("option", [["--lamps", "D65"], ["--filters", "spectra/filter.csv"]])
+def test_a_plan_after_many_bands_says_what_a_further_photo_brings(finished, option):
+    folder, _ = finished
+    step = 0.1 + 0.8 / (1 + np.exp(-(NM - 560) / 15))
+    (folder / "spectra" / "filter.csv").write_text(table_text(
+        NM, {"value": step}, quantity=Quantity.REFLECTANCE, source="filter"), encoding="utf-8")
+    words = [option[0], option[1].replace("spectra", str(folder / "spectra"))]
+    steps = json.loads(call("plan", folder, *words, "--json").stdout)["lamps"]
+    assert steps and all(0.5 * step["rmse_before"] < step["rmse_after"]
+                         < 1.02 * step["rmse_before"] for step in steps)
