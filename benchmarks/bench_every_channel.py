@@ -4,7 +4,9 @@ A Nikon 5100 before LED lamps of Gaussian spectra: 24 patches that are off by 1 
 unknown, 40 published colours, noise of 0.2 to 0.4 %. Printed are RMSE, share that the 95 % band
 holds and its width, the bands and those that do not depend on each other, and processor seconds of
 the chart's fit and of 40 posteriors. ``--picture`` counts processor seconds of pictures of 3, 6, 12
-and 36 bands, of 24 patches and of shaded mixtures of colours, and what they cost to three bands.
+and 36 bands, of 24 patches and of shaded mixtures of colours, and what they cost to three bands;
+``--fits`` those of the chart's fit in 3, 9, 18 and 36 bands, and of all that ``flat`` computes of
+four samples.
 """
 from __future__ import annotations
 
@@ -16,8 +18,13 @@ import numpy as np
 from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.capture.develop.bands import DARK_CHANNEL
 from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.flat import flat_signals
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.measure.surface_signals import errors_by_cause, measurement, with_errors
+from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.measure.white import FlatErrors, FlatPhoto, white_at_regions
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     PHOTO_NOISE,
@@ -27,7 +34,14 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import PatchSamples, SurfaceSignals, UnknownLight
+from spectrabox.radiometry.records import (
+    LinearImage,
+    PatchSamples,
+    PhotoKind,
+    RegionSamples,
+    SurfaceSignals,
+    UnknownLight,
+)
 from spectrabox.radiometry.response import relative_response
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
@@ -105,11 +119,48 @@ def row(lamps: int, width_nm: float, every: bool) -> str:
             f"{time.process_time() - started - fitted:.1f} s")
 
 
+def bands_of(bands: int) -> np.ndarray:
+    """Camera x lamp x step (bands, P): daylight, or as many LED lamps as give so many channels."""
+    return sensitivities(CAMERA, FINE_GRID) * FINE_GRID.weights_nm if bands == 3 \
+        else responses(bands // 3, max(60, 2160 / bands))
+
+
+def flat_s(bands: int) -> tuple[float, float]:
+    """Processor seconds of the chart's fit, and of all that ``flat`` computes of four samples."""
+    rng, response = np.random.default_rng(SEED), bands_of(bands)
+    patches = np.array([np.interp(FINE_GRID.nm, NM, each)
+                        for each in chart_truth(np.random.default_rng(SEED))])
+    seen, error = photographed(patches * (1 + PATCHES_OFF * rng.standard_normal((24, 1))),
+                               response, NOISE_OF_PATCHES, rng)
+    nothing, each = np.zeros((24, bands)), np.eye(bands)
+    started = time.process_time()
+    made = calibrate_chart([ChartPhoto(
+        PatchSamples(seen, error[:, :, None] ** 2 * each, np.ones(24), nothing, nothing), patches,
+        UnknownLight())], FINE_GRID)
+    fitted = time.process_time() - started
+    held_out_patches(made, patches)
+    assert made.prior_fit is not None and made.white is not None
+    truth = test_reflectances(FINE_GRID)["CES99"][[5, 30, 50, 80]]
+    signal, noise = photographed(truth, response, NOISE_OF_COLOURS, rng)
+    names, image = ("a", "b", "c", "d"), np.full((40, 60, bands), 0.2, np.float32)
+    photo = LinearImage(image, 1e-6 * image, image > 1, 1.0, 0.01, None, None, PhotoKind.RAW,
+                        "camera", "photo", "")
+    quads = 5 + 30 * CLASSIC.centres_uv[:, None] + np.array([[0, 0], [3, 0], [3, 3], [0, 3]])
+    points = np.full((4, 25, 2), 20.0) + rng.uniform(0, 5, (4, 25, 2))
+    shown = FlatPhoto("photo", RegionSamples(names, signal, noise[:, :, None] ** 2 * each,
+                                             np.full(4, 100), 0 * signal, points),
+                      photo, photo, True, quads, CLASSIC, made.white, made.calibration)
+    errors = FlatErrors(0.0, 0.002, made.prior_fit.patch_error)
+    any_family: dict[str, tuple[str, ...]] = dict.fromkeys(names, ())
+    signals = flat_signals([shown], [white_at_regions(shown, {}, errors)], any_family, {},
+                           tuple(map(str, range(bands))), errors)
+    sample_surfaces(signals, DrawOptions(), any_family, lambda done, what: None)
+    return fitted, time.process_time() - started
+
+
 def picture_s(bands: int, side: int, patches: bool) -> tuple[float, float]:
     """Processor seconds of a picture of spectra, and its RMSE."""
-    curves = sensitivities(CAMERA, FINE_GRID) if bands == 3 \
-        else responses(bands // 3, max(60, 2160 / bands))
-    response = curves @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+    response = bands_of(bands) @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
     response = response / response.sum(axis=1, keepdims=True)
     rng, count = np.random.default_rng(SEED), side * side
     colours = np.clip(np.vstack(list(test_reflectances(PRIOR_GRID).values())), 0.004, 0.996)
@@ -131,11 +182,18 @@ def main() -> None:
     parser.add_argument("--lamps", default="4:80,6:40,12:25", help="number:width in nm, ...")
     parser.add_argument("--picture", type=int, default=0, help="pixels a side of pictures; none "
                         "by default")
+    parser.add_argument("--fits", action="store_true", help="chart fits of 3 to 36 bands")
     asked = parser.parse_args()
     for word in filter(None, asked.lamps.split(",")):
         lamps, width_nm = word.split(":")
         for every in (False, True):
             print(row(int(lamps), float(width_nm), every), flush=True)
+    first: tuple[float, float] | None = None
+    for bands in (3, 9, 18, 36) if asked.fits else ():
+        fit, whole = flat_s(bands)
+        first = first or (fit, whole)
+        print(f"{bands} bands: chart fit {fit:.1f} s, {fit / first[0]:.1f} of three bands; flat "
+              f"{whole:.1f} s, {whole / first[1]:.1f} of three bands", flush=True)
     for patches in (True, False) if asked.picture else ():
         seconds: dict[int, float] = {}
         for bands in (3, 6, 12, 36):

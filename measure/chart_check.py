@@ -12,7 +12,9 @@ from scipy.special import ndtri
 
 from spectrabox.calibrate.chart_calibration import ChartCalibration
 from spectrabox.calibrate.held_out_patches import PatchesWithout
+from spectrabox.measure.surface_signals import FEW_BANDS
 from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.independent_bands import independent_bands
 from spectrabox.radiometry.records import HeldOutPatches, WavelengthGrid, share_inside
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
@@ -154,9 +156,16 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
 
     def summarised(signals: np.ndarray, spectra: np.ndarray) -> PriorSummaries:
         """Of signals (I, K) under the common response, their errors by spectra (I, 61)."""
-        covariance = without.error_covariance(spectra @ basis.T)
-        return summaries(known, common, signals, {
-            "calibration and photo": covariance / (white[:, :, None] * white[:, None, :])}, LEVEL)
+        covariance = without.error_covariance(spectra @ basis.T) / (
+            white[:, :, None] * white[:, None, :])
+        response = common
+        if common.shape[0] > FEW_BANDS:     # of which some are sums of others
+            each = [independent_bands((fine / white[..., None]).mean(axis=0), one)
+                    for one in covariance]
+            gains, response = np.array([gain for _, gain in each]), common[each[0][0]]
+            signals = np.einsum("irk,ik->ir", gains, signals)
+            covariance = gains @ covariance @ gains.transpose(0, 2, 1)
+        return summaries(known, response, signals, {"calibration and photo": covariance}, LEVEL)
 
     estimate = np.full(truth.shape, START)
     for _ in range(PASSES):

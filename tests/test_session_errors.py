@@ -137,6 +137,22 @@ def test_a_patch_is_seen_by_the_fit_without_it_and_not_by_those_without_others()
         np.testing.assert_allclose(found[index], mean, atol=0.03)
 
 
+def test_bands_that_repeat_others_judge_a_patch_as_those_do_of_less_noise():
+    known = mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [SMOOTH])
+    plain, truth = without(0.0)
+    plain = dataclasses.replace(plain, covariance=0 * plain.covariance)
+    fivefold = PatchesWithout(
+        plain.basis, plain.power, np.tile(plain.coefficients, (1, 5, 1)),
+        np.tile(plain.offset, (1, 5)), np.zeros((2, 15 * 62, 15 * 62)),
+        np.tile(plain.signal, (1, 5)), np.kron(5 * np.eye(5), plain.noise),
+        np.zeros((2, 15), bool))
+    found = [patches_without(patches, PRIOR_GRID, truth, np.zeros(2, bool), known)
+             for patches in (plain, fivefold)]
+    # signals are estimated by least squares: round-off
+    np.testing.assert_allclose(found[1].mean, found[0].mean, atol=1e-6)
+    np.testing.assert_allclose(found[1].upper, found[0].upper, atol=1e-6)
+
+
 # ---- light of several colours over a picture -----------------------------------------------------
 
 def test_a_signal_is_brought_to_another_light_exactly_where_spectra_are_as_expected(monkeypatch):

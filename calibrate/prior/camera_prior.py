@@ -87,7 +87,11 @@ class CameraPrior(Record):
 
     def covariances(self) -> np.ndarray:
         """Covariance (L, D, D) of the states of every level."""
-        return np.array([self.covariance(level) for level in range(len(self.shares))])
+        size = self.means.shape[1]
+        covariances = np.empty((len(self.shares), size, size))
+        for level in range(len(covariances)):
+            covariances[level] = self.covariance(level)
+        return covariances
 
     def covariance(self, level: int) -> np.ndarray:
         """Covariance (D, D) of the states of one level.
