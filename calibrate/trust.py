@@ -18,6 +18,9 @@ FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above whic
 MUCH_GLARE = 0.02            # of the brightest patch
 PROBABLE = 0.05              # families below are not named
 CLEAR_GAIN = 20.0            # of log evidence, for another reading of the photo
+# Of the largest direction of the patches' signals: many bands have smaller ones, which hold errors
+# of the patches and no colour.
+COLOURS, PATCH_NOISE = 3, 0.01
 DOUBTFUL = 1.5  # chi-square per signal, 72 of them: chance gives as much once in 200 photos
 # What a measurement of curves may be off by: two laboratories that measure one camera differ by
 # about 8 %. Added to each band (of the largest value, nm), multiplied with each band, with all
@@ -56,7 +59,11 @@ def chart_colours(measured: np.ndarray, predicted: np.ndarray, reflectances: np.
     """
     true = np.array([tristimulus(grid.nm, reflectance) for reflectance in reflectances])
     usable = np.isfinite(predicted).all(axis=1) & np.isfinite(measured).all(axis=1)
-    to_xyz, *_ = np.linalg.lstsq(predicted[usable], true[usable], rcond=None)
+    size = np.linalg.norm(predicted[usable], axis=0)
+    few = predicted.shape[1] <= COLOURS
+    to_xyz, *_ = np.linalg.lstsq(predicted[usable] / size, true[usable],
+                                 rcond=None if few else PATCH_NOISE)
+    to_xyz = to_xyz / size[:, None]
     return measured @ to_xyz, predicted @ to_xyz
 
 

@@ -67,6 +67,11 @@ class FlatPhoto:
     lost: np.ndarray | None = None
 
     @property
+    def lost_bands(self) -> np.ndarray:
+        """The same (K,), all False where there is none."""
+        return np.zeros(len(self.white.level), bool) if self.lost is None else self.lost
+
+    @property
     def response(self) -> np.ndarray:
         """Response (K, P) of the bands to reflectances; rows sum to 1."""
         return relative_response(self.calibration, FINE_GRID)

@@ -1,5 +1,6 @@
 """A flat session of photos under five LED lamps, thirteen bands, from photos to plan."""
 import json
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -42,7 +43,7 @@ def write_session(folder):
                    source="CES99"), encoding="utf-8")
     table = ", ".join(f'"{centre}" = "photos/{centre}.dng"' for centre in LAMPS_NM)
     lines = [f'[photos]\nobject = {{ {table} }}\n[light]\nspectrum = "unknown"\n[sampling]\n'
-             'draws = 1000']
+             'draws = 1000\n[picture]\nrect = [275, 30, 300, 100]']
     for name, (x, y) in zip(names, corners, strict=True):
         rect = [round(480 * at) for at in (x + 0.015, y + 0.03, x + 0.075, y + 0.13)]
         lines.append(f'[regions.{name}]\nrect = {rect}\n{"truth" if name in SAMPLES else "swatch"}'
@@ -63,6 +64,16 @@ def test_what_is_clipped_drops_out_band_by_band_and_is_named(finished):
     checks = " ".join(records.calibrate.calibrations[""].checks)
     assert "patch white 9.5 is saturated in 550 G, 610 R and was left out there" in checks
     assert not any("glare" in note for note in records.notes)
+    # chart and model agree within 1 %
+    fitted, left_out = re.match(r"chart colour difference ([\d.]+) CIEDE2000, ([\d.]+)",
+                                checks).groups()
+    assert float(fitted) < float(left_out) < 1
+
+
+def test_pixels_have_spectra_from_the_bands_that_are_not_lost(finished):
+    _, records = finished
+    # much of the picture is saturated in 610 R, which would mask it
+    assert records.picture.masked < 0.05
     silent = np.isnan(records.signals.signal).all(axis=0)
     assert [records.signals.bands[band] for band in np.flatnonzero(silent)] == ["610 R"]
     assert any("in 610 R, which is left out: halve the exposure" in note for note in records.notes)

@@ -117,8 +117,9 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
         even_light(response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm), nodes), glare,
         block_diagonal(*(part.glare_covariance for part in parts)), mirrored, relative,
         [[photo.calibration for photo in flat]], photo_of_band, response[None], prior),
-        shown=shown_bands(image, glare, photo_of_band,
-                          np.concatenate([dark_bands(part.white[0]) for part in parts])))
+        shown=shown_bands(image, glare, photo_of_band, np.concatenate([
+            dark_bands(part.white[0]) | flat[number].lost_bands
+            for number, part in zip(distinct, parts, strict=True)])))
 
 
 def _at_nodes(each: PicturePhoto, known: Mapping[str, np.ndarray],
