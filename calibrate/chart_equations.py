@@ -34,9 +34,6 @@ CLIPPED_SD = 100.0
 # relative errors that the bands of a patch may have in common: light that is no smooth field, and
 # patches that are lighter than their reference
 COMMON_ERRORS = (0.0, 0.004, 0.01, 0.025)
-# of the errors of a patch against the model, what a photo through a filter repeats of one without:
-# chart and light are the same, the wavelengths are not. Products then err as they state.
-REPEATED = 0.5
 
 
 class PatchError(NamedTuple):
@@ -55,6 +52,12 @@ class PatchError(NamedTuple):
     def among_bands(self, bands: int) -> np.ndarray:
         """Relative covariance (K, K) of one patch."""
         return self.own**2 * np.eye(bands) + self.common**2
+
+
+# Share of the variance of a patch's errors that a photo through a filter repeats of one without:
+# chart and light are the same. The wavelengths are not, so that of a band's own error it is half,
+# and products err as they state; but what is lighter than its reference is so through any filter.
+REPEATED = PatchError(own=0.5, common=0.95)
 
 
 def mean_error(weights: np.ndarray, errors: Sequence[PatchError]) -> PatchError:
@@ -335,11 +338,12 @@ def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.n
     """
     covariance = block_diagonal(*(patch for photo in photos
                                   for patch in noise_covariance(photo, error)))
-    bands, alike = photos[0].signal.shape[1], _alike(photos)
+    bands, same = photos[0].signal.shape[1], _same_patches(photos)
     levels = np.concatenate([_relative_to(photo) for photo in photos], axis=1)
-    for mine, theirs in np.argwhere(np.triu(alike, 1)).tolist():
+    repeated = PatchError(*np.sqrt(REPEATED) * error)
+    for mine, theirs in np.argwhere(np.triu(same)).tolist():
         rows, columns = (slice(patch * bands, (patch + 1) * bands) for patch in (mine, theirs))
-        block = alike[mine, theirs] * _model_covariance(error, levels[:, mine], levels[:, theirs])
+        block = _model_covariance(repeated, levels[:, mine], levels[:, theirs])
         covariance[rows, columns], covariance[columns, rows] = block, block.T
     return covariance
 
@@ -355,18 +359,18 @@ def common_patterns(photos: Sequence[ChartEquations]) -> np.ndarray:
     """
     columns = block_diagonal(*(patch[:, None] for photo in photos
                                for patch in _relative_to(photo)[1]))
-    return columns @ np.linalg.cholesky(_alike(photos))
+    same = _same_patches(photos)
+    return columns @ np.linalg.cholesky(np.eye(len(same)) + REPEATED.common * same)
 
 
-def _alike(photos: Sequence[ChartEquations]) -> np.ndarray:
-    """Correlation (R, R) of the model's errors of all patches of all photos."""
+def _same_patches(photos: Sequence[ChartEquations]) -> np.ndarray:
+    """Which of all patches of all photos (R, R) are one, seen through different filters."""
     of_photo = np.repeat(np.arange(len(photos)), [len(photo.signal) for photo in photos])
     number = np.concatenate([np.full(len(photo.signal), -1) if photo.number is None
                              else photo.number for photo in photos])
     other_filter = np.array([[one.filter is not other.filter for other in photos]
                              for one in photos])[np.ix_(of_photo, of_photo)]
-    same = (number[:, None] == number) & (number >= 0) & other_filter
-    return np.eye(len(number)) + REPEATED * same
+    return np.asarray((number[:, None] == number) & (number >= 0) & other_filter)
 
 
 def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:
