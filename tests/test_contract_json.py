@@ -145,7 +145,7 @@ CALLS = {
     "camera profile": [("DIR/curves.csv", "--camera", "Maker One", "--idt-light", "D60", "--out",
                         "DIR/p.json")],
     "camera add": [("DIR/curves.csv",)],
-    "colour": [("DIR/flat", "--out", "colour")],
+    "colour": [("DIR/flat", "--out", "DIR/colour")],
     "camera list": [()],
     "camera preflight": [("--light", "FL11", "--curves", "DIR/curves.csv", "--surfaces", "1",
                           "--lamps", "D65,A")],
