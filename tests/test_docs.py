@@ -230,6 +230,12 @@ def test_every_command_has_two_examples():
     assert all(len(examples) == 2 for examples in EXAMPLES.values())
 
 
+def test_the_output_has_its_short_option_in_every_command():
+    outputs = [own.opts for command in COMMANDS.values() for own in command.params
+               if "--out" in own.opts]
+    assert len(outputs) > 20 and all("-o" in opts for opts in outputs)
+
+
 @pytest.mark.usefixtures("figures_undrawn")
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in EXAMPLES_NOT_RUN])
 def test_the_examples_of_a_help_page_run(name, reader, monkeypatch):

@@ -41,6 +41,7 @@ COMPRESSION, PHOTOMETRY = 259, 262      # tags of TIFF
 NUMBER_TYPES = {1: ("B", 1), 3: ("H", 1), 4: ("L", 1), 5: ("L", 2), 6: ("b", 1), 8: ("h", 1),
                 9: ("l", 1), 10: ("l", 2)}
 RAW_PHOTOMETRY = (32803, 34892)  # colour filter array, full-colour pixels
+RAW_TAGS = {COMPRESSION, PHOTOMETRY, BLACK, BLACK_REPEAT, ACTIVE_AREA, MASKED_AREAS, *BLACK_DELTAS}
 UNCOMPRESSED = 1
 MAX_TAG_BYTES = 1_000_000
 LOSSY_JPEG, JPEG_XL = 34892, 52546      # of DNG 1.4 and 1.7
@@ -142,8 +143,8 @@ def _stated_bytes(tags: dict[str, Any]) -> tuple[int, int] | None:
 
 
 def _raw_directory(file: BinaryIO, directories_below: list[Fraction]) -> dict[int, list[Fraction]]:
-    """Numbers of each tag of the directory that holds the raw pixels of a DNG, in the first or one
-    below it (TIFF 6.0, p. 14); exifread reads none below.
+    """Numbers of the tags that say how the raw pixels of a DNG are stored, in the first directory
+    or one below it (TIFF 6.0, p. 14); exifread reads none below.
     """
     file.seek(0)
     order = "<" if file.read(2) == b"II" else ">"
@@ -156,14 +157,14 @@ def _raw_directory(file: BinaryIO, directories_below: list[Fraction]) -> dict[in
 
 
 def _directory(file: BinaryIO, order: str, offset: int) -> dict[int, list[Fraction]]:
-    """Numbers of each tag of one directory; none where the file is cut short, as LibRaw says."""
+    """Numbers of these tags in one directory; none where the file is cut short, as LibRaw says."""
     file.seek(offset)
     start = file.read(2)
     entries = file.read(12 * struct.unpack(f"{order}H", start)[0]) if len(start) == 2 else b""
     tags = {}
     for tag, kind, count, inline in struct.iter_unpack(f"{order}HHL4s",
                                                        entries[:len(entries) // 12 * 12]):
-        letter, parts = NUMBER_TYPES.get(kind, ("", 0))
+        letter, parts = NUMBER_TYPES.get(kind, ("", 0)) if tag in RAW_TAGS else ("", 0)
         form = f"{order}{count * parts}{letter}"
         if not letter or (size := struct.calcsize(form)) > MAX_TAG_BYTES:
             continue
