@@ -21,7 +21,15 @@ from scipy import stats
 from test_calibrate_products import small_prior
 
 from spectrabox.calibrate import light_field
-from spectrabox.calibrate.chart_equations import FIELD_SD, GLARE_SD, field_terms, nuisance_sd
+from spectrabox.calibrate.chart_equations import (
+    FIELD_SD,
+    GLARE_SD,
+    PatchError,
+    chart_equations,
+    field_terms,
+    noise_covariance,
+    nuisance_sd,
+)
 from spectrabox.calibrate.held_out_patches import patch_moments
 from spectrabox.calibrate.light_difference import light_difference
 from spectrabox.calibrate.prior.prior_fit import (
@@ -94,6 +102,23 @@ def test_what_is_unknown_of_a_photo_has_the_standard_deviations_that_are_stated(
     system = linearised([chart], known, known.components[0], nuisance, np.zeros(3), nuisance)
     np.testing.assert_allclose(np.sqrt(system.nuisance_variance), np.r_[EXPOSURE_SD, expected],
                                rtol=1e-12)
+
+
+def test_bands_that_see_the_same_wavelengths_err_alike_of_a_patch():
+    rng = np.random.default_rng(71)
+    signal = rng.uniform(0.1, 0.9, (24, 3))[:, [0, 1, 2, 0]] * [1, 2, 0.5, 3]     # the first again
+    nothing = np.zeros(signal.shape)
+    chart = chart_equations(
+        PatchSamples(signal, np.zeros((24, 4, 4)), np.ones(24), nothing, nothing),
+        np.ones((24, GRID.nm.size)), np.ones(GRID.nm.size), np.ones(24), GRID)
+    relative = noise_covariance(chart, PatchError(0.01))[5] / 0.01**2
+    size = np.sqrt(np.diag(relative))
+    correlation = relative / np.outer(size, size)
+    np.testing.assert_allclose(correlation[0], [1, 0, 0, 1], atol=1e-3)
+    # what all bands have in common is as before
+    whole = noise_covariance(chart, PatchError(0.01, 0.02))[5] - noise_covariance(
+        chart, PatchError(0.01))[5]
+    np.testing.assert_allclose(whole, 0.02**2 * np.outer(signal[5], signal[5]), rtol=1e-9)
 
 
 def test_the_first_photos_exposure_is_unknown_whatever_is_said_of_it():
