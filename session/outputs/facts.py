@@ -119,7 +119,7 @@ def run_text(results: SessionResults) -> str:
     verdict, lines = judge(results), [_surface_table(results)]
     if results.picture is not None:
         lines.append(results.picture.sentence)
-        lines += results.picture.notes if isinstance(results, SceneResults) else ()
+        lines += results.picture.notes
     if results.swatches:
         lines.append(results.swatches)
     if isinstance(results, FlatResults) and len(results.photos) > 1:
