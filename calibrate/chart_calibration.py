@@ -20,7 +20,13 @@ from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.light_error import LightDeparture, light_departures, light_terms
-from spectrabox.calibrate.photo_checks import light_power, refuse_disagreement
+from spectrabox.calibrate.photo_checks import (
+    WORST_CHI_SQUARE,
+    WORST_MODEL_ERROR,
+    disagreement_of_bands,
+    light_power,
+    refuse_disagreement,
+)
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import (
     camera_alone,
@@ -79,6 +85,7 @@ MIN_BANDS = 3
 LEVEL = 0.9                 # of the band of curves
 NORMAL_QUANTILE = 1.6449    # of that level, two-sided
 DRAWS = 1000                # of the curves
+NAMED_BANDS = 3             # at most, that disagree most
 RARE_HAZE = 3.0             # log odds against a veil beforehand
 DOUBTED_VEIL, MAX_VEIL = 0.04, 0.3      # of the brightest patch: a warning; no photo of a chart
 # Standard errors by which a patch is off, and the same over the rms of the other patches, beyond
@@ -453,6 +460,9 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         notes = (f"no measured camera has {cameras.bands} bands: products of sensitivity and light "
                  "were fitted with smoothness alone, so narrow lines of the lamp are smoothed over "
                  "and the light by itself is not known",)
+        if fit.model_error > WORST_MODEL_ERROR:
+            doubts = (CalibrationDoubt.BANDS,)
+            notes += (_disagreeing_bands(first, used[0], fit),)
     else:
         lamps, words = lamps_like(first.light), first.light.words
         products = _with_veil(used, lambda shown: fit_products(shown, cameras, lamps, grid, words,
@@ -558,7 +568,9 @@ def _one_camera(photos: list[ChartEquations], grid: WavelengthGrid, prior: Camer
     which other reading of it would agree.
     """
     joint = _with_veil(photos, lambda shown: fit_with_prior(shown, prior, grid, excluded=excluded))
-    if not joint.disagrees:
+    # where no camera is known the error is what it is, and the spectra carry it
+    bearable = prior.source == SMOOTH_SOURCE and joint.chi_square <= WORST_CHI_SQUARE
+    if bearable or not joint.disagrees:
         return joint
     alone = ([joint] if len(photos) == 1
              else [fit_with_prior([photo], prior, grid) for photo in photos])
@@ -572,6 +584,17 @@ def _one_camera(photos: list[ChartEquations], grid: WavelengthGrid, prior: Camer
                      f"chi-square {joint.chi_square:.1f} per signal together); check that the "
                      "camera and its settings were the same, and that each photo has the spectrum "
                      "of its own light")
+
+
+def _disagreeing_bands(photo: ChartPhoto, used: ChartEquations, fit: PriorFit) -> str:
+    """Which bands of the chart's patches disagree most with what the other patches predict."""
+    bands = photo.bands or default_band_names(used.signal.shape[1])
+    off = disagreement_of_bands(used.signal, fit.held_out[0])
+    worst = np.argsort(-off)[:NAMED_BANDS]
+    return ("patches disagree with what the others predict by "
+            + ", ".join(f"{off[band]:.0%} in {bands[band]}" for band in worst)
+            + f", and by {np.median(off):.0%} in most bands; the errors of all spectra are as much "
+            "larger")
 
 
 def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,

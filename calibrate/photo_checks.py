@@ -113,8 +113,18 @@ def disagreement(signal: np.ndarray, held_out: np.ndarray) -> float:
     ----------
     signal, held_out : (I, K) arrays
     """
+    return float(np.sqrt(np.mean(disagreement_of_bands(signal, held_out) ** 2)))
+
+
+def disagreement_of_bands(signal: np.ndarray, held_out: np.ndarray) -> np.ndarray:
+    """The same of each band (K,).
+
+    Parameters
+    ----------
+    signal, held_out : (I, K) arrays
+    """
     scale = np.maximum(signal, DARK_SHARE * signal.max(axis=0))
-    return float(np.sqrt(np.mean(((signal - held_out) / scale) ** 2)))
+    return np.sqrt(np.mean(((signal - held_out) / scale) ** 2, axis=0))
 
 
 def refuse_disagreement(explanation: str, signal: np.ndarray, held_out: np.ndarray,

@@ -289,6 +289,8 @@ class CalibrationDoubt(Enum):
                      "light spectrum is that of the photo")
     VEIL = ("haze or glare veils the chart: it was estimated and taken off, but a veil is seldom "
             "the same all over a photo: shade the lens, wipe it, and photograph again")
+    BANDS = ("the chart's patches disagree with any smooth response of the bands: leave out the "
+             "photos that disagree most, and check that lamps and filters did not move")
 
 
 @dataclass(frozen=True, eq=False)

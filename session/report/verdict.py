@@ -52,7 +52,8 @@ DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured ca
           CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
           CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file",
           CalibrationDoubt.TWO_LIGHTS: "Colour of the light over the chart",
-          CalibrationDoubt.VEIL: "Veiling glare on the chart"}
+          CalibrationDoubt.VEIL: "Veiling glare on the chart",
+          CalibrationDoubt.BANDS: "Bands against the chart"}
 MAX_NAMED = 3                         # surfaces that the verdict names
 WITHIN = 2                            # standard errors within which a condition is said to hold
 # what is assumed of the light on a scene: criterion, what repeats or agrees, what measures it
