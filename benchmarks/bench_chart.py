@@ -20,7 +20,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from spectrabox.capture.chart.chart_agreement import typical_signals
+from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import _mcc_quads, locate_chart
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.image_files import read_encoded_file
@@ -188,7 +188,7 @@ def in_place(found: np.ndarray, corners: np.ndarray) -> bool:
 
 def run_scene(kind: str, rng: np.random.Generator, reflectances: np.ndarray) -> dict[str, Any]:
     image, corners = make_scene(kind, rng, reflectances)
-    reference = typical_signals(3)
+    reference = TYPICAL_SIGNALS
     start = time.perf_counter()
     outcome, verdict, reason = "refused", "", ""
     try:
@@ -214,7 +214,7 @@ def real_photos(folder: Path) -> list[dict[str, str]]:
     rows = []
     for path in sorted(folder.iterdir()):
         try:
-            detection = locate_chart(read_encoded_file(path), typical_signals(3))
+            detection = locate_chart(read_encoded_file(path), TYPICAL_SIGNALS)
             rows.append({"photo": path.name, "outcome": f"found ({detection.confidence:.2f})"})
         except CheckError as error:
             rows.append({"photo": path.name, "outcome": f"refused: {error}"})

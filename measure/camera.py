@@ -23,11 +23,11 @@ from spectrabox.calibrate.chart_calibration import (
     log_evidence,
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.capture.chart.chart_agreement import typical_signals
+from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.measure.chart_check import held_out_patches
-from spectrabox.radiometry.chart import Chart, signals_in_bands, typical_camera_signals
+from spectrabox.radiometry.chart import Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import published_signals
 from spectrabox.radiometry.colour_science import aces_idt
 from spectrabox.radiometry.records import (
@@ -46,24 +46,21 @@ DECISIVE = 7.0
 MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
 
 
-def chart_signals(chart: Chart, reflectances: np.ndarray | None, bands: int,
+def chart_signals(chart: Chart, reflectances: np.ndarray | None,
                   grid: WavelengthGrid) -> np.ndarray:
-    """Signals (I, bands) by which a chart is known in a photo whose light is not.
+    """Signals (I, 3) by which a chart is known in a photo whose light is not.
 
     Parameters
     ----------
     chart : Chart
     reflectances : (I, P) array or None
         On ``grid``; None for a chart whose published colours are known.
-    bands : int
-        Of the photo. Other numbers than 3 take the mean over three bands.
     grid : WavelengthGrid
     """
     if chart.references:
-        return typical_signals(bands)
-    signals = (published_signals(chart, grid) if reflectances is None
-               else typical_camera_signals(reflectances, grid))
-    return signals_in_bands(signals, bands)
+        return TYPICAL_SIGNALS
+    return (published_signals(chart, grid) if reflectances is None
+            else typical_camera_signals(reflectances, grid))
 
 
 def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, grid: WavelengthGrid,
@@ -87,7 +84,7 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, gr
     ClippedPhotoError
         If more than a few patches are saturated.
     """
-    reference = chart_signals(chart, reflectances, photo.signal.shape[2], grid)
+    reference = chart_signals(chart, reflectances, grid)
     samples = sample_patches(photo, find_chart(photo, reference, corners_px, chart))
     require_unclipped(samples, chart.names, photo.source, chart.neutrals)
     return samples

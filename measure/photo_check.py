@@ -44,7 +44,7 @@ def judge_photo(image: LinearImage, chart: Chart = CLASSIC) -> tuple[tuple[str, 
     if not chart.has_known_colours:
         return tuple(reasons), False
     try:
-        signals = chart_signals(chart, None, image.signal.shape[2], visible_grid())
+        signals = chart_signals(chart, None, visible_grid())
         detection = locate_chart(image, signals, None, chart)
     except SpectraboxError:
         return tuple(reasons), False

@@ -234,18 +234,6 @@ def typical_camera_signals(reflectances: np.ndarray, grid: WavelengthGrid,
     return reflectances @ (bands / bands.sum(axis=1, keepdims=True)).T
 
 
-def signals_in_bands(signals: np.ndarray, bands: int) -> np.ndarray:
-    """The same (I, bands) of a photo of any number of bands: their mean in each, but of three.
-
-    Parameters
-    ----------
-    signals : (I, 3) array
-    bands : int
-    """
-    return signals if bands == signals.shape[1] else np.repeat(
-        signals.mean(axis=1, keepdims=True), bands, axis=1)
-
-
 def excluded_patches(numbers: Sequence[int], chart: Chart, setting: str) -> np.ndarray:
     """Whether each patch (I,) is excluded from every fit by the operator.
 

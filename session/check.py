@@ -15,7 +15,7 @@ from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.radiometry.chart import signals_in_bands, typical_camera_signals
+from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage
@@ -222,7 +222,7 @@ def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
     view : ViewInputs
         Whose chart photo it is.
     chart : LinearImage
-    signals : (I, K) array
+    signals : (I, 3) array
         That an ordinary camera would read off the chart.
 
     Raises
@@ -230,7 +230,6 @@ def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
     InputError, CheckError
     """
     layout = session_chart(config)
-    detection = find_chart(chart, signals_in_bands(signals, chart.signal.shape[2]),
-                           chart_corners(config, view), layout)
+    detection = find_chart(chart, signals, chart_corners(config, view), layout)
     require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0],
                       layout.neutrals, bands_may_drop=config.flat)

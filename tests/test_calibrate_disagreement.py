@@ -1,4 +1,6 @@
 """What is said of photos that a camera, measured curves or one another do not explain."""
+import re
+
 import numpy as np
 import pytest
 from calibrate_cameras import GRID, daylight, led, on_grid, prior, reflectances, samples, signals
@@ -6,7 +8,7 @@ from calibrate_cameras import cameras_at_10_nm as cameras
 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records import CalibrationDoubt, Quantity, Spectrum, UnknownLight
 
 SURFACES = reflectances()
 TRUTH = on_grid(cameras(1, 60)[0] / cameras(1, 60)[0].max())
@@ -133,3 +135,18 @@ def test_fall_off_is_said_of_each_photo_that_may_have_one():
     lit = ChartPhoto(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi))
     known = calibrate_chart([lit], GRID, CalibrationOptions(prior=prior()))
     assert not any("illumination" in check for check in known.calibration.checks)
+
+
+def test_bands_of_which_no_camera_is_known_may_disagree_and_the_worst_is_named():
+    # curves that any camera might have, in five bands, one of which errs by a third
+    curves = np.exp(-0.5 * ((GRID.nm - np.arange(430, 671, 60)[:, None]) / 30) ** 2)
+    rng = np.random.default_rng(2)
+    signal = signals(curves, daylight(), SURFACES)
+    signal *= np.exp(rng.standard_normal(signal.shape) * [0.05, 0.05, 0.05, 0.05, 0.3])
+    fitted = calibrate_chart([ChartPhoto(samples(signal, 0.003), SURFACES, UnknownLight(),
+                                         bands=tuple("abcde"))], GRID)
+    assert fitted.calibration.doubts == (CalibrationDoubt.BANDS,)
+    assert any(re.search(r"predict by \d+% in e, ", check) for check in fitted.calibration.checks)
+    with pytest.raises(CheckError, match="no camera explains the chart photo"):
+        calibrate_chart([ChartPhoto(samples(rng.permutation(signal), 0.003), SURFACES,
+                                    UnknownLight())], GRID)

@@ -18,6 +18,7 @@ from spectrabox.radiometry.chart import (
 )
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, ClippedPhotoError
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.records import LinearImage, PhotoKind
 
 HEIGHT, WIDTH = 720, 1000
 BLACK, WHITE, ELECTRONS, READ_DN = np.array([512, 510, 514, 516]), 16383, 20000, 4.0
@@ -201,3 +202,18 @@ def test_the_overlay_marks_the_patches_and_nothing_else(tmp_path, reference):
     centre = np.rint(true_centres(corners())[0]).astype(int)
     patch = picture[centre[1] - 30:centre[1] + 30, centre[0] - 30:centre[0] + 30]
     assert (patch > 250).all(axis=2).any() and not (picture[:100] > 250).all(axis=2).any()
+
+
+def test_a_chart_in_bands_of_which_most_are_red_is_recognised_and_an_inverted_one_is_not():
+    grid = visible_grid(10.0)
+    at = [int(np.argmin(np.abs(grid.nm - nm))) for nm in (450, 550, 620, 650, 670, 690, 700)]
+    reflectances = chart_reflectances("BabelColor Average", grid)
+    for signals, known in ((reflectances[:, at], True), (1 - reflectances[:, at], False)):
+        scene = chart_scene(HEIGHT, WIDTH, signals, corners())
+        image = LinearImage(scene, 1e-6 + 0 * scene, scene > 2, 1.0, None,
+                            None, None, PhotoKind.RAW, "", "chart", "")
+        if known:
+            assert find_chart(image, typical_camera_signals(reflectances, grid)).confidence > 0.5
+        else:
+            with pytest.raises((ChartNotFoundError, CheckError)):
+                find_chart(image, typical_camera_signals(reflectances, grid))

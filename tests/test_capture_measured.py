@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from spectrabox.capture.chart.chart_agreement import typical_signals
+from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import locate_chart
 from spectrabox.capture.photo.image_files import read_encoded_file
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError
@@ -29,7 +29,7 @@ def measured():
 
 @pytest.mark.parametrize("name", CLASSICS)
 def test_every_whole_classic_is_found(measured, name):
-    detection = locate_chart(read_encoded_file(measured / "charts" / name), typical_signals(3))
+    detection = locate_chart(read_encoded_file(measured / "charts" / name), TYPICAL_SIGNALS)
     assert not detection.mirrored and detection.confidence > 0.2
 
 
@@ -37,4 +37,4 @@ def test_every_whole_classic_is_found(measured, name):
 def test_every_other_card_is_refused(measured, name):
     error, message = OTHERS[name]
     with pytest.raises(error, match=message):
-        locate_chart(read_encoded_file(measured / "charts" / name), typical_signals(3))
+        locate_chart(read_encoded_file(measured / "charts" / name), TYPICAL_SIGNALS)

@@ -81,19 +81,6 @@ def chart_units(chart: Chart, points: np.ndarray | None = None) -> np.ndarray:
     return points * scale - chart.centres[0] * scale + chart.sizes[0] * scale / 2
 
 
-def typical_signals(bands: int) -> np.ndarray:
-    """Reference signals (24, bands) of a Classic, dark skin first.
-
-    Parameters
-    ----------
-    bands : int
-        3 gives red, green and blue; any other number the grey level of each patch in every band.
-    """
-    if bands == TYPICAL_SIGNALS.shape[1]:
-        return TYPICAL_SIGNALS
-    return np.repeat(TYPICAL_SIGNALS.mean(axis=1, keepdims=True), bands, axis=1)
-
-
 def in_one_band(signals: np.ndarray) -> np.ndarray:
     """Signals (..., 1) in which all bands count alike: a chart in bands of any number is recognised
     by how light its patches are, for through a narrow filter no camera's colours are left.
@@ -126,11 +113,12 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
     image : LinearImage
     quads_px : (I, 4, 2) array
         Quadrilaterals in sensor pixels.
-    reference : (I, K) array
-        Signals that an ordinary camera would read, in chart order.
+    reference : (I, 3) or (I, K) array
+        Signals that an ordinary camera would read, in chart order. In other bands than three the
+        lightness of the patches is compared, a mixture of the three.
     chart : Chart
     """
-    medians = _patch_medians(image, quads_px)
+    medians, colours = _patch_medians(image, quads_px), reference
     if medians is not None and medians.shape[1] != MIXED_BANDS:
         medians, reference = in_one_band(medians), in_one_band(reference)
     # as proposed, turned by 180 degrees, and in two mirrors
@@ -149,7 +137,8 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
         if power >= VEILED and (veil_fit(signals, reference, chart, 1.0)[2]
                                 < VEIL_MISFIT * both + VEIL_STEP_MISFIT):
             signals, contrast = signals - veil * signals.max(axis=0), power
-    misfit, light = _mixture_fit(signals, reference, contrast, chart)
+    misfit, light = _mixture_fit(signals, colours if colours.shape[1] == MIXED_BANDS else reference,
+                                 contrast, chart)
     residual = float(np.sqrt(np.mean(np.sort(misfit)[:-(patches // WORST_LEFT_OUT) or None] ** 2)))
     return Agreement(residual, contrast, order, misfit, light)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from spectrabox.capture.chart.chart_agreement import (
     ACCEPTED_RESIDUAL,
+    MIXED_BANDS,
     PATCH,
     WORST_ENCODED_PATCH,
     WORST_PATCH,
@@ -64,7 +65,7 @@ def find_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarray
     Parameters
     ----------
     image : LinearImage
-    reference : (I, K) array
+    reference : (I, 3) or (I, K) array
         Signals that an ordinary camera would read, in any unit, in chart order.
     corners_px : (4, 2) array or None
         The chart's fiducials in sensor pixels: of the Classic the outer corners of the patch grid
@@ -99,10 +100,11 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
     ------
     ChartNotFoundError, CheckError, InputError
     """
-    if reference.shape != (len(chart.names), image.signal.shape[2]):
-        raise InputError(f"photo {image.source} has {image.signal.shape[2]} bands and the chart "
-                         f"reference is {reference.shape}; one reference signal per patch and band "
-                         "is needed")
+    patches, bands = len(chart.names), image.signal.shape[2]
+    if reference.shape not in ((patches, MIXED_BANDS), (patches, bands)):
+        raise InputError(f"photo {image.source} has {bands} bands and the chart reference is "
+                         f"{reference.shape}; signals of red, green and blue, or of each band, are "
+                         "needed for each patch")
     best = np.inf
     refusal: CheckError | None = None
     reading: str | None = None
@@ -144,7 +146,7 @@ def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDet
     Parameters
     ----------
     image : LinearImage
-    reference : (I, K) array
+    reference : (I, 3) or (I, K) array
         Signals that an ordinary camera would read there, in chart order.
     before : ChartDetection
         In the other photo, in the pixels of this one.
@@ -159,7 +161,8 @@ def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDet
     bright = brightest >= DARK_BAND * brightest.max()
     seen = replace(image, signal=image.signal[..., bright], variance=image.variance[..., bright],
                    saturated=image.saturated[..., bright])
-    agreement = chart_agreement(seen, before.corners_px, reference[:, bright], chart)
+    agreement = chart_agreement(seen, before.corners_px, reference[:, bright]
+                                if len(bright) == reference.shape[1] else reference, chart)
     if agreement.residual <= ACCEPTED_RESIDUAL and np.array_equal(
             agreement.order, np.arange(len(chart.names))):
         return replace(before, confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),

@@ -65,7 +65,7 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     ----------
     image : LinearImage
     detection : ChartDetection
-    reference : (I, K) array
+    reference : (I, 3) or (I, K) array
         Signals that an ordinary camera would read, in chart order.
     chart : Chart
     light_explained : bool

@@ -216,7 +216,7 @@ def judged_chart(image: LinearImage, layout: str, reference: str | None,
     grid, chart = visible_grid(), read_layout(layout)
     reflectances = None if chart.has_known_colours and reference is None else \
         reference_reflectances(reference, chart, grid)
-    signals = chart_signals(chart, reflectances, image.signal.shape[2], grid)
+    signals = chart_signals(chart, reflectances, grid)
     detection = locate_chart(image, signals,
                              None if corners is None else corner_points(corners, chart), chart)
     if detection.mirrored:

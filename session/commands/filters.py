@@ -114,7 +114,7 @@ def _of_charts(request: FilterFitRequest) -> MeasuredFilter:
             photos[0].signal, photos[1].signal):
         raise InputError(f"{request.files[0]} and {request.files[1]} are one photo; the second is "
                          "to be taken through the filter")
-    expected = chart_signals(chart, reflectances, photos[0].signal.shape[2], FINE_GRID)
+    expected = chart_signals(chart, reflectances, FINE_GRID)
     first = find_chart(photos[0], expected, None, chart)
     samples = [sample_patches(photos[0], first),
                sample_patches(photos[1], find_chart_again(photos[1], expected, first, chart))]

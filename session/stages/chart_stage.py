@@ -12,7 +12,7 @@ from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.image_files import write_png
 from spectrabox.capture.photo.regions import region_signals
 from spectrabox.capture.photo.registration import Edges, find_edges, register
-from spectrabox.radiometry.chart import signals_in_bands, typical_camera_signals
+from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import ChartNotFoundError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import ChartDetection, LinearImage
@@ -52,8 +52,8 @@ def find_and_sample_charts(task: StageTask) -> ChartRecords:
         name = view.chart_files[0]
         task.progress((index + 0.1) / len(config.views_with_chart), f"finding the chart in {name}")
         photo, own_notes = task.photos.developed(config, view.chart)
-        expected = signals_in_bands(typical_camera_signals(
-            read_chart_reference(config), FINE_GRID, _power(config, view)), photo.signal.shape[2])
+        expected = typical_camera_signals(read_chart_reference(config), FINE_GRID,
+                                          _power(config, view))
         again = None if first is None else _moved(*first, photo)
         detection = _chart_in(config, view, photo, expected, again)
         if config.flat and config.views and first is None:

@@ -261,7 +261,7 @@ def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None =
     chart = as_chart(layout)
     reflectances = None if chart.has_known_colours and reference is None else \
         reference_reflectances(reference, chart, FINE_GRID)
-    signals = chart_signals(chart, reflectances, opened.bands, FINE_GRID)
+    signals = chart_signals(chart, reflectances, FINE_GRID)
     given = None if corners is None else np.asarray(corners, dtype=float)
     detection = detect_chart(opened.image, signals, given, chart)
     return ChartInPhoto(opened, chart, detection, judge_chart(opened.image, detection, signals,
