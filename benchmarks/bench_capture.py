@@ -20,16 +20,21 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import sample_patches
-from spectrabox.capture.develop.bands import stack_bands, strongest_channel
+from spectrabox.capture.develop.bands import bright_channels, stack_bands, strongest_channel
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark, subtract_dark
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.chart_scene import GRID_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
+from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import UnknownLight
 
 from benchmarks.mosaic_file import read_mosaic
 
@@ -166,7 +171,8 @@ def seven_bands(folder: Path) -> dict[str, Any]:
         images.append(merge_exposures([subtract_dark(frame, dark[frame.exposure_s],
                                                      noise) for frame in frames], spills=True)[0])
     image = stack_bands(images, [f"{nm} nm" for nm in NANOMETRES])
-    predicted = _filter_weighted(folder / "spectra_averaged.csv")
+    nm, filters, reflectances = _measured(folder / "spectra_averaged.csv")
+    predicted = _filter_weighted(nm, filters, reflectances)
     detection = find_chart(image, predicted)
     means, centres = sample_patches(image, detection).mean, detection.corners_px.mean(axis=1)
     rms, largest, without = [], [], []
@@ -180,7 +186,26 @@ def seven_bands(folder: Path) -> dict[str, Any]:
         largest.append(float(np.abs(left).max()))
         without.append(float(np.sqrt(np.mean(residual**2))))
     return {"nm": list(NANOMETRES), "channel": [strongest_channel(one) for one in images],
-            "rms_of_maximum": rms, "largest_of_maximum": largest, "rms_without_field": without}
+            "rms_of_maximum": rms, "largest_of_maximum": largest, "rms_without_field": without,
+            "spectra": spectra_of_patches(images[1:], np.array(
+                [np.interp(FINE_GRID.nm, nm, patch) for patch in reflectances.T]))}
+
+
+def spectra_of_patches(images: list[Any], reflectances: np.ndarray) -> dict[str, Any]:
+    """Every channel of photos under a light that nobody measured: RMSE of each patch's reflectance
+    by a calibration without it, and what its 95 % band holds and should hold.
+    """
+    pick = [(image, channel) for image in images for channel in bright_channels(image)]
+    image = stack_bands([one for one, _ in pick], [str(number) for number in range(len(pick))],
+                        [channel for _, channel in pick])
+    samples = sample_patches(image, find_chart(image, TYPICAL_SIGNALS))
+    facts = {"bands": len(pick)}
+    for name, surfaces in (("measured", reflectances),
+                           ("published", chart_reflectances("BabelColor Average", FINE_GRID))):
+        found = calibrate_chart([ChartPhoto(samples, surfaces, UnknownLight())], FINE_GRID)
+        check = held_out_patches(found, surfaces)
+        facts[name] = [*check.means, float(check.rmse.max())]
+    return facts
 
 
 def _residuals_of_field(signals: np.ndarray, predicted: np.ndarray,
@@ -208,12 +233,16 @@ def _flea_frame(path: Path) -> Any:
     return read_mosaic(path, "GBRG", white_level=255, exposure_s=exposure_s, camera="Flea3")
 
 
-def _filter_weighted(path: Path) -> np.ndarray:
-    """Reflectances (24, 7) of the chart, weighted by the measured filters."""
+def _measured(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Wavelengths (W,), and at them the filters (W, 7) and the chart (W, 24)."""
     with path.open(newline="") as file:
         rows = list(csv.reader(file))
     table, first = np.array(rows[1:], float), rows[0].index("dark skin")
-    nm, filters, reflectances = table[:, 0], table[:, 1:8], table[:, first:first + 24]
+    return table[:, 0], table[:, 1:8], table[:, first:first + 24]
+
+
+def _filter_weighted(nm: np.ndarray, filters: np.ndarray, reflectances: np.ndarray) -> np.ndarray:
+    """Reflectances (24, 7) of the chart, weighted by the measured filters."""
     passed = np.abs(nm[:, None] - np.array(NANOMETRES)) <= PASS_NM
     weights = filters * passed
     return reflectances.T @ weights / weights.sum(axis=0)
@@ -251,9 +280,15 @@ def main() -> None:
           f"{noise['degrees_of_freedom']} (p = {noise['p_value']:.2f})")
     if "seven_bands" in facts:
         bands = facts["seven_bands"]
+        spectra = bands.pop("spectra")
         print(f"{'band nm':>10}{'channel':>9}{'rms / max':>11}{'largest':>9}{'without field':>15}")
         for row in zip(*bands.values(), strict=True):
             print(f"{row[0]:>10}{'RGB'[row[1]]:>9}{row[2]:>11.1%}{row[3]:>9.1%}{row[4]:>15.1%}")
+        for name in ("measured", "published"):
+            rmse, inside, expected, worst = spectra[name]
+            print(f"{spectra['bands']} bands from 450 nm, light unknown, {name} chart: each patch "
+                  f"from the others RMSE {rmse:.3f} (worst {worst:.3f}), {inside:.3f} inside, "
+                  f"{expected:.3f} expected")
 
 
 if __name__ == "__main__":
