@@ -389,18 +389,24 @@ def common_patterns(photos: Sequence[ChartEquations]) -> np.ndarray:
 
 
 def _same_patches(photos: Sequence[ChartEquations]) -> np.ndarray:
-    """Which of all patches of all photos (R, R) are one, seen through different filters."""
+    """Which of all patches of all photos (R, R) are one that errs alike in both."""
     of_photo = np.repeat(np.arange(len(photos)), [len(photo.signal) for photo in photos])
     number = np.concatenate([np.full(len(photo.signal), -1) if photo.number is None
                              else photo.number for photo in photos])
-    other_filter = np.array([[one.filter is not other.filter for other in photos]
-                             for one in photos])[np.ix_(of_photo, of_photo)]
-    return np.asarray((number[:, None] == number) & (number >= 0) & other_filter)
+    return np.asarray((number[:, None] == number) & (number >= 0) & _through_filters(photos)
+                      & (of_photo[:, None] != of_photo))
+
+
+def _through_filters(photos: Sequence[ChartEquations]) -> bool:
+    """Whether patches err alike in photos: in all as soon as one is through a filter. If two that
+    are alike to a third were not so to each other, there would be no such errors.
+    """
+    return any(photo.filter is not None for photo in photos)
 
 
 def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:
-    """Rows of the signals (Y,) that show one patch of the first photo: in that photo, and in those
-    through filters, whose errors are its own.
+    """Rows of the signals (Y,) that show one patch of the first photo: in that photo, and if any is
+    through a filter, in all photos, whose errors are its own.
 
     Parameters
     ----------
@@ -413,7 +419,7 @@ def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:
         bands = photo.signal.shape[1]
         if number == 0:
             mine = np.array([patch])
-        elif photo.filter is first.filter or photo.number is None or first.number is None:
+        elif not _through_filters(photos) or photo.number is None or first.number is None:
             mine = np.zeros(0, int)
         else:
             mine = np.flatnonzero(photo.number == first.number[patch])

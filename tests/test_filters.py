@@ -98,6 +98,9 @@ def test_patches_of_a_photo_through_a_filter_err_as_those_without():
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert 0.2 < correlation[0, 72] < 0.9 and not covariance[0, 75:].any()
     np.testing.assert_array_equal(rows_of_patch(photos, 3), [9, 10, 11, 81, 82, 83])
+    # a photo without a filter that is taken again errs alike too, or errors would contradict
+    again = noise_of_photos([*photos, bare()], PatchError(1e-4, 0.01))
+    assert np.linalg.eigvalsh(again).min() > 0
     # two photos without a filter are no photos of one light
     np.testing.assert_array_equal(rows_of_patch([bare(), bare()], 3), [9, 10, 11])
 

@@ -169,8 +169,8 @@ def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(
                    for values in (summary.mean, summary.standard_deviation))
     assert np.abs(once["mean.exr"][2, 1] - mean).max() < 0.15 * width.max()
     assert np.abs((once["mean.exr"][2, 1] - mean) / width).max() < 0.2
-    # 1000 draws tell a spread to 2 %, in the tails of a skewed one to 5 %
-    np.testing.assert_allclose(once["standard_deviation.exr"][2, 1], width[::2], rtol=0.2)
+    # 1000 draws tell a spread to 2 %, where a component is drawn ten times to a quarter
+    np.testing.assert_allclose(once["standard_deviation.exr"][2, 1], width[::2], rtol=0.25)
     monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", 1)
     monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
     shutil.rmtree(session / "results" / "picture")
