@@ -230,9 +230,11 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     if fitted.light is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
         doubts += (CalibrationDoubt.COLOUR_MATRIX,)
     checks += [*unseen, *_clipped_notes(fitted.without, first), *fitted.notes,
-               *(doubt.value for doubt in doubts)]
+               *(doubt.value for doubt in doubts
+                 if not any(note.startswith(doubt.value) for note in fitted.notes))]
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
-                              tuple(checks), doubts, fitted.light)
+                              tuple(checks), doubts, fitted.light,
+                              isinstance(first.light, UnknownLight))
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
                             first.samples.saturated, fitted.cleaned or fitted.without,
@@ -591,10 +593,9 @@ def _disagreeing_bands(photo: ChartPhoto, used: ChartEquations, fit: PriorFit) -
     bands = photo.bands or default_band_names(used.signal.shape[1])
     off = disagreement_of_bands(used.signal, fit.held_out[0])
     worst = np.argsort(-off)[:NAMED_BANDS]
-    return ("patches disagree with what the others predict by "
+    return (f"{CalibrationDoubt.BANDS.value} (what the others predict of a patch is off by "
             + ", ".join(f"{off[band]:.0%} in {bands[band]}" for band in worst)
-            + f", and by {np.median(off):.0%} in most bands; the errors of all spectra are as much "
-            "larger")
+            + f", in half of the bands by less than {np.median(off):.0%})")
 
 
 def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,

@@ -388,8 +388,10 @@ class Calibration(Record):
     checks: tuple[str, ...]
     doubts: tuple[CalibrationDoubt, ...] = ()
     # Where the light is unknown ``sensitivity`` holds the products of sensitivity and light,
-    # ``light`` is 1 at every wavelength, and this says what is known of the light by itself.
+    # ``light`` is 1 at every wavelength, and this says what is known of the light by itself, if the
+    # bands are those of measured cameras.
     light_posterior: LightPosterior | None = None
+    products: bool = False                          # whether the light is unknown
     # Of a photo through a filter: ``light`` is then the light that the filter lets pass.
     filter: FittedFilter | None = None
 

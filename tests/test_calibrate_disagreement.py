@@ -146,7 +146,8 @@ def test_bands_of_which_no_camera_is_known_may_disagree_and_the_worst_is_named()
     fitted = calibrate_chart([ChartPhoto(samples(signal, 0.003), SURFACES, UnknownLight(),
                                          bands=tuple("abcde"))], GRID)
     assert fitted.calibration.doubts == (CalibrationDoubt.BANDS,)
-    assert any(re.search(r"predict by \d+% in e, ", check) for check in fitted.calibration.checks)
+    assert any(re.search(r"patch is off by \d+% in e, ", check)
+               for check in fitted.calibration.checks)
     with pytest.raises(CheckError, match="no camera explains the chart photo"):
         calibrate_chart([ChartPhoto(samples(rng.permutation(signal), 0.003), SURFACES,
                                     UnknownLight())], GRID)

@@ -102,3 +102,11 @@ def test_a_plan_after_many_bands_says_what_a_further_photo_brings(finished, opti
     steps = json.loads(call("plan", folder, *words, "--json").stdout)["lamps"]
     assert steps and all(0.5 * step["rmse_before"] < step["rmse_after"]
                          < 1.02 * step["rmse_before"] for step in steps)
+
+
+def test_the_report_shows_no_light_by_itself_and_finds_no_measured_camera_in_it(finished):
+    folder, _ = finished
+    call("run", folder, "--device", "cpu")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Products of sensitivity and light" in page and "Spectrum of the light" not in page
+    assert "Stated light against the chart" not in page and "of measured cameras" not in page

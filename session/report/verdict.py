@@ -355,15 +355,15 @@ def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
     photos those alone that are doubtful.
 
     Nothing is known to contradict products of an unknown light with a camera, and where the light
-    on each patch is given no drift over the chart is looked for. A veil is named where there is
-    one.
+    on each patch is given no drift over the chart is looked for. A veil and bands that disagree are
+    named where they are.
     """
     calibration, rows = evidence.calibration, []
     for doubt, name in DOUBTS.items():
-        given = (calibration.light_scale if doubt is CalibrationDoubt.TWO_LIGHTS
-                 else calibration.light_posterior)
-        if doubt not in calibration.doubts and given is None \
-                and doubt is not CalibrationDoubt.VEIL:
+        given = (calibration.light_scale is not None if doubt is CalibrationDoubt.TWO_LIGHTS
+                 else calibration.products)
+        if doubt not in calibration.doubts and not given \
+                and doubt not in (CalibrationDoubt.VEIL, CalibrationDoubt.BANDS):
             rows.append(Criterion(name, None, "no doubt", "no doubt", Status.PASS,
                                   "No sign of two kinds of light." if doubt
                                   is CalibrationDoubt.TWO_LIGHTS
@@ -384,7 +384,9 @@ def doubt_sentences(calibration: Calibration, view: str) -> list[str]:
     view : str
         Name of the first photo that it is of; "" the first of the session.
     """
-    return [f"Calibration{where_of(view)}: {doubt.value}." for doubt in calibration.doubts]
+    return [f"Calibration{where_of(view)}: "
+            + next((check for check in calibration.checks if check.startswith(doubt.value)),
+                   doubt.value) + "." for doubt in calibration.doubts]
 
 
 def where_of(view: str) -> str:
