@@ -55,15 +55,16 @@ def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_char
             ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
             ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),
             ("_with_lamp_error", lambda _, calibrations: calibrations),
-            ("_uneven_notes", lambda *_: ()),
-            ("_chart_photo", lambda _, view, chart, irradiance: SimpleNamespace(
+            ("_uneven_notes", lambda *_: ()), ("band_names", lambda *_: ()),
+            ("_chart_photo", lambda _, view, chart, irradiance, *rest: SimpleNamespace(
                 samples=chart.samples, irradiance=irradiance, reflectances=None))):
         monkeypatch.setattr(calibrate_stage, name, replacement)
     config = SimpleNamespace(
         all_views=every, views_with_chart=[view for view in every if view.chart], flat=False,
         sensitivity=SimpleNamespace(from_chart=True, method=None, prior=None, coefficients=None))
     records = calibrate_stage.calibrate_views(SimpleNamespace(
-        config=config, records=SimpleNamespace(chart=SimpleNamespace(charts=charts)), device="cpu",
+        config=config, records=SimpleNamespace(chart=SimpleNamespace(charts=charts),
+                                               photo=SimpleNamespace(bands=())), device="cpu",
         progress=lambda *_: None))
     for number, view in enumerate(every):
         found = records.calibrations[view.name].light_scale.value
@@ -88,13 +89,15 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(monkeypatch):
             ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
             ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),
             ("_with_lamp_error", lambda _, calibrations: calibrations),
-            ("_uneven_notes", lambda *_: ()), ("excluded_patches", lambda _: soiled),
+            ("_uneven_notes", lambda *_: ()), ("band_names", lambda *_: ()),
+            ("excluded_patches", lambda _: soiled),
             ("read_chart_reference", lambda _: None),
             ("ChartPhoto", lambda _, reference, light, irradiance, excluded, *rest:
              SimpleNamespace(irradiance=irradiance, excluded=excluded, reflectances=None))):
         monkeypatch.setattr(calibrate_stage, name, replacement)
     chart = SimpleNamespace(samples=None, thumbnail=None)
-    records = SimpleNamespace(chart=SimpleNamespace(charts={"": chart, "second": chart}))
+    records = SimpleNamespace(chart=SimpleNamespace(charts={"": chart, "second": chart}),
+                              photo=SimpleNamespace(bands=()))
     config = SimpleNamespace(
         all_views=[first, second], views_with_chart=[first, second], flat=False,
         sensitivity=SimpleNamespace(from_chart=True, method="smooth", prior=None, coefficients=10))

@@ -21,7 +21,7 @@ def test_show_gives_the_keys_that_scripts_rely_on(tmp_path):
         facts = json.loads(result.stdout)
         assert result.exit_code == 0 and facts["format"] == name
         assert {"wavelengths_nm", "quantity", "unit", "source", "spectra"} <= set(facts)
-        if name != "Ocean Optics":      # whose files state neither
+        if name not in ("Ocean Optics", "CSMF"):        # whose files state neither
             assert facts["quantity"] == "reflectance" and facts["unit"] in ("1", "percent")
         factor = 0.01 if facts["unit"] == "percent" else 1
         column = facts.get("values") or facts["spectra"][0]["values"]
