@@ -462,9 +462,6 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         notes = (f"no measured camera has {cameras.bands} bands: products of sensitivity and light "
                  "were fitted with smoothness alone, so narrow lines of the lamp are smoothed over "
                  "and the light by itself is not known",)
-        if fit.model_error > WORST_MODEL_ERROR:
-            doubts = (CalibrationDoubt.BANDS,)
-            notes += (_disagreeing_bands(first, used[0], fit),)
     else:
         lamps, words = lamps_like(first.light), first.light.words
         products = _with_veil(used, lambda shown: fit_products(shown, cameras, lamps, grid, words,
@@ -473,6 +470,9 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         if fit.disagrees:
             refuse_disagreement("no camera under any lamp explains the chart photo", used[0].signal,
                                 fit.held_out[0], fit.chi_square, None)
+    if cameras.source == SMOOTH_SOURCE and fit.model_error > WORST_MODEL_ERROR:
+        doubts = (*doubts, CalibrationDoubt.BANDS)
+        notes = (*notes, _disagreeing_bands(first, used[0], fit))
     for number in range(len(used)):
         drift = colour_drift(fit.posterior, relit(fit.posterior, used), number)
         if drift is not None and drift.two_lights:

@@ -137,17 +137,18 @@ def test_fall_off_is_said_of_each_photo_that_may_have_one():
     assert not any("illumination" in check for check in known.calibration.checks)
 
 
-def test_bands_of_which_no_camera_is_known_may_disagree_and_the_worst_is_named():
+@pytest.mark.parametrize("light", [UnknownLight(), lamp(daylight())], ids=["unknown", "stated"])
+def test_bands_of_which_no_camera_is_known_may_disagree_and_the_worst_is_named(light):
     # curves that any camera might have, in five bands, one of which errs by a third
     curves = np.exp(-0.5 * ((GRID.nm - np.arange(430, 671, 60)[:, None]) / 30) ** 2)
     rng = np.random.default_rng(2)
     signal = signals(curves, daylight(), SURFACES)
     signal *= np.exp(rng.standard_normal(signal.shape) * [0.05, 0.05, 0.05, 0.05, 0.3])
-    fitted = calibrate_chart([ChartPhoto(samples(signal, 0.003), SURFACES, UnknownLight(),
+    fitted = calibrate_chart([ChartPhoto(samples(signal, 0.003), SURFACES, light,
                                          bands=tuple("abcde"))], GRID)
     assert fitted.calibration.doubts == (CalibrationDoubt.BANDS,)
     assert any(re.search(r"patch is off by \d+% in e, ", check)
                for check in fitted.calibration.checks)
     with pytest.raises(CheckError, match="no camera explains the chart photo"):
         calibrate_chart([ChartPhoto(samples(rng.permutation(signal), 0.003), SURFACES,
-                                    UnknownLight())], GRID)
+                                    light)], GRID)
