@@ -176,3 +176,16 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
     return HeldOutPatches(PRIOR_GRID, each.mean, each.lower, each.upper, truth, excluded,
                           share_inside(exact.lower, exact.upper, truth), LEVEL,
                           *without.deviations(reflectances), saturated)
+
+
+def held_out_sentence(patches: HeldOutPatches) -> str:
+    """One sentence on all patches.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    """
+    rmse, inside, expected = patches.means
+    return (f"each patch from the others: reflectance within {rmse:.3f} (rms), "
+            f"{inside:.0%} of it inside the {patches.level:.0%} band ({expected:.1%} expected "
+            "for chart colours)")

@@ -1,20 +1,29 @@
 """Read every input of a session and say everything that is wrong with it at once."""
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
+from spectrabox.measure.captured import (
+    Capture,
+    FlatCapture,
+    PhotoFiles,
+    SceneCapture,
+    View,
+    files_of,
+)
+from spectrabox.measure.opened_photos import develop, require_curves_of_bands, require_exposed
+from spectrabox.measure.steps.charts import stated_corners
+from spectrabox.measure.steps.inversion import require_invertible, require_materials
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -22,30 +31,10 @@ from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.kept_cameras import known_camera
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
-from spectrabox.session.config.session_chart import session_chart
+from spectrabox.session.config.captured_session import capture_with_faults
 from spectrabox.session.config.session_file import missing_files, try_read_session
-from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
-from spectrabox.session.pipeline import run_stages, stage_states
-from spectrabox.session.stages.inputs import (
-    chart_corners,
-    power_of,
-    read_chart_reference,
-    read_filter,
-    read_light,
-    read_light_of,
-    read_photo,
-    read_reflectance,
-    read_sensitivities,
-    require_curves_of_bands,
-    require_exposed,
-)
-from spectrabox.session.stages.order import stages_of
-from spectrabox.session.stages.reconstruct_stage import require_invertible
-from spectrabox.session.stages.scenes import (
-    read_chart_scene,
-    read_session_scene,
-    require_materials,
-)
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.pipeline import run_stages, stage_names, stage_states
 from spectrabox.session.store.store import load_stage
 
 LONG_STAGES = ("reconstruct", "sample")     # the first of them that a session has is not run
@@ -116,10 +105,14 @@ def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEV
                             and not any(str(path) in sentence for path in missing))
             return None
 
-    _attempt_inputs(config, attempt)
+    capture, faults = capture_with_faults(config)
+    for fault in faults:
+        attempt(_refuse, fault)
+    if not faults:
+        _attempt_together(capture, attempt)
     tracing_bytes = None if problems else attempt(_run_up_to_tracing, config, device, shared)
     if problems:        # a stage stops at its first fault: say those of the other photos too
-        _attempt_photos(config, attempt)
+        _attempt_photos(capture, attempt)
     return CheckResult(problems, tracing_bytes, _known_camera(config))
 
 
@@ -132,61 +125,51 @@ def _known_camera(config: SessionConfig) -> str | None:
     return None if metadata is None else known_camera(metadata.camera)
 
 
-def _attempt_inputs(config: SessionConfig, attempt: Attempt) -> None:
-    """Read all but the photos."""
-    for surface in config.surfaces.values():
-        for table in (surface.measured, surface.truth):
-            if table is not None:
-                attempt(read_reflectance, config, table)
-    if not config.sensitivity.from_chart:
-        attempt(read_sensitivities, config)
-        attempt(require_curves_of_bands, config)
-    if config.views_with_chart:
-        attempt(read_chart_reference, config)
-        attempt(read_chart_scene, config)
-    if config.camera.lens is not None:
-        attempt(lambda: read_lens(config.path(config.camera.lens or "")))
-    for view in config.all_views:
-        for spectrum in view.all_lights:
-            attempt(read_light, config, spectrum)
-        if view.filter is not None:
-            attempt(read_filter, config, view.filter)
-        scene = None if config.flat else attempt(read_session_scene, config, view)
-        if scene is not None:
-            attempt(require_materials, scene, config.bsdfs)
+def _refuse(fault: SpectraboxError) -> None:
+    raise fault
 
 
-def _attempt_photos(config: SessionConfig, attempt: Attempt) -> None:
-    """Decode every photo and look for what the stages would refuse.
+def _attempt_together(capture: Capture, attempt: Attempt) -> None:
+    """Look for inputs that were each read and do not go together."""
+    attempt(require_curves_of_bands, capture)
+    if isinstance(capture, SceneCapture):
+        for view in capture.views:
+            attempt(require_materials, view.scene, capture.bsdfs)
+
+
+def _attempt_photos(capture: Capture, attempt: Attempt) -> None:
+    """Decode every photo and look for what the steps would refuse.
 
     Of a photo whose flat field or dark frame is at fault, its own faults are looked for without it.
+    Parts of the capture that could not be read are None, and nothing is asked of them.
     """
-    photos = config.photos
-    alone = config.model_copy(update={"photos": photos.model_copy(update={"flat": None,
-                                                                          "dark": None})})
-    frames = [*photos.flats.values(), *photos.dark_files]
-    for name in (*frames, *(name for view in config.all_views
-                            for name in (*view.photo_files, *view.chart_files))):
-        attempt(lambda name: open_any(config.path(name), photos.not_linear), name)
+    chosen = capture.development
+    alone = dataclasses.replace(capture, development=dataclasses.replace(
+        chosen, flat_fields={}, dark_frames=()))
+    for file in (*chosen.flat_fields.values(), *chosen.dark_frames,
+                 *(file for view in capture.views
+                   for file in (*files_of(view.photo), *files_of(view.chart)))):
+        if file.path is not None:
+            attempt(open_any, file.path, chosen.not_linear)
 
-    def developed_photo(photo: dict[str, tuple[str, ...]]) -> LinearImage | None:
-        developed = attempt(read_photo, config, photo) or readable(read_photo, alone, photo)
+    def developed_photo(photo: PhotoFiles) -> LinearImage | None:
+        if any(file.path is None for file in files_of(photo)):
+            return None
+        developed = attempt(develop, capture, photo) or readable(develop, alone, photo)
         return None if developed is None else developed[0]
 
-    for view in config.all_views:
-        scene = None if config.flat else readable(read_session_scene, config, view)
+    for view in capture.views:
         if (photo := developed_photo(view.photo)) is not None:
-            attempt(require_exposed, photo, view.photo_files[0])
-            for name, region in config.regions_in(view).items():
-                attempt(sample_regions, photo, {name: region.outline()})
+            attempt(require_exposed, photo, view.photo_names[0])
+            if isinstance(capture, FlatCapture):
+                for name, region in capture.regions_in(view).items():
+                    attempt(sample_regions, photo, {name: region.outline})
+            scene = getattr(view, "scene", None)
             if scene is not None:
-                attempt(require_same_shape, photo, scene, view.photo_files[0])
-        light = readable(read_light_of, config, view)
-        chart_signals = readable(read_chart_reference, config)
-        if view.chart and (chart := developed_photo(view.chart)) is not None \
-                and light is not None and chart_signals is not None:
-            attempt(require_chart, config, view, chart,
-                    typical_camera_signals(chart_signals, FINE_GRID, power_of(light)))
+                attempt(require_same_shape, photo, scene, view.photo_names[0])
+        if view.chart and view.light is not None and capture.chart is not None \
+                and (chart := developed_photo(view.chart)) is not None:
+            attempt(require_chart, capture, view, chart)
 
 
 def readable(read: Callable[..., Any], *arguments: Any) -> Any:
@@ -201,35 +184,33 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
     they begin; bytes that tracing will take, where something is left to trace.
     """
-    long = next(name for name in stages_of(config) if name in LONG_STAGES)
+    long = next(name for name in stage_names(config) if name in LONG_STAGES)
     if load_stage(config.results_folder, long) is not None and any(
             state.name == long and state.state == "done" for state in stage_states(config)):
         return None
     finished = run_stages(config, device=device, only=None, force=False,
                           progress=lambda stage, done, what: None, before=long, shared=shared)
-    if config.flat:
+    if not isinstance(finished.capture, SceneCapture):
         return None
-    return require_invertible(config, finished.records, device)
+    return require_invertible(finished.capture, finished.records, device)
 
 
-def require_chart(config: SessionConfig, view: ViewInputs, chart: LinearImage,
-                  signals: np.ndarray) -> None:
+def require_chart(capture: Capture, view: View, photo: LinearImage) -> None:
     """Refuse a photo that shows no chart, or a clipped one.
 
     Parameters
     ----------
-    config : SessionConfig
-    view : ViewInputs
+    capture : Capture
+    view : View
         Whose chart photo it is.
-    chart : LinearImage
-    signals : (I, 3) array
-        That an ordinary camera would read off the chart.
+    photo : LinearImage
 
     Raises
     ------
     InputError, CheckError
     """
-    layout = session_chart(config)
-    detection = find_chart(chart, signals, chart_corners(config, view), layout)
-    require_unclipped(sample_patches(chart, detection), layout.names, view.chart_files[0],
-                      layout.neutrals, bands_may_drop=config.flat)
+    layout = capture.layout
+    signals = typical_camera_signals(capture.lit_chart.reflectances, FINE_GRID, view.power)
+    detection = find_chart(photo, signals, stated_corners(capture, view), layout)
+    require_unclipped(sample_patches(photo, detection), layout.names, view.chart_names[0],
+                      layout.neutrals, bands_may_drop=capture.flat)

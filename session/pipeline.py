@@ -1,4 +1,4 @@
-"""Which stages of a session must be run again, and running them."""
+"""Which records of a session are up to date, and making those that are not."""
 from __future__ import annotations
 
 import time
@@ -8,15 +8,19 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from spectrabox.radiometry.errors import InputError
+from spectrabox.measure.captured import FlatCapture, SceneCapture
+from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.steps.inputs import StepInputs, needed_steps
+from spectrabox.measure.steps.order import measure
+from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.records import Progress
+from spectrabox.radiometry.shaped import Record
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
-from spectrabox.session.keys import Key, stage_keys
-from spectrabox.session.stages.inputs import OpenPhotos
-from spectrabox.session.stages.order import stages_of
-from spectrabox.session.stages.records import SessionRecords
-from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.input_roles import input_files
+from spectrabox.session.store.keys import step_keys
 from spectrabox.session.store.shared_stages import share_stage, shared_stage
 from spectrabox.session.store.store import (
     ARRAYS,
@@ -48,13 +52,14 @@ class FinishedRun:
     from another session with the same inputs ("copied") or up to date before ("kept").
     """
 
+    capture: FlatCapture | SceneCapture
     stored: dict[str, StoredStage]
     states: dict[str, str]
 
     @cached_property
-    def records(self) -> SessionRecords:
+    def records(self) -> CaptureRecords:
         """What the stages stored, read when it is asked for."""
-        return SessionRecords(self.stored)
+        return CaptureRecords(self.stored)
 
     def result_digests(self) -> dict[str, str]:
         """SHA-256 of the stored results of all stages, by their names below the results' folder."""
@@ -64,16 +69,19 @@ class FinishedRun:
     def input_digests(self, config: SessionConfig) -> dict[str, Any]:
         """Digests of all that a report depends on.
 
+        Parameters
+        ----------
+        config : SessionConfig
+
         Returns
         -------
         dict
             ``session``, ``files`` and ``results``: SHA-256 by name as seen from the session
             folder; ``stages``: the fingerprint of each stage's key.
         """
-        files = {name: digest for stage in self.stored.values()
-                 for name, digest in stage.key.get("files", {}).items()}
         folder = config.results_folder.relative_to(config.folder).as_posix()
-        return {"session": {FILE_NAME: config.toml_sha256}, "files": files,
+        return {"session": {FILE_NAME: config.toml_sha256},
+                "files": InputFiles(config).digests(*input_files(config, self.capture)),
                 "results": {f"{folder}/{name}": digest
                             for name, digest in self.result_digests().items()},
                 "stages": {name: fingerprint(stage.key) for name, stage in self.stored.items()}}
@@ -87,7 +95,7 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     list of StageState
         Of all stages, in order.
     """
-    keys = stage_keys(config, InputFiles(config))
+    keys = step_keys(capture_of(config), InputFiles(config))
     states = [] if "chart" in keys else [StageState("chart", "not needed", (), None)]
     for name, key in keys.items():
         stored = load_stage(config.results_folder, name)
@@ -111,7 +119,7 @@ def warn_of_stale_stages(config: SessionConfig, tell: Callable[[str], None]) -> 
     """
     try:
         stale = [state for state in stage_states(config) if state.state == "stale"]
-    except InputError as error:
+    except SpectraboxError as error:
         tell(f"warning: whether results are up to date is not known: {error}")
         return []
     if stale:
@@ -143,44 +151,93 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     InputError
         If ``only`` names no stage of this session, or a stage before it is not up to date.
     """
-    inputs = InputFiles(config)
-    keys = stage_keys(config, inputs)
-    order = list(keys)
-    if only is not None and only not in keys:
-        raise InputError(f"there is no stage {only!r} in this session; it has {', '.join(keys)}")
-    finished, photos = FinishedRun({}, {}), OpenPhotos()
-    for name, key in keys.items():
-        if name == before:
-            break
-        stored = load_stage(config.results_folder, name)
-        fresh = stored is not None and not stored.fault and stored.key == key
-        if only is not None and name != only:
-            later = order.index(name) > order.index(only)
-            if stored is not None and not stored.fault and (fresh or later):
-                finished.stored[name] = stored
-                finished.states[name] = "kept" if fresh else "stale"
-            elif not later:
-                raise InputError(f"stage {name!r}, which comes before {only!r}, is not up to "
-                                 "date: run without --only")
-            continue
-        if stored is not None and fresh and not (force and only in (None, name)):
-            finished.stored[name], finished.states[name] = stored, "kept"
-            progress(name, 1.0, "up to date")
-            continue
+    keeper = FolderKeeper(config, only=only, force=force, progress=progress, shared=shared)
+    measure(keeper.finished.capture, keeper, device=device, checkpoints=config.results_folder,
+            before=before)
+    return keeper.finished
+
+
+class FolderKeeper:
+    """Keeps the records of a session in its results folder, and hands out those that are up to
+    date.
+
+    Parameters
+    ----------
+    config, only, force, progress, shared
+        As of ``run_stages``.
+    """
+
+    def __init__(self, config: SessionConfig, *, only: str | None, force: bool,
+                 progress: StageProgress, shared: Path | None) -> None:
+        self._config, self._inputs = config, InputFiles(config)
+        capture = capture_of(config)
+        self._keys = step_keys(capture, self._inputs)
+        if only is not None and only not in self._keys:
+            raise InputError(f"there is no stage {only!r} in this session; it has "
+                             f"{', '.join(self._keys)}")
+        self._only, self._force, self._progress, self._shared = only, force, progress, shared
+        self.finished = FinishedRun(capture, {}, {})
+
+    @property
+    def records(self) -> CaptureRecords:
+        return self.finished.records
+
+    def keep(self, step: StepInputs, compute: Callable[[Progress, Path | None], Record]) -> None:
+        """The step's record as it is stored, if that is up to date; else as it is computed now."""
+        name, key = step.name, self._keys[step.name]
+        stored = load_stage(self._config.results_folder, name)
+        usable = stored is not None and not stored.fault
+        fresh = usable and stored is not None and stored.key == key
+        if self._only is not None and name != self._only:
+            self._keep_beside(name, stored if usable else None, fresh)
+            return
+        if stored is not None and fresh and not self._force:
+            self._note(name, stored, "kept")
+            self._progress(name, 1.0, "up to date")
+            return
         if stored is not None and stored.fault:
-            progress(name, 0.0, f"run again: its stored results {stored.fault}")
-        with shared_stage(shared, name, key) as other:
+            self._progress(name, 0.0, f"run again: its stored results {stored.fault}")
+        with shared_stage(self._shared, name, key) as other:
             if other is not None:
-                stored = _store_stage(config, name, key, inputs, partial(copy_stage, other))
-                progress(name, 1.0, "as another session made it")
+                stored = self._store(name, partial(copy_stage, other))
+                self._progress(name, 1.0, "as another session made it")
             else:
-                run = partial(_run_stage, config, name, key, device, finished.records, progress,
-                              photos)
-                stored = _store_stage(config, name, key, inputs, run)
-                progress(name, 1.0, f"{stored.seconds:.1f} s")
-                share_stage(shared, name, stored)
-        finished.stored[name], finished.states[name] = stored, "copied" if other else "run"
-    return finished
+                stored = self._store(name, partial(self._compute, name, compute))
+                self._progress(name, 1.0, f"{stored.seconds:.1f} s")
+                share_stage(self._shared, name, stored)
+        self._note(name, stored, "copied" if other else "run")
+
+    def _keep_beside(self, name: str, stored: StoredStage | None, fresh: bool) -> None:
+        """Keep what is stored of a step beside the one that is run alone."""
+        order = list(self._keys)
+        later = order.index(name) > order.index(self._only or "")
+        if stored is not None and (fresh or later):
+            self._note(name, stored, "kept" if fresh else "stale")
+        elif not later:
+            raise InputError(f"stage {name!r}, which comes before {self._only!r}, is not up to "
+                             "date: run without --only")
+
+    def _note(self, name: str, stored: StoredStage, state: str) -> None:
+        self.finished.stored[name], self.finished.states[name] = stored, state
+
+    def _store(self, name: str, fill: Callable[[Path], None]) -> StoredStage:
+        """Results of a step, which a function writes into an empty folder, in place of the old
+        ones.
+        """
+        with stage_folder(self._config.results_folder, name) as folder:
+            fill(folder)
+            self._inputs.require_unchanged(self._keys[name]["files"])
+        stored = load_stage(self._config.results_folder, name)
+        assert stored is not None
+        return stored
+
+    def _compute(self, name: str, compute: Callable[[Progress, Path | None], Record],
+                 folder: Path) -> None:
+        """Compute the record of a step and save it into a folder."""
+        start = time.perf_counter()
+        self._progress(name, 0.0, "")
+        record = compute(partial(self._progress, name), folder)
+        save_stage(folder, self._keys[name], record, time.perf_counter() - start, {"stage": name})
 
 
 def load_finished(config: SessionConfig) -> FinishedRun:
@@ -191,7 +248,8 @@ def load_finished(config: SessionConfig) -> FinishedRun:
     InputError
         If a stage has none, or damaged ones.
     """
-    stored = {name: load_stage(config.results_folder, name) for name in stages_of(config)}
+    capture = capture_of(config)
+    stored = {name: load_stage(config.results_folder, name) for name in stage_names(config)}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:
         raise InputError(f"no results of stage {missing[0]!r} yet: run 'spectrabox run' first")
@@ -199,27 +257,28 @@ def load_finished(config: SessionConfig) -> FinishedRun:
         if stage is not None and stage.fault:
             raise InputError(f"the stored results of stage {name!r} {stage.fault}: 'spectrabox "
                              "run' makes them again")
-    return FinishedRun({name: stage for name, stage in stored.items() if stage is not None},
-                       dict.fromkeys(stored, "kept"))
+    done = {name: stage for name, stage in stored.items() if stage is not None}
+    return FinishedRun(capture, done, dict.fromkeys(done, "kept"))
 
 
-def _store_stage(config: SessionConfig, name: str, key: Key, inputs: InputFiles,
-                 fill: Callable[[Path], None]) -> StoredStage:
-    """Results of a stage, which a function writes into an empty folder, in place of the old ones.
+def stage_names(config: SessionConfig) -> list[str]:
+    """Names of the stages that a session needs, in order."""
+    return [step.name for step in needed_steps(config.flat, bool(config.views_with_chart),
+                                               config.picture is not None)]
+
+
+def stages_in_order(only: str | None, order: list[str]) -> list[str | None]:
+    """The stages that are to be run alone, first things first; None alone for all of them.
+
+    Parameters
+    ----------
+    only : str or None
+        Names with commas between them, in any order.
+    order : list of str
+        Of the session's stages. A name that is none of them comes first, to be refused before
+        anything has run.
     """
-    with stage_folder(config.results_folder, name) as folder:
-        fill(folder)
-        inputs.require_unchanged(key["files"])
-    finished = load_stage(config.results_folder, name)
-    assert finished is not None
-    return finished
-
-
-def _run_stage(config: SessionConfig, name: str, key: Key, device: str, records: SessionRecords,
-               progress: StageProgress, photos: OpenPhotos, folder: Path) -> None:
-    """Run a stage and save its record into a folder."""
-    start = time.perf_counter()
-    progress(name, 0.0, "")
-    task = StageTask(config, device, records, folder, partial(progress, name), photos)
-    record = stages_of(config)[name].run(task)
-    save_stage(folder, key, record, time.perf_counter() - start, {"stage": name})
+    words = [word.strip() for word in (only or "").split(",") if word.strip()]
+    if not words:
+        return [None]
+    return sorted(set(words), key=lambda word: order.index(word) if word in order else -1)

@@ -1,25 +1,24 @@
 """The stored results of a finished session, rendered under another light."""
 from __future__ import annotations
 
+from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.scene.relight import Relit, light_by_itself
 from spectrabox.measure.scene.relight import relight as relight_scene
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import sensitivities as named_observer
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
-from spectrabox.session.stages.scenes import read_session_scene
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
 
-def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, observer: str,
+def relight(run: FinishedRun, *, light: str | None, observer: str,
             size: tuple[int, int], spp: int, device: str) -> tuple[Relit, tuple[str, ...]]:
     """Render the scene with the means of the draws.
 
     Parameters
     ----------
-    config : SessionConfig
     run : FinishedRun
     light : str or None
         A CIE illuminant or a file; None for the session's own.
@@ -42,18 +41,20 @@ def relight(config: SessionConfig, run: FinishedRun, *, light: str | None, obser
     InputError
         If light or observer are not known.
     """
-    records = run.records
-    joint, calibration = records.reconstruct.joint, records.calibrations(config)[0]
+    capture, records = run.capture, run.records
+    if not isinstance(capture, SceneCapture):
+        raise InputError("session.toml describes regions of a flat sample and no scene; this needs "
+                         "a session with [scene]")
+    joint, calibration = records.reconstruct.joint, records.calibrations(capture.views)[0]
     grid = joint.grid
     power = light_by_itself(calibration, grid) if light is None else named_light(light, grid)
     matching = named_observer(observer, grid)
     spectra = {name: spectrum if known else records.sample.spectra[name].samples
                for name, known, spectrum in zip(joint.materials, joint.known, joint.spectra,
                                                 strict=True)}
-    scene = read_session_scene(config)
     start_mitsuba(device)
-    relit = relight_scene(scene, config.bsdfs, spectra, grid, power, matching, size=size, spp=spp,
-                          seed=config.session.seed)
+    relit = relight_scene(capture.views[0].scene, capture.bsdfs, spectra, grid, power, matching,
+                          size=size, spp=spp, seed=capture.seed)
     posterior = calibration.light_posterior
     if light is not None or posterior is None:
         return relit, ()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image as raster
 
+from spectrabox.measure.results import ChartResult, MaterialResult
 from spectrabox.measure.surface_spectra import Scores
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
@@ -27,7 +28,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     SurfaceAgreement,
 )
-from spectrabox.session.outputs.results import ChartResult, MaterialResult, SceneResults
+from spectrabox.session.outputs.results import SceneResults
 
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12

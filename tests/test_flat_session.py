@@ -22,13 +22,14 @@ from flat_example import (
 
 from spectrabox.fixtures.flat_sample import lamplight, vignetting, write_photo
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.measure.verdict.criteria import Status
+from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.assemble import assemble
-from spectrabox.session.report.verdict import Status, judge
 
 from tests.session_runs import run
 

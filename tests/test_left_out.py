@@ -10,6 +10,9 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhot
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.verdict.calibration import calibration_doubts
+from spectrabox.measure.verdict.calibration import held_out_patches as criteria_of_left_out
+from spectrabox.measure.verdict.criteria import Status
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (
@@ -23,8 +26,6 @@ from spectrabox.radiometry.records import (
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
-from spectrabox.session.report.verdict import Status, calibration_doubts
-from spectrabox.session.report.verdict import held_out_patches as criteria_of_left_out
 
 SURFACES = chart_reflectances("BabelColor Average", GRID)
 CURVES = sensitivities("Nikon 5100 (NPL)", GRID)     # a camera that the shipped prior leaves out

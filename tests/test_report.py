@@ -11,6 +11,11 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session
 
+from spectrabox.measure.verdict.calibration import DOUBTS
+from spectrabox.measure.verdict.criteria import Status
+from spectrabox.measure.verdict.judge import judge
+from spectrabox.measure.verdict.scene import scene_conditions
+from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
@@ -24,8 +29,6 @@ from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import plain_line
-from spectrabox.session.report.verdict import DOUBTS, Status, _scene_conditions, judge
-from spectrabox.session.report.words import exposure, number, percent, signed_percent
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 HOSTILE = "<script>alert(1)</script>"
@@ -245,7 +248,7 @@ def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_st
 
     def sentence(scale, **stated):
         fit = dataclasses.replace(results.reconstruction, light_scale=scale)
-        return _scene_conditions(dataclasses.replace(results, reconstruction=fit, **stated))
+        return scene_conditions(dataclasses.replace(results, reconstruction=fit, **stated))
     whole = sentence(scale)
     for condition in ("lamp and shutter repeated within 3 % between chart photo and object photo",
                       "geometry gives the light on the scene within 6 %", "as matt as the scene"):

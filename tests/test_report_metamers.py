@@ -6,13 +6,13 @@ import pytest
 from report_example import example_session
 
 from spectrabox.measure.metamers import LIGHTS, metamer_pair
+from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.session.report.metamers import metamer_drawing, metamer_facts
 from spectrabox.session.report.numbers import report_numbers
 from spectrabox.session.report.page import render_report
-from spectrabox.session.report.verdict import judge
 
 GRID = visible_grid(5.0)
 

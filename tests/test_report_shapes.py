@@ -8,6 +8,7 @@ import pytest
 from report_example import GRID, example_session
 
 from spectrabox.calibrate.trust import chart_colour_differences
+from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.records import HeldOutPatches, PriorInfluence
 from spectrabox.radiometry.spectra.named_spectra import relative_response
@@ -23,7 +24,6 @@ from spectrabox.session.report.small_figures import (
     prior_share_figure,
 )
 from spectrabox.session.report.swatches import swatch_facts, swatch_section
-from spectrabox.session.report.verdict import judge
 
 SOILED = 7
 

@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 
 from spectrabox.measure.surface_spectra import score
+from spectrabox.measure.verdict.calibration import root_mean_square
+from spectrabox.measure.verdict.criteria import Status
+from spectrabox.measure.verdict.scene import _rehearsal, median_surface_error, worst_entry
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.further.conditioning import Reading, condition
 from spectrabox.sampling.judge.spectrum_scores import coverage_error
-from spectrabox.session.report.verdict import (
-    Status,
-    _rehearsal,
-    median_surface_error,
-    root_mean_square,
-    worst_entry,
-)
 
 
 @pytest.mark.parametrize("inside", [0.905, 0.945, 0.955])

@@ -18,6 +18,8 @@ from spectrabox.measure.pictures import illumination, reference_surfaces, surfac
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.surface_spectra import score
+from spectrabox.measure.verdict.criteria import Status
+from spectrabox.measure.verdict.judge import _clipped
 from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.records import ChartWhite, LightScale
@@ -25,7 +27,6 @@ from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.texture_files import write_textures
-from spectrabox.session.report.verdict import Status, _clipped
 from spectrabox.session.stages import reconstruct_stage
 
 SIGMAS = 3.9

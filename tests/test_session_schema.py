@@ -100,8 +100,8 @@ def test_the_choices_are_those_of_the_stages():
     def choices(table, key):
         found = SCHEMA["$defs"][table]["properties"][key]
         return set(found["enum"])
-    assert choices("ReconstructSection", "engine") == set(ENGINES)
-    assert choices("SamplingSection", "method") == set(SAMPLING_METHODS)
+    assert choices("Inversion", "engine") == set(ENGINES)
+    assert choices("Sampling", "method") == set(SAMPLING_METHODS)
     assert choices("SensitivitySection", "method") == set(SENSITIVITY_METHODS)
 
 

@@ -15,9 +15,11 @@ from pathlib import Path
 
 from spectrabox.radiometry.files import sha256_of, write_text_whole
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 from spectrabox.session.outputs.run_outputs import STAGE
-from spectrabox.session.stages.order import stages_of
+from spectrabox.session.pipeline import stage_names
+from spectrabox.session.store.input_roles import input_files
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint, load_stage
 
@@ -67,8 +69,8 @@ def input_states(config: SessionConfig) -> dict[str, tuple[int, int]]:
     dict
         Names as seen from the session folder, to bytes and nanoseconds.
     """
-    names = {FILE_NAME}
-    for stage in (*stages_of(config), STAGE):
+    names = {FILE_NAME, *input_files(config, capture_of(config))}
+    for stage in (*stage_names(config), STAGE):
         stored = load_stage(config.results_folder, stage)
         if stored is not None:
             names |= {*stored.key.get("files", {}), *stored.facts.get("outputs", {})}

@@ -13,8 +13,8 @@ from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.scene.box_scene import box_edges, chart_xml
 from spectrabox.session.box.box_camera import box_camera, box_text, corners_in_photo
+from spectrabox.session.box.scenes import BOX_SCENE_NAME, CHART_SCENE_NAME
 from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
-from spectrabox.session.stages.scenes import BOX_SCENE_NAME, CHART_SCENE_NAME
 
 OVERLAY_NAME = "box.png"
 

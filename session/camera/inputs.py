@@ -18,6 +18,7 @@ from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.orientation import photo_orientation, turned
 from spectrabox.measure.camera import CameraFit, chart_signals, fit_camera, measure_chart
+from spectrabox.measure.chart_check import held_out_sentence
 from spectrabox.radiometry.chart import CLASSIC, Chart, chart_reflectances, excluded_patches
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_reflectances
@@ -43,7 +44,6 @@ from spectrabox.session.camera.patch_files import read_patches
 from spectrabox.session.commands.requests import CameraFitRequest
 from spectrabox.session.outputs.calibration_facts import (
     left_out_facts,
-    left_out_sentence,
     posterior_facts,
 )
 from spectrabox.session.terminal.command_line import CORNERS, check_ending, pixel_numbers
@@ -284,7 +284,7 @@ def facts_of(camera: CameraFit, chart: Chart) -> dict[str, Any]:
         "method": fit.method, "checks": list(result.calibration.checks),
         "outcome": fit.outcome.value}
     facts["left_out"] = left_out_facts(camera.held_out, chart.names)
-    facts["checks"].append(left_out_sentence(camera.held_out))
+    facts["checks"].append(held_out_sentence(camera.held_out))
     facts["doubts"] = [doubt.value for doubt in result.calibration.doubts]
     known = result.calibration.light_posterior
     if camera.generation is not None:

@@ -9,6 +9,8 @@ import numpy as np
 
 from spectrabox.calibrate.colour_profile import stated_transform
 from spectrabox.capture.photo.image_files import write_tiff16
+from spectrabox.measure.captured import FlatCapture
+from spectrabox.measure.opened_photos import develop
 from spectrabox.measure.profiles.archive_quantities import (
     FADGI,
     ISO,
@@ -24,6 +26,7 @@ from spectrabox.measure.profiles.colour_profile import (
     colour_profile,
     response_of_calibration,
 )
+from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.radiometry.appearance import ciede2000
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
@@ -32,12 +35,9 @@ from spectrabox.radiometry.profiles.icc_profile import SPACES
 from spectrabox.radiometry.profiles.profile_files import write_profile
 from spectrabox.radiometry.response import relative_response
 from spectrabox.session.camera.profile import colour_facts, error_lines
-from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
-from spectrabox.session.stages.inputs import read_chart_reference, read_photo
-from spectrabox.session.stages.signals_stage import flat_errors, flat_photos, known_spectra
 
 PHOTO, PAGE = "photo.tif", "archive.html"
 CHART_CHECK = "chart colour difference"
@@ -65,29 +65,30 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     InputError
         For a session of a scene, or of a camera of other than three bands.
     """
-    if not config.flat:
+    capture = run.capture
+    if not isinstance(capture, FlatCapture):
         raise InputError("spectrabox colour takes a session of flat samples; of a camera alone "
                          "'spectrabox camera profile' writes profiles")
-    records, view = run.records, config.all_views[0]
-    calibration, chart = records.calibrations(config)[0], records.chart.charts[""]
-    fit, layout = records.calibrate.chart, session_chart(config)
+    records, view = run.records, capture.views[0]
+    calibration, chart = records.calibrations(capture.views)[0], records.chart.charts[""]
+    fit, layout = records.calibrate.chart, capture.layout
     if len(calibration.sensitivity.curves) != 3 or fit is None:
         raise InputError("a colour profile is of a camera of three bands, R, G and B, that was "
-                         f"calibrated by a chart; {view.photo_files[0]} has "
+                         f"calibrated by a chart; {view.photo_names[0]} has "
                          f"{len(calibration.sensitivity.curves)}")
-    photo, _ = read_photo(config, view.photo)
+    photo, _ = develop(capture, view.photo)
     own = photo.camera_from_xyz
     response, draws = response_of_calibration(calibration)
-    profile = colour_profile(response, draws, families or _stated_families(config), own)
+    profile = colour_profile(response, draws, families or _stated_families(capture), own)
     camera = chart.thumbnail.camera or "camera"
     files = [path for name in ("camera.icc", "camera.ocio")
              for path in write_profile(folder / name, f"{camera}, {config.session.name}",
                                        profile.matrix.coefficients, profile.table.xyz)]
     picture, clipped = colour_picture(
-        relative_signals(photo, flat_photos(config, records)[0], known_spectra(config),
-                         flat_errors(config, records)), profile.table, SPACES[space])
+        relative_signals(photo, flat_photos(capture, records)[0], capture.known,
+                         flat_errors(capture, records)), profile.table, SPACES[space])
     write_tiff16(folder / PHOTO, picture, SPACES[space].profile)
-    reflectances = read_chart_reference(config)
+    reflectances = capture.lit_chart.reflectances
     relative = reflectances @ relative_response(calibration, FINE_GRID).T
     glare = records.calibrate.whites[""].glare
     patches = chart_colours(chart.samples, (fit.predicted - glare) / relative, glare, reflectances,
@@ -105,9 +106,9 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     return facts, _text(facts)
 
 
-def _stated_families(config: SessionConfig) -> list[str]:
+def _stated_families(capture: FlatCapture) -> list[str]:
     """Families of the regions, if every one states its own."""
-    stated = [region.families for region in config.regions.values() if region.known is None]
+    stated = [region.families for region in capture.regions.values() if region.known is None]
     return sorted({name for families in stated for name in families}) if all(stated) else []
 
 

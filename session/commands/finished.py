@@ -1,6 +1,7 @@
 """Commands on finished sessions: other light, draws for other programs, rehearsal, comparison."""
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -66,12 +67,12 @@ def relight(request: RelightRequest) -> Answer:
     check_device(request.device)
     check_ending(request.out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
     from spectrabox.capture.photo.image_files import write_exr, write_png
+    from spectrabox.session.box.scenes import read_session_scene
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.outputs.run_outputs import require_results
     from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     from spectrabox.session.relight import OBSERVER
     from spectrabox.session.relight import relight as render_under
-    from spectrabox.session.stages.scenes import read_session_scene
     from spectrabox.session.store.locks import outputs_writer
     config = read_session(request.folder, request.allow_outside)
     scene = read_session_scene(config)
@@ -79,7 +80,7 @@ def relight(request: RelightRequest) -> Answer:
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
     digests = finished.result_digests()
-    relit, notes = render_under(config, finished, light=request.light,
+    relit, notes = render_under(finished, light=request.light,
                                 observer=request.observer or OBSERVER, size=size, spp=request.spp,
                                 device=request.device)
     label = re.sub(r"[^\w.-]", "-", Path(request.light or "session").stem)
@@ -181,19 +182,17 @@ def rehearse(request: RehearseRequest) -> Answer:
     """Test whether this session's bands hold, on simulated photos with known truths."""
     check_device(request.device)
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.rehearsal import facts
     from spectrabox.session.rehearsal import rehearse as replay
     from spectrabox.session.store.locks import only_writer
-    from spectrabox.session.store.rehearsals import rehearsal_text, save_rehearsal
+    from spectrabox.session.store.rehearsals import save_rehearsal
     from spectrabox.session.terminal.progress_display import progress_display
     config = read_session(request.folder, request.allow_outside)
     with only_writer(config.folder, "spectrabox rehearse"), \
             progress_display(request.quiet) as progress:
-        rehearsals = replay(config, request.times, request.seed, request.device,
-                            lambda done, what: progress("rehearse", done, what))
-        answers = facts(rehearsals, config.sampling.level, request.seed)
-        path = save_rehearsal(config, answers)
-    return Answer(answers | {"file": str(path)}, rehearsal_text(answers))
+        rehearsed = replay(config, request.times, request.seed, request.device,
+                           lambda done, what: progress("rehearse", done, what))
+        path = save_rehearsal(config, rehearsed)
+    return Answer(dataclasses.asdict(rehearsed) | {"file": str(path)}, rehearsed.text)
 
 
 @dataclass(frozen=True, kw_only=True)

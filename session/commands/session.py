@@ -287,13 +287,17 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
     """
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.outputs.run_outputs import outputs_of_run
-    from spectrabox.session.pipeline import load_finished, run_stages
-    from spectrabox.session.stages.order import stages_in_order, stages_of
+    from spectrabox.session.pipeline import (
+        load_finished,
+        run_stages,
+        stage_names,
+        stages_in_order,
+    )
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 
     config = read_session(request.folder, request.allow_outside)
-    order = list(stages_of(config))
+    order = stage_names(config)
     wanted = stages_in_order(request.only, order)
     if request.until is not None and (request.only is not None or request.until not in order):
         raise InputError(f"--until {request.until}: one of the stages {', '.join(order)} is "

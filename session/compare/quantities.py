@@ -11,13 +11,13 @@ from spectrabox.measure.chart_quantities import (
     scale_quantity,
 )
 from spectrabox.measure.comparison import Quantity, SessionQuantities
+from spectrabox.measure.records import CaptureRecords
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectrumSummary
 from spectrabox.session.config.curve_sources import LightTable
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.stages.order import stages_of
-from spectrabox.session.stages.records import SessionRecords
+from spectrabox.session.pipeline import stage_names
 from spectrabox.session.store.store import FACTS, StoredStage, load_stage
 
 
@@ -35,13 +35,13 @@ def session_quantities(folder: Path, allow_outside: bool = False) -> SessionQuan
         If there is no session, or none of its stages has results that are whole.
     """
     config = read_session(folder, allow_outside)
-    stored = {name: stage for name in stages_of(config)
+    stored = {name: stage for name in stage_names(config)
               if (stage := load_stage(config.results_folder, name)) is not None
               and not stage.fault}
     if not stored:
         raise InputError(f"{folder} has no results of this version: run 'spectrabox run {folder}' "
                          "first")
-    records = SessionRecords(stored)
+    records = CaptureRecords(stored)
     chart = records.chart.charts.get("")
     quantities: dict[str, Quantity] = {}
     if chart is not None:

@@ -1,24 +1,31 @@
 """What session.toml may say: a model for each table, with defaults, limits and meanings.
 
-The meanings are what editors show; ``docs/reference/session.md`` says more. Defaults of
-[reconstruct] are those of ``reconstruct.settings``.
+The meanings are what editors show; ``docs/reference/session.md`` says more. Tables of errors and
+options are those of ``measure.options``.
 """
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from spectrabox.measure.options import (
+    SURFACE_FIELD,
+    DriftReferences,
+    Inversion,
+    PictureOptions,
+    Repeatability,
+    Sampling,
+    StrayLight,
+    Surface,
+)
 from spectrabox.radiometry.charts.layout_names import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
-from spectrabox.radiometry.error_model import PLANE_ERROR, SCENE_LEVEL_ERROR
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
-from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 from spectrabox.session.config.curve_sources import (
     FROM_CHART,
     CurvesRef,
@@ -35,17 +42,10 @@ from spectrabox.session.config.curve_sources import (
 FILE_NAME = "session.toml"
 ONE_PHOTO = ""                          # the name under which a photo that is no table is kept
 FIRST_PHOTO = "photo"                   # what the photo of [photos] is called among [views]
-INVERSION = InversionSettings()
 
 # One file, or several of an exposure bracket; or a photo for each filter, by the name of its band.
 Files = str | Annotated[ListOf[str], Field(min_length=1)]
 Photo = Files | Annotated[dict[str, Files], Field(min_length=1)]
-RelativeError = Annotated[float, Field(ge=0, le=1)]
-SplineCoefficients = Annotated[int, Field(ge=5, le=40)]
-Surface = Literal["matt", "satin", "glossy"] | None
-SURFACE_FIELD = Field(None, description="how much the surface mirrors, matt, satin or glossy, in "
-                      "light that no camera tells from its colour")
-Quadrilaterals = ListOf[ListOf[ListOf[float]]]
 
 
 def by_band(written: str | tuple[str, ...] | Mapping[str, Files] | None
@@ -123,50 +123,6 @@ class CameraSection(Table):
 
     lens: str | None = Field(None, description="from 'spectrabox geometry lens': object photos "
                              "are undistorted")
-
-
-class DriftSection(Table):
-    """Neutral references that chart photo and object photo both show: four corners each, in pixels
-    of the photo.
-    """
-
-    chart_px: Quadrilaterals = Field((), description="corners in the chart photo")
-    object_px: Quadrilaterals = Field((), description="corners in the object photo")
-    relative_error: float = Field(0.005, ge=1e-5, le=1, description="how well a reference returns "
-                                  "to its place and angle")
-
-
-class RepeatabilitySection(Table):
-    """How well what two photos have in common comes back: standard errors that no photo tells."""
-
-    light: RelativeError = Field(0.012, description="relative: of the light's strength, from the "
-                                 "chart photo to the object photo; references of [drift] replace "
-                                 "it")
-    shutter: RelativeError = Field(0.009, description="relative: of the exposure at one setting, "
-                                   "from photo to photo; references of [drift] replace it")
-    lamp_position: RelativeError = Field(0.005, description="of the lamp in the chart scene, along "
-                                         "each axis, relative to its distance from the chart")
-    scene_level: RelativeError = Field(
-        SCENE_LEVEL_ERROR, description="relative: of the light on a scene against that on its "
-        "chart, by the lamp's position and beam and the chart's tilt; [scale] from = \"material\" "
-        "measures it")
-    plane: RelativeError = Field(PLANE_ERROR, description="relative: of the light on flat "
-                                 "samples, whose plane is not quite the chart's; a white card "
-                                 "among them measures it")
-
-    @property
-    def relative_error(self) -> float:
-        """Of the exposure by light and shutter together."""
-        return math.hypot(self.light, self.shutter)
-
-
-class StrayLightSection(Table):
-    """Light in the object photo that the scene does not hold: standard errors."""
-
-    glare: RelativeError = Field(0.005, description="veiling glare of the lens, of the picture's "
-                                 "mean signal; raised to what the chart photo shows")
-    ambient: RelativeError = Field(0.002, description="light from elsewhere than the lamp, of the "
-                                   "brightest irradiance in the picture")
 
 
 class LightSection(Table):
@@ -301,83 +257,6 @@ class ViewSection(Table):
                                 "materials in common with other photos tell its strength")
 
 
-class ReconstructSection(Table):
-    """How spectra are fitted to the photos."""
-
-    engine: Engine = Field(INVERSION.engine, description="transport: light traced once, then "
-                           "algebra; gradient: descent through the renderer; auto: by the "
-                           "materials")
-    surface_error: RelativeError = Field(
-        INVERSION.surface_error, description="relative error of each surface's brightness in each "
-        "band")
-    brightness_error: RelativeError = Field(
-        INVERSION.brightness_error, description="relative error of each surface's brightness in "
-        "all bands alike")
-    light_error: RelativeError = Field(INVERSION.light_error, description="relative error of each "
-                                       "light's strength in a scene of several")
-    mixing_error: RelativeError = Field(INVERSION.mixing_error, description="error of each entry "
-                                        "of a band-mixing matrix")
-    block_error: RelativeError = Field(INVERSION.block_error, description="relative error of each "
-                                       "block of pixels beside its noise")
-    errors_from_scene: bool = Field(INVERSION.errors_from_scene, description="raise these errors "
-                                    "to what surfaces of one paint show")
-    spectrum_prior: SpectrumPrior = Field(INVERSION.spectrum_prior, description="prior on spectra "
-                                          "inside the fit")
-    smoothness: float = Field(INVERSION.smoothness, ge=0, le=1e9, description="of the prior "
-                              "\"smooth\"; 0 for none")
-    coefficients: SplineCoefficients = Field(INVERSION.coefficients, description="spline "
-                                             "coefficients of each reflectance")
-    width: int = Field(96, ge=16, le=1024, description="width of the rendered view in pixels")
-    steps: int = Field(INVERSION.steps, ge=20, le=5000, description="of the gradient engine")
-    spp: int = Field(INVERSION.spp, ge=1, le=4096, description="paths per pixel and step of the "
-                     "gradient engine")
-
-    def settings(self) -> dict[str, Any]:
-        """What ``reconstruct`` takes: all but the size of its photos."""
-        return {name: value for name, value in vars(self).items() if name != "width"}
-
-
-class SamplingSection(Table):
-    """How spectra are drawn behind the fitted signals."""
-
-    method: Literal["prior", "uniform", "paper"] = Field(
-        "prior", description="prior: learnt from measured reflectances; uniform: all splines "
-        "alike; paper: as published")
-    through: Literal["surface", "transport"] = Field(
-        "surface", description="surface: each material from its own signal; transport: all at "
-        "once through the traced light")
-    coefficients: SplineCoefficients = Field(11, description="of the splines of uniform, paper "
-                                             "and of the exact bounds")
-    draws: int = Field(4000, ge=1000, le=1_000_000, description="spectra for each material")
-    level: float = Field(0.95, ge=0.5, le=0.999, description="of the printed band")
-
-
-class PictureSection(Table):
-    """A picture of spectra: every pixel of the first photo, of a flat sample in the bands of all
-    photos. Off without it.
-    """
-
-    rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners "
-                                       "in pixels of the photo; all of it where left out")
-    light: str | None = Field(None, description="CIE name of a light besides D65 under which "
-                              "colours are shown")
-    bands_nm: ListOf[float] = Field((450, 500, 550, 600, 650), description="wavelengths of which "
-                                    "maps are made")
-    step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
-        10, description="between wavelengths of the mean")
-    format: Literal["exr", "tiled-exr", "envi", "zarr"] = Field(
-        "exr", description="of the spectra: spectral EXR of scan lines or tiles, ENVI images or "
-        "OME-Zarr images")
-    family: str | ListOf[str] | None = Field(None, description="what the surfaces are, as of a "
-                                             "region")
-    surface: Surface = SURFACE_FIELD
-
-    @property
-    def families(self) -> tuple[str, ...]:
-        """The families that every surface is said to be one of; none where nobody said."""
-        return (self.family,) if isinstance(self.family, str) else tuple(self.family or ())
-
-
 class SessionTables(Table):
     """The tables of session.toml."""
 
@@ -385,9 +264,9 @@ class SessionTables(Table):
     photos: PhotosSection
     chart: ChartSection = ChartSection()
     camera: CameraSection = CameraSection()
-    drift: DriftSection = DriftSection()
-    repeatability: RepeatabilitySection = RepeatabilitySection()
-    stray_light: StrayLightSection = StrayLightSection()
+    drift: DriftReferences = DriftReferences()
+    repeatability: Repeatability = Repeatability()
+    stray_light: StrayLight = StrayLight()
     light: LightSection
     sensitivity: SensitivitySection = SensitivitySection()
     scale: ScaleSection = ScaleSection()
@@ -395,9 +274,9 @@ class SessionTables(Table):
     views: dict[str, ViewSection] = Field(default_factory=dict)
     materials: dict[str, MaterialSection] = Field(default_factory=dict)
     regions: dict[str, RegionSection] = Field(default_factory=dict)
-    reconstruct: ReconstructSection = ReconstructSection()
-    sampling: SamplingSection = SamplingSection()
-    picture: PictureSection | None = None
+    reconstruct: Inversion = Inversion()
+    sampling: Sampling = Sampling()
+    picture: PictureOptions | None = None
 
 
 @dataclass(frozen=True)

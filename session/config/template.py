@@ -11,19 +11,19 @@ from spectrabox.radiometry.files import write_text_whole
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
     ChartSection,
-    ReconstructSection,
-    RepeatabilitySection,
-    SamplingSection,
+    Inversion,
+    Repeatability,
+    Sampling,
     SessionSection,
     SessionTables,
-    StrayLightSection,
+    StrayLight,
 )
 
 SCHEMA_NAME = "session.schema.json"
 TEMPLATES = Path(__file__).parent / "templates"
 SESSION, CHART = SessionSection(), ChartSection()
-REPEATABILITY, STRAY_LIGHT = RepeatabilitySection(), StrayLightSection()
-RECONSTRUCT, SAMPLING = ReconstructSection(), SamplingSection()
+REPEATABILITY, STRAY_LIGHT = Repeatability(), StrayLight()
+RECONSTRUCT, SAMPLING = Inversion(), Sampling()
 SESSION_TEMPLATE = f'''#:schema ./{SCHEMA_NAME}
 # A spectrabox session. Every file name is relative to this folder. Lines with # are comments.
 # Put photos into photos/, spectra into spectra/, Mitsuba scenes into scene/.

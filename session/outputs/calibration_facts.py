@@ -61,17 +61,3 @@ def left_out_facts(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, A
     rmse, inside, expected = patches.means
     return {"rmse_mean": rmse, "coverage_95": inside, "expected_95": expected,
             "level": patches.level, "patches": rows}
-
-
-def left_out_sentence(patches: HeldOutPatches) -> str:
-    """One sentence on all patches.
-
-    Parameters
-    ----------
-    patches : HeldOutPatches
-    """
-    rmse, inside, expected = patches.means
-    return (f"each patch from the others: reflectance within {rmse:.3f} (rms), "
-            f"{inside:.0%} of it inside the {patches.level:.0%} band ({expected:.1%} expected "
-            "for chart colours)")
-

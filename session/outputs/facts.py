@@ -6,19 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.verdict.judge import judge
+from spectrabox.measure.verdict.scene import median_surface_error
+from spectrabox.measure.words import percent
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
 from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
-from spectrabox.session.outputs.results import (
-    FlatResults,
-    MaterialResult,
-    SceneResults,
-    SessionResults,
-)
+from spectrabox.session.outputs.results import FlatResults, SceneResults, SessionResults
 from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
-from spectrabox.session.report.verdict import judge, median_surface_error
-from spectrabox.session.report.words import percent
 from spectrabox.session.terminal.tables import text_table
 
 STEP_NM = 5     # of regions' spectra in the facts; spectra.csv holds every nanometre

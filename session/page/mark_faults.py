@@ -5,20 +5,18 @@ import numpy as np
 
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.regions import region_pixels, region_signals
-from spectrabox.radiometry.chart import typical_camera_signals
+from spectrabox.measure.opened_photos import develop
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.session.box.scenes import read_session_scene
 from spectrabox.session.check import readable, require_chart
-from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
-from spectrabox.session.stages.inputs import (
-    power_of,
-    read_chart_reference,
-    read_light_of,
-    read_photo,
+from spectrabox.session.config.captured_session import (
+    capture_of,
+    read_filter,
+    read_light,
     read_reflectance,
 )
-from spectrabox.session.stages.scenes import read_session_scene
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 
 
 def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews) -> list[str]:
@@ -44,7 +42,9 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
                     read_reflectance(config, stated)
         elif kind in ("session", "view"):
             for view in config.all_views:
-                read_light_of(config, view)
+                read_light(config, view.light)
+                if view.filter is not None:
+                    read_filter(config, view.filter)
                 photo_size(config.path(view.photo_files[0]))
         elif kind == "chart corners":
             _chart(config)
@@ -73,21 +73,22 @@ def _region(config: SessionConfig, name: str, photos: PhotoViews) -> None:
 
 
 def _chart(config: SessionConfig) -> None:
-    view = config.all_views[0]
-    if config.chart.corners_px is None or not view.chart:
+    capture = readable(capture_of, config)
+    if config.chart.corners_px is None or capture is None or not capture.views[0].chart:
         return
-    chart = readable(read_photo, config, view.chart)
-    light = readable(read_light_of, config, view)
-    reference = readable(read_chart_reference, config)
-    if chart is not None and light is not None and reference is not None:
-        require_chart(config, view, chart[0],
-                      typical_camera_signals(reference, FINE_GRID, power_of(light)))
+    view = capture.views[0]
+    chart = readable(develop, capture, view.chart)
+    if chart is not None:
+        require_chart(capture, view, chart[0])
 
 
 def _references(config: SessionConfig, name: str) -> None:
-    view = config.all_views[0]
-    files, quads = ((view.chart, config.drift.chart_px) if name == "chart"
-                    else (view.photo, config.drift.object_px))
-    developed = readable(read_photo, config, files) if files and quads else None
+    capture = readable(capture_of, config)
+    if capture is None:
+        return
+    view = capture.views[0]
+    files, quads = ((view.chart, capture.drift.chart_px) if name == "chart"
+                    else (view.photo, capture.drift.object_px))
+    developed = readable(develop, capture, files) if files and quads else None
     if developed is not None:
         region_signals(developed[0], quads)

@@ -18,16 +18,16 @@ import numpy as np
 
 from spectrabox.capture.photo.image_rows import exr_rows, open_layers, open_rows
 from spectrabox.measure.pictures.pixel_spectra import SpectraPlan
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.zarr_array import COEFFICIENTS, low_rank_rows, read_group
-from spectrabox.radiometry.system.strips import WriteRows
-from spectrabox.sampling.prior.low_rank import LowRank
-from spectrabox.session.pictures.spectra_files import (
+from spectrabox.measure.pictures.spectra_files import (
     SUFFIXES,
     PictureLayout,
     srgb_of_spectra,
     write_blocks,
 )
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.formats.zarr_array import COEFFICIENTS, low_rank_rows, read_group
+from spectrabox.radiometry.system.strips import WriteRows
+from spectrabox.sampling.prior.low_rank import LowRank
 
 STEM = "low_rank"
 FORM = "spectrabox low rank 1"

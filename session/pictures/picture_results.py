@@ -6,8 +6,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
+from spectrabox.measure.records import PictureRecords
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.stages.records import PictureRecords
 
 
 @dataclass(frozen=True)

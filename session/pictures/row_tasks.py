@@ -22,6 +22,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     row_blocks,
     survey_rows,
 )
+from spectrabox.measure.pictures.spectra_files import PictureLayout
 from spectrabox.measure.pictures.uplift import ImageSource
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import whole_file, write_text_whole
@@ -35,7 +36,6 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
 from spectrabox.sampling.prior.local_posteriors import LocalPosteriors
 from spectrabox.sampling.prior.low_rank import LowRank
 from spectrabox.session.commands.requests import UpliftRequest
-from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.uplift import image_source, uplift_layout, uplift_paths
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.terminal.command_line import describe_error, interrupt_behind

@@ -22,6 +22,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     Survey,
     merge_surveys,
 )
+from spectrabox.measure.pictures.spectra_files import zarr_facts
 from spectrabox.measure.pictures.uplift import ImageSource, plan_image
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.files import UNFINISHED, require_no_link, sync, writable
@@ -46,7 +47,6 @@ from spectrabox.session.pictures.row_tasks import (
     load_plan,
     store_plan,
 )
-from spectrabox.session.pictures.spectra_files import zarr_facts
 from spectrabox.session.pictures.uplift import (
     image_source,
     uplift_layout,

@@ -18,12 +18,12 @@ from spectrabox.measure.pictures.pixel_spectra import (
     row_blocks,
     survey_rows,
 )
+from spectrabox.measure.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
 from spectrabox.measure.pictures.uplift import ImageSource, plan_image, require_bands, require_side
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.low_rank_files import low_rank_path, write_low_rank
-from spectrabox.session.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
 from spectrabox.session.signals.signal_options import numbers, response_of_names
 from spectrabox.session.terminal.progress_display import StageProgress
 

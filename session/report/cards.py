@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
+from spectrabox.measure.results import MaterialResult
 from spectrabox.radiometry.appearance import (
     reflectance_to_lab,
     reflectance_to_srgb,
 )
 from spectrabox.sampling.prior.family_coverage import mostly_in_doubt
-from spectrabox.session.outputs.results import MaterialResult
 from spectrabox.session.report.swatches import css_colour
 
 LEFT, TOP, WIDTH, HEIGHT = 24.0, 6.0, 220.0, 104.0     # of the plotted area, in SVG units

@@ -12,6 +12,7 @@ from matplotlib import image as raster
 from matplotlib.ticker import FuncFormatter
 
 from spectrabox.measure.plots import INK, QUIET, band_colours
+from spectrabox.measure.words import SUPERSCRIPT, number
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.report.svg import (
     Readout,
@@ -21,7 +22,6 @@ from spectrabox.session.report.svg import (
     legend_above,
     plain_line,
 )
-from spectrabox.session.report.words import SUPERSCRIPT, number
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_TICKS = 24      # patches numbered along an axis

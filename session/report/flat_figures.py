@@ -1,6 +1,8 @@
 """Figures of photos of flat samples: what they show, and the light over them."""
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from markupsafe import Markup
 from matplotlib import image as raster
@@ -8,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 
-from spectrabox.session.outputs.results import PhotoOfRegions
+from spectrabox.measure.results import PhotoOfRegions
 from spectrabox.session.report.svg import figure, inline_svg, plain_line
 
 WIDTH_IN, MAP_IN = 6.2, 3.6
@@ -17,7 +19,7 @@ OUTLINED = [withStroke(linewidth=2.2, foreground="black")]
 CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 
-def photo_figure(name: str, photo: PhotoOfRegions) -> Markup:
+def photo_figure(name: str, photo: PhotoOfRegions, preview: Path) -> Markup:
     """The photo with its chart and regions outlined; the axes count pixels.
 
     Parameters
@@ -25,10 +27,12 @@ def photo_figure(name: str, photo: PhotoOfRegions) -> Markup:
     name : str
         Of the figure on its page, unique there.
     photo : PhotoOfRegions
+    preview : Path
+        PNG of the whole photo.
     """
     axes, drawing = _axes(photo, WIDTH_IN)
     width, height = photo.size_px
-    axes.imshow(raster.imread(photo.preview), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+    axes.imshow(raster.imread(preview), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
     _outlines(axes, photo)
     axes.set(xlabel="pixel", ylabel="pixel")
     return inline_svg(drawing, name, f"Photo {plain_line(photo.name)}",

@@ -1,6 +1,9 @@
 """Paragraphs for the methods section of a paper, with the numbers of one session."""
 from __future__ import annotations
 
+from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
+from spectrabox.measure.verdict.scene import median_surface_error, worst_entry
+from spectrabox.measure.words import deviation_words, exposure, listed, number, percent
 from spectrabox.radiometry.records import LightScale, Spectrum
 from spectrabox.session.outputs.results import (
     CommonResults,
@@ -8,13 +11,6 @@ from spectrabox.session.outputs.results import (
     SceneResults,
     SessionResults,
 )
-from spectrabox.session.report.verdict import (
-    chart_residuals,
-    median_surface_error,
-    root_mean_square,
-    worst_entry,
-)
-from spectrabox.session.report.words import deviation_words, exposure, listed, number, percent
 
 
 def methods_text(results: SessionResults) -> list[str]:

@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.metamers import metamer_pair
+from spectrabox.measure.results import ChartResult, MaterialResult
+from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
+from spectrabox.measure.verdict.criteria import Verdict
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.outputs.results import (
-    ChartResult,
     CommonResults,
     FlatResults,
-    MaterialResult,
     SceneResults,
     SessionResults,
 )
@@ -22,11 +23,6 @@ from spectrabox.session.report.cards import surface_colour
 from spectrabox.session.report.metamers import metamer_facts
 from spectrabox.session.report.spectra import every_10_nm, material_curves
 from spectrabox.session.report.swatches import swatch_facts
-from spectrabox.session.report.verdict import (
-    Verdict,
-    chart_residuals,
-    root_mean_square,
-)
 
 SCHEMA = "spectrabox-results/1"
 

@@ -11,11 +11,14 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from spectrabox.measure import words
 from spectrabox.measure.plots import band_colours
+from spectrabox.measure.verdict.criteria import Verdict
+from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.outputs.results import FlatResults, SceneResults, SessionResults
-from spectrabox.session.report import flat_figures, words
+from spectrabox.session.report import flat_figures
 from spectrabox.session.report.cards import answer_card
 from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
 from spectrabox.session.report.geometry import geometry_section
@@ -39,7 +42,6 @@ from spectrabox.session.report.tables import (
     material_section,
     surface_rows,
 )
-from spectrabox.session.report.verdict import Verdict, judge
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -173,7 +175,8 @@ def _flat_content(results: FlatResults) -> dict[str, Any]:
     return {
         "geometry": None,
         "photos": [{"name": photo.name, "says": photo.sentence, "regions": photo.light,
-                    "figure": flat_figures.photo_figure(f"photo-{number}", photo),
+                    "figure": flat_figures.photo_figure(f"photo-{number}", photo,
+                                                            results.previews[photo.view]),
                     "light": flat_figures.light_figure(f"light-map-{number}", photo),
                     "whiskers": field_whiskers(photo.light)}
                    for number, photo in enumerate(results.photos, start=1)]}

@@ -19,6 +19,8 @@ from spectrabox.measure.plots import (
     plot_sensitivities,
     plot_truth,
 )
+from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.words import percent
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.records import (
     HeldOutPatches,
@@ -27,7 +29,6 @@ from spectrabox.radiometry.records import (
     SensitivityFit,
     Spectrum,
 )
-from spectrabox.session.outputs.results import MaterialResult
 from spectrabox.session.report.svg import (
     GRID,
     QUIET,
@@ -37,7 +38,6 @@ from spectrabox.session.report.svg import (
     legend_above,
     plain_line,
 )
-from spectrabox.session.report.words import percent
 
 LETTERS, MANY_COLUMNS = 120, 8  # above a row of patches; more columns take smaller letters
 LEGEND_LETTERS = 42     # that one row above the error budget holds

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.trust import chart_colour_differences, chart_colours
+from spectrabox.measure.verdict.calibration import chart_residuals
 from spectrabox.radiometry.appearance import encode_srgb, encoded_srgb
 from spectrabox.session.outputs.results import CommonResults
 from spectrabox.session.report.maps import display_bands
-from spectrabox.session.report.verdict import chart_residuals
 
 MAX_LARGE = 24      # pairs shown large; those of a larger chart are folded away
 WHITE = 0.9         # reflectance of a white patch, about

@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.chart_check import held_out_sentence
 from spectrabox.measure.metamers import LIGHTS, metamer_pair
+from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.verdict.calibration import CHART_LIMITS, chart_residuals, root_mean_square
+from spectrabox.measure.words import OFF
 from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
-from spectrabox.session.outputs.calibration_facts import left_out_sentence
-from spectrabox.session.outputs.results import CommonResults, MaterialResult
+from spectrabox.session.outputs.results import CommonResults
 from spectrabox.session.report.figures import (
     chart_residual_figure,
     irradiance_figure,
@@ -25,8 +28,6 @@ from spectrabox.session.report.spectra import (
     material_figure,
 )
 from spectrabox.session.report.swatches import css_colour, swatch_section
-from spectrabox.session.report.verdict import CHART_LIMITS, chart_residuals, root_mean_square
-from spectrabox.session.report.words import OFF
 
 MAX_CAUSES, SMALL_SHARE = 5, 0.01     # of the spectrum's variance, named beside its plot
 
@@ -96,7 +97,7 @@ def chart_section(results: CommonResults) -> dict[str, Any] | None:
         "limit": CHART_LIMITS[0],
         "left_out": None if (patches := results.chart.left_out) is None else {
             "figure": left_out_figure("left-out", patches, results.chart.layout),
-            "level": patches.level, "sentence": left_out_sentence(patches)},
+            "level": patches.level, "sentence": held_out_sentence(patches)},
         }
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.captured import Capture
 from spectrabox.measure.more_bands.planning import (
     next_reading_candidates,
     plan_signal,
@@ -21,6 +22,7 @@ from spectrabox.measure.more_bands.second_photo import (
     photos_at_hand,
     white_of_bands,
 )
+from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.signals import measurement_of_signal
 from spectrabox.measure.surface_signals import FEW_BANDS, measurement
 from spectrabox.radiometry.errors import InputError
@@ -33,7 +35,6 @@ from spectrabox.sampling.further.planner import PlannedStep
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import PlanRequest
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import load_finished
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
@@ -42,8 +43,6 @@ from spectrabox.session.signals.signal_options import (
     optional_numbers,
     response_of_names,
 )
-from spectrabox.session.stages.inputs import read_chart_reference
-from spectrabox.session.stages.records import SessionRecords
 
 COMMON = ("D65", "A", "LED-B1", "LED-B5", "LED-RGB1", "LED-V1", "FL11")
 
@@ -100,10 +99,11 @@ def _plan_session(request: PlanRequest) -> tuple[dict[str, Any], str]:
     assert request.folder is not None
     second = read_lamps_at_hand(request.lamps, request.filters)
     config = read_session(request.folder, request.allow_outside)
-    records = load_finished(config).records
+    finished = load_finished(config)
+    capture, records = finished.capture, finished.records
     signals = records.signals
-    curves, present = curves_and_light(records.calibrations(config)[0])
-    surfaces = {name: _known_surface(config, records, index)
+    curves, present = curves_and_light(records.calibrations(capture.views)[0])
+    surfaces = {name: _known_surface(capture, records, index)
                 for index, name in enumerate(signals.names) if not signals.known[index]}
     if not surfaces:
         raise InputError("every surface of this session has a known spectrum: there is nothing to "
@@ -124,10 +124,10 @@ def _plan_session(request: PlanRequest) -> tuple[dict[str, Any], str]:
     return facts, "\n".join(lines)
 
 
-def _known_surface(config: SessionConfig, records: SessionRecords, index: int) -> KnownSurface:
+def _known_surface(capture: Capture, records: CaptureRecords, index: int) -> KnownSurface:
     """What a finished session knows of one surface."""
     signals, fit = records.signals, records.calibrate.chart
-    name, calibration = signals.names[index], records.calibrations(config)[0]
+    name, calibration = signals.names[index], records.calibrations(capture.views)[0]
     draws = records.sample.spectra[name].samples
     surface = None
     first = signals.view_of_band == signals.view_of_band[0]
@@ -135,9 +135,9 @@ def _known_surface(config: SessionConfig, records: SessionRecords, index: int) -
     # of more bands a measurement holds a choice, whose first are not the first photo's
     if fit is not None and fit.patch_error is not None and seen[first].all() \
             and np.count_nonzero(seen) <= FEW_BANDS:
-        surface = Surface(signals, index, calibration, read_chart_reference(config),
+        surface = Surface(signals, index, calibration, capture.lit_chart.reflectances,
                           float(fit.patch_error[0]))
-    return KnownSurface(of_families(load_prior(), config.surfaces[name].families),
+    return KnownSurface(of_families(load_prior(), capture.surfaces[name].families),
                         measurement(signals, index),
                         on_grid(draws.grid.nm, draws.spectra, PRIOR_GRID, name), surface)
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.records import SampleRecords
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.grid import at_whole_steps
 from spectrabox.radiometry.system.words import cell
-from spectrabox.session.stages.records import SampleRecords
 
 FORMS = {".npz": "wavelengths and one array of draws a surface",
          ".csv": "a row for each surface, draw and wavelength",

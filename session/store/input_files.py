@@ -20,6 +20,7 @@ class InputFiles:
 
     def __init__(self, config: SessionConfig) -> None:
         self._config = config
+        self.folder = config.folder
         self._states: dict[str, FileState] = {}
 
     def digests(self, *names: str | None) -> dict[str, str]:

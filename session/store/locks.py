@@ -9,9 +9,9 @@ import platform
 from collections.abc import Iterator
 from pathlib import Path
 
+from spectrabox.measure.steps.inputs import FLAT_STEPS, SCENE_STEPS
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writable
-from spectrabox.session.stages.order import FLAT_STAGES, SCENE_PICTURE, STAGES
 from spectrabox.session.store.store import sweep_stage
 
 try:
@@ -44,7 +44,7 @@ def only_writer(folder: Path, command: str) -> Iterator[None]:
     for name in ("results", "spdx"):
         require_no_link(folder / name)
     with held_lock(results / RUN, wait=False, command=command):
-        for stage in STAGES | FLAT_STAGES | SCENE_PICTURE:
+        for stage in {step.name for step in (*FLAT_STEPS, *SCENE_STEPS)}:
             sweep_stage(results, stage)
         for inside in (folder, folder / "spdx", results):
             sweep_unfinished(inside)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_files import write_exr, write_png
+from spectrabox.measure.results import MaterialResult
 from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
 from spectrabox.radiometry.files import writable, write_text_whole
 from spectrabox.radiometry.records import Quantity, Reconstruction
@@ -17,7 +18,7 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.radiometry.system.words import cell
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
-from spectrabox.session.outputs.results import CommonResults, MaterialResult, SceneResults
+from spectrabox.session.outputs.results import CommonResults, SceneResults
 from spectrabox.session.report.maps import comparison_rgb8
 
 MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed

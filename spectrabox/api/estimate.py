@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from spectrabox.api.notebook import axes_for, spectrum_html
+from spectrabox.measure.captured import Capture
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
 from spectrabox.measure.surface_signals import errors_by_cause, measurement
 from spectrabox.measure.swatches import CORRECTED
@@ -22,7 +23,7 @@ from spectrabox.radiometry.records import (
     SurfaceSignals,
     SurfaceSpectrum,
 )
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 from spectrabox.sampling.summary import check_draws, check_level
 
@@ -397,6 +398,13 @@ class SpectrumEstimate:
         lightness, a, b = self.lab().value
         return (f"<SpectrumEstimate {self.name!r}: L*a*b* {lightness:.1f} {a:.1f} {b:.1f}, "
                 f"{100 * self._summary.level:.4g} % band {self.band_width:.3f} wide>")
+
+
+def prior_of(capture: Capture, name: str) -> LogitMixture | None:
+    """The prior that the spectra of a surface were drawn from; None by other methods."""
+    if capture.sampling.method != "prior":
+        return None
+    return of_families(load_prior(), capture.surfaces[name].families)
 
 
 def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, SurfaceSpectrum],

@@ -2,17 +2,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from math import hypot
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
-from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
+from spectrabox.api.estimate import prior_of, surface_estimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
     FilterLike,
@@ -21,67 +19,55 @@ from spectrabox.api.inputs import (
     as_chart,
     as_filter,
     as_light,
-    as_prior,
     as_reflectance,
     families_of,
+    folder_for_pictures,
     one_blas_thread,
     surfaces_of,
 )
-from spectrabox.api.photo import Photo, open_photo
+from spectrabox.api.photo import Photo, as_input_file
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
-    ChartCalibration,
-    ChartPhoto,
-    calibrate_chart,
-    through_filter,
-)
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-from spectrabox.capture.chart.detection import find_chart, find_chart_again
-from spectrabox.capture.chart.patches import require_unclipped
-from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
-from spectrabox.capture.photo.binning import thumbnail
-from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.capture.photo.registration import Edges, find_edges, registered
-from spectrabox.measure.chart_check import chart_level_notes, held_out_patches
-from spectrabox.measure.flat import flat_signals
-from spectrabox.measure.surface_spectra import DrawOptions, learn_from_swatches, sample_surfaces
-from spectrabox.measure.white import (
-    FlatErrors,
-    FlatPhoto,
-    PhotoWhite,
-    far_notes,
-    level_notes,
-    white_at_regions,
+from spectrabox.capture.photo.orientation import photo_orientation
+from spectrabox.measure.captured import (
+    FIRST_PHOTO,
+    ONE_PHOTO,
+    Development,
+    FlatCapture,
+    LitChart,
+    Outline,
+    PhotoFiles,
+    Region,
+    Sensitivity,
+    View,
 )
-from spectrabox.radiometry.chart import Chart, typical_camera_signals
+from spectrabox.measure.options import PictureOptions, Sampling
+from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.results_of_records import flat_evidence, warnings_of
+from spectrabox.measure.steps.order import MemoryKeeper, measure
+from spectrabox.measure.verdict.criteria import Verdict
+from spectrabox.measure.verdict.judge import judge
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,
-    ChartDetection,
     Filter,
-    LinearImage,
-    PatchSamples,
-    RegionSamples,
+    Quantity,
     Spectrum,
     SurfaceSignals,
-    SurfaceSpectrum,
-    UnknownLight,
-    default_band_names,
 )
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.session.outputs.assemble import surface_result
-from spectrabox.session.outputs.results import ChartResult, FlatEvidence, LitRegions
-from spectrabox.session.report.verdict import Verdict, judge
 from spectrabox.session.signals.swatch_files import read_swatch_spectra
 
-REPEATS = hypot(0.012, 0.009)       # light and shutter, where chart and samples are two photos
-GLARE = 0.005                       # veiling glare, of the picture's mean signal
-THUMBNAIL_PX, CHART_THUMBNAIL_PX = 96, 48   # wide: of photos that tell exposure and mean signal
+SAME_LAMP = "same"
+# what is done of the whole when a step begins
+BEGIN = {"chart": 0.0, "photo": 0.15, "calibrate": 0.2, "signals": 0.5, "sample": 0.6,
+         "picture": 0.8, "": 1.0}
 
-Outline = Sequence[float] | Sequence[Sequence[float]]
+OutlineLike = Sequence[float] | Sequence[Sequence[float]]
 
 
 class FlatSpectra(SpectrumEstimates):
@@ -91,6 +77,8 @@ class FlatSpectra(SpectrumEstimates):
     ----------
     calibration : Calibration
         Sensitivities and light, or their products where the light is unknown.
+    picture : PictureRecords or None
+        The files of a picture of spectra, where one was asked for.
     signals : SurfaceSignals
         Of the regions, relative to white, with their errors by cause.
     light : dict
@@ -109,22 +97,27 @@ class FlatSpectra(SpectrumEstimates):
     >>> result.to_csv("spectra.csv")
     """
 
-    def __init__(self, estimates: Sequence[SpectrumEstimate], signals: SurfaceSignals,
-                 white: PhotoWhite, photo: LinearImage, chart: ChartResult,
-                 calibrated: ChartCalibration, spectra: Mapping[str, SurfaceSpectrum],
-                 surfaces_stated: bool, notes: tuple[str, ...]) -> None:
-        super().__init__(estimates)
-        self.calibration: Calibration = calibrated.calibration
-        self.signals, self.notes = signals, notes
-        self.light = {name: (float(np.exp(level)), float(error)) for name, level, error in zip(
-            white.samples.names, white.log_field, white.field_error, strict=True)}
-        self._white, self._photo, self._chart, self._spectra = white, photo, chart, spectra
-        self._surfaces_stated = surfaces_stated
+    def __init__(self, capture: FlatCapture, records: CaptureRecords) -> None:
+        signals, spectra = records.signals, records.sample.spectra
+        super().__init__([
+            surface_estimate(signals, name, spectra,
+                             prior_of(capture, name), rendered=False)
+            for name in signals.names])
+        evidence = flat_evidence(capture, records)
+        self.signals: SurfaceSignals = signals
+        self.calibration: Calibration = evidence.calibration
+        self.picture: PictureRecords | None = records.picture
+        self.notes: tuple[str, ...] = tuple(warnings_of(capture, records, evidence.materials))
+        self.light: dict[str, tuple[float, float]] = {}
+        for photo in evidence.photos:
+            self.light = {**photo.light, **self.light}
+        self._chart, self._photo = evidence.chart, evidence.photo
+        self._judged: Verdict = judge(evidence)
 
     @property
     def chart_check(self) -> ChartCheck:
         """The chart's patches, each by a calibration without it."""
-        assert self._chart.left_out is not None
+        assert self._chart is not None and self._chart.left_out is not None
         return ChartCheck(self._chart.layout.names, self._chart.left_out)
 
     def colour_profile(self, families: str | Sequence[str] | None = None) -> ColourProfile:
@@ -154,34 +147,23 @@ class FlatSpectra(SpectrumEstimates):
     @property
     def reasons(self) -> list[str]:
         """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
-        worst = [criterion.sentence for criterion in self._judged.criteria
-                 if criterion.status is self._judged.status]
-        return [self._judged.sentence] if self.verdict == "pass" else worst
-
-    @cached_property
-    def _judged(self) -> Verdict:
-        """The verdict of the report on the same records."""
-        surfaces = [surface_result(self.signals, index, self._spectra.get(name))
-                    for index, name in enumerate(self.signals.names)]
-        lit = LitRegions("photo", self.light, dict(self._white.level_misfits),
-                         dict(zip(self._white.samples.names,
-                                  self._white.samples.scatter.max(axis=1).tolist(), strict=True)))
-        return judge(FlatEvidence(
-            bands=self.signals.bands, chart=self._chart, calibration=self.calibration,
-            photo=self._photo, materials=surfaces, photos=[lit],
-            surfaces_stated=self._surfaces_stated))
+        return self._judged.reasons
 
 
 @one_blas_thread
-def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: LightLike = "unknown",
+def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
+         light: LightLike = "unknown",
          families: Mapping[str, str | Sequence[str]] | None = None,
          known: Mapping[str, KnownSpectrum] | None = None,
          swatches: Mapping[str, KnownSpectrum] | str | Path | None = None,
          surface: str | Mapping[str, str] | None = None,
+         truth: Mapping[str, KnownSpectrum] | None = None,
          filtered: Mapping[str | Path, FilterLike] | None = None,
+         also: Mapping[str | Path, LightLike] | None = None,
          chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
          reference: str | None = None, corners: ArrayLike | None = None,
-         camera_prior: str | Path | None = None, draws: int = 4000, level: float = 0.95,
+         camera_prior: str | Path | None = None, flat_field: str | Path | None = None,
+         picture: str | Path | None = None, draws: int = 4000, level: float = 0.95,
          seed: int = 1, progress: ProgressLike = None) -> FlatSpectra:
     """Spectra of regions of a flat sample: a painting, a print, a leaf.
 
@@ -207,11 +189,20 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
         as its region.
     surface : str or mapping, optional
         How much the surfaces mirror: "matt", "satin" or "glossy"; of all regions, or by region.
+    truth : mapping, optional
+        Measured reflectance of regions to compare with, by region: a file, or (nm, values).
     filtered : mapping, optional
         Further photos of the same view under the same light through a filter before the lens or
         the lamp, each with the chart in it: from the photo to the filter's transmittance, a file,
         (nm, values), or "unknown". Every photo adds three bands. Photos are registered to the
         first; bands that are saturated on a region drop out there.
+    also : mapping, optional
+        Further photos of the same view, each with the chart in it, by their light: "same" for the
+        first photo's lamp, else as ``light``. Every photo under another light adds its bands.
+    flat_field : path, optional
+        An evenly lit white card in the samples' place, which every photo is divided by.
+    picture : path, optional
+        A folder that takes the spectrum of every pixel, with maps.
     chart_photo : path or Photo, optional
         The chart under the same light, by the same camera.
     layout, reference, corners
@@ -251,132 +242,100 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, Outline], *, light: Li
     ...                  families={"wall": "paint"})
     >>> result["wall"].plot()
     """
-    opened = photo if isinstance(photo, Photo) else open_photo(photo)
-    with_chart = opened if chart_photo is None else (
-        chart_photo if isinstance(chart_photo, Photo) else open_photo(
-            chart_photo, orientation=opened.orientation))
-    chart, stated = as_chart(layout), as_light(light)
     of_material = _swatches(swatches, regions)
-    for name in (*(families or {}), *(known or {}), *of_material):
+    for name in (*(families or {}), *(known or {}), *(truth or {}), *of_material):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
-    surfaces = surfaces_of(surface, regions, "region")
-    with progress_steps(progress, "flat") as step:
-        step(0.0, "finding the chart")
-        reflectances = reference_reflectances(reference, chart, FINE_GRID)
-        detection, quality = _measured_chart(with_chart.image, chart, reflectances, stated, corners)
-        patches = quality.samples
-        outlines = {name: _outline(one) for name, one in regions.items()}
-        samples = sample_regions(opened.image, outlines, without_clipped=bool(filtered))
-        first = _FirstPhoto(opened, detection, shows_chart=with_chart is opened)
-        others = [_filtered_photo(file, as_filter(through), chart, reflectances, stated, outlines,
-                                  first) for file, through in (filtered or {}).items()]
-        step(0.2, "fitting sensitivities")
-        options = CalibrationOptions(prior=None if camera_prior is None
-                                     else load_camera_prior(Path(camera_prior)))
-        calibrated = calibrate_chart(
-            [ChartPhoto(patches, reflectances, stated, chart=chart), *(
-                ChartPhoto(other.patches, reflectances, stated, chart=chart, filter=other.filter)
-                for other in others)], FINE_GRID, options)
-        assert calibrated.prior_fit is not None
-        calibration = calibrated.calibration if isinstance(stated, UnknownLight) else replace(
-            calibrated.calibration, light=stated)
-        own_chart = with_chart is opened
-        small = thumbnail(opened.image, THUMBNAIL_PX)
-        shown = FlatPhoto("photo", samples, small,
-                          thumbnail(with_chart.image, CHART_THUMBNAIL_PX), own_chart,
-                          detection.corners_px, chart, calibrated.prior_fit.photos[0].white,
-                          calibration, lamp="lamp")
-        through = [FlatPhoto(
-            other.name, other.regions, thumbnail(other.image, THUMBNAIL_PX),
-            thumbnail(other.image, CHART_THUMBNAIL_PX), True, other.detection.corners_px, chart,
-            calibrated.prior_fit.photos[number].white,
-            through_filter(calibration, calibrated.prior_fit, number, FINE_GRID), lamp="lamp")
-            for number, other in enumerate(others, start=1)]
-        errors = FlatErrors(REPEATS, GLARE, calibrated.prior_fit.patch_error, surfaces=surfaces,
-                            seed=seed)
-        spectra_known = {name: as_reflectance(one, name) for name, one in (known or {}).items()}
-        step(0.5, "light over the photo")
-        white = white_at_regions(shown, spectra_known, errors)
-        assert white is not None
-        named = {name: families_of((families or {}).get(name)) for name in regions}
-        whites = [white_at_regions(other, spectra_known, errors) for other in through]
-        signals = flat_signals([shown, *through], [white, *whites], named,
-                               spectra_known | of_material,
-                               default_band_names(opened.bands), errors)
-        spectra = sample_surfaces(signals, DrawOptions(draws=draws, level=level, seed=seed), named,
-                                  lambda share, name: step(0.6 + 0.4 * share, name),
-                                  correction=learn_from_swatches(signals, list(of_material), named))
-    lit = np.full(len(calibrated.predicted), np.nan)
-    lit[~calibrated.excluded] = calibrated.prior_fit.photos[0].field
-    held_out = held_out_patches(calibrated, reflectances)
-    result = ChartResult(detection, patches, calibrated.predicted, lit / np.nanmax(lit),
-                         chart, held_out,
-                         calibrated.prior_influence)
-    estimates = [surface_estimate(signals, name, spectra, as_prior(None, named[name]),
-                                  rendered=False) for name in signals.names]
-    return FlatSpectra(estimates, signals, white, small, result,
-                       replace(calibrated, calibration=calibration), spectra,
-                       all(name in surfaces or name in spectra_known or name in of_material
-                           for name in regions),
-                       (*opened.notes, *far_notes(white), *level_notes(white),
-                        *(f"the chart should be shot again: {reason}"
-                          for reason in quality.reasons),
-                        *chart_level_notes(held_out, chart.names)))
+    chart = as_chart(layout)
+    first = _photo_files(photo)
+    capture = FlatCapture(
+        views=_views(first, as_light(light), str(light), chart_photo, filtered or {}, also or {}),
+        regions=_regions(regions, surfaces_of(surface, regions, "region"), families or {},
+                         known or {}, truth or {}, of_material),
+        chart=LitChart(chart, reference_reflectances(reference, chart, FINE_GRID),
+                       np.zeros(len(chart.names), bool),
+                       None if corners is None else np.asarray(corners, float)),
+        development=Development(
+            flat_fields={} if flat_field is None else {ONE_PHOTO: as_input_file(flat_field)},
+            orientation=photo.orientation if isinstance(photo, Photo)
+            else photo_orientation(first[ONE_PHOTO][0].path)),
+        sensitivity=Sensitivity(prior=None if camera_prior is None
+                                else load_camera_prior(Path(camera_prior))),
+        sampling=Sampling(draws=draws, level=level),
+        picture=None if picture is None else PictureOptions(), seed=seed)
+    with progress_steps(progress, "flat") as show:
+        keeper = MemoryKeeper(lambda step, share, message: show(_share(step, share), message),
+                              pictures=None if picture is None else folder_for_pictures(picture))
+        return FlatSpectra(capture, measure(capture, keeper))
 
 
-@dataclass(frozen=True)
-class _FirstPhoto:
-    """The photo with the regions, without a filter, as further photos are compared with it."""
-
-    photo: Photo
-    detection: ChartDetection
-    shows_chart: bool           # else the chart was found in a photo of its own
-
-    @cached_property
-    def edges(self) -> Edges:
-        """Where it has edges."""
-        return find_edges(self.photo.image)
+def _share(step: str, share: float) -> float:
+    """What is done of the whole."""
+    names = list(BEGIN)
+    after = BEGIN[names[names.index(step) + 1]]
+    return BEGIN[step] + share * (after - BEGIN[step])
 
 
-@dataclass(frozen=True)
-class _FilteredPhoto:
-    """A further photo through a filter, with its chart and its regions."""
-
-    name: str
-    image: LinearImage
-    filter: Filter
-    detection: ChartDetection
-    patches: PatchSamples
-    regions: RegionSamples
+def _photo_files(photo: str | Path | Photo) -> PhotoFiles:
+    return {ONE_PHOTO: (as_input_file(photo),)}
 
 
-def _filtered_photo(file: str | Path, through: Filter, chart: Chart, reflectances: np.ndarray,
-                    light: Spectrum | UnknownLight,
-                    outlines: Mapping[str, list[tuple[float, float]]],
-                    first: _FirstPhoto) -> _FilteredPhoto:
-    """A photo through a filter, registered to the first: its chart, and its regions."""
-    photo = open_photo(file, orientation=first.photo.orientation)
-    if np.array_equal(photo.signal, first.photo.signal):
-        raise InputError(f"{file} is the photo without the filter; give the one that was taken "
-                         "through it")
-    power = spectrum_on_grid(light, FINE_GRID) if isinstance(light, Spectrum) else 1.0
-    reference = typical_camera_signals(reflectances, FINE_GRID, power * through.transmittance)
-    detection = find_chart_again(photo.image, reference, first.detection, chart)
-    patches = judge_chart(photo.image, detection, reference, chart).samples
-    require_unclipped(patches, chart.names, photo.image.source, chart.neutrals)
-    registration = registered(
-        first.edges, find_edges(photo.image), (first.photo.image.source, photo.image.source),
-        outlines, (first.detection.corners_px, detection.corners_px) if first.shows_chart else None)
-    if registration is not None:
-        outlines = {name: registration.moved(np.array(corners)).tolist()
-                    for name, corners in outlines.items()}
-    return _FilteredPhoto(Path(file).stem, photo.image, through, detection, patches,
-                          sample_regions(photo.image, outlines, without_clipped=True))
+def _views(first: PhotoFiles, light: Any, light_words: str, chart_photo: str | Path | Photo | None,
+           filtered: Mapping[str | Path, FilterLike], also: Mapping[str | Path, LightLike]
+           ) -> tuple[View, ...]:
+    """The first photo, those through filters, and those under the same or other lamps."""
+    chart = first if chart_photo is None else _photo_files(chart_photo)
+    views = [View("", first, chart, light, light_words)]
+    for file, through in filtered.items():
+        own = _photo_files(file)
+        views.append(View(_name(file, views), own, own, light, light_words,
+                          filter=as_filter(through), filter_words=f"{_words(through)}, {file}",
+                          filter_known=isinstance(through, Filter) or through != UNKNOWN))
+    for file, lamp in also.items():
+        own, name = _photo_files(file), _name(file, views)
+        if lamp == SAME_LAMP or (isinstance(lamp, str | Path) and views[0].light_stated
+                                 and str(lamp) == light_words):
+            views.append(View(name, own, own if chart_photo is None else {}, light, light_words))
+        else:
+            views.append(View(name, own, own, as_light(lamp), str(lamp), lamp=name))
+    return tuple(views)
+
+
+def _name(file: str | Path, views: Sequence[View]) -> str:
+    """What a further photo is called: as its file, numbered where there are two of the name."""
+    stem, taken = Path(file).stem, {view.title for view in views} | {FIRST_PHOTO}
+    return next(name for name in (stem, *(f"{stem} {number}" for number in range(2, 1000)))
+                if name not in taken)
+
+
+def _words(through: FilterLike) -> str:
+    """How a filter is stated."""
+    if isinstance(through, Filter):
+        return through.name
+    return str(through) if isinstance(through, str | Path) else "given"
+
+
+def _regions(outlines: Mapping[str, OutlineLike], surfaces: Mapping[str, str],
+             families: Mapping[str, str | Sequence[str]], known: Mapping[str, KnownSpectrum],
+             truth: Mapping[str, KnownSpectrum], swatches: Mapping[str, np.ndarray]
+             ) -> dict[str, Region]:
+    """Every region with what is stated of it."""
+    def reflectance(given: Mapping[str, KnownSpectrum], name: str) -> np.ndarray | None:
+        return as_reflectance(given[name], name) if name in given else None
+
+    regions = {}
+    for name, outline in outlines.items():
+        measured = reflectance(truth, name)
+        regions[name] = Region(
+            families_of(families.get(name)), surfaces.get(name), reflectance(known, name),
+            None if measured is None else Spectrum(FINE_GRID, measured, Quantity.REFLECTANCE,
+                                                   "given"),
+            _outline(outline), swatch=swatches.get(name))
+    return regions
 
 
 def _swatches(swatches: Mapping[str, KnownSpectrum] | str | Path | None,
-              regions: Mapping[str, Outline]) -> dict[str, np.ndarray]:
+              regions: Mapping[str, OutlineLike]) -> dict[str, np.ndarray]:
     """Reflectances (P,) of the regions that are swatches."""
     if isinstance(swatches, str | Path):
         return {name: spectrum_on_grid(spectrum, FINE_GRID) for name, spectrum
@@ -384,22 +343,10 @@ def _swatches(swatches: Mapping[str, KnownSpectrum] | str | Path | None,
     return {name: as_reflectance(one, name) for name, one in (swatches or {}).items()}
 
 
-def _measured_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
-                    light: Spectrum | UnknownLight, corners: ArrayLike | None
-                    ) -> tuple[ChartDetection, ChartVerdict]:
-    power = spectrum_on_grid(light, FINE_GRID) if isinstance(light, Spectrum) else None
-    reference = typical_camera_signals(reflectances, FINE_GRID, power)
-    detection = find_chart(photo, reference,
-                           None if corners is None else np.asarray(corners, float), chart)
-    quality = judge_chart(photo, detection, reference, chart)
-    require_unclipped(quality.samples, chart.names, photo.source, chart.neutrals)
-    return detection, quality
-
-
-def _outline(region: Outline) -> list[tuple[float, float]]:
+def _outline(region: OutlineLike) -> Outline:
     """Corners (x, y) of a region, going round."""
     points = np.asarray(region, dtype=float)
     if points.shape == (4,):
         x0, y0, x1, y1 = points.tolist()
-        return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-    return [(x, y) for x, y in points.tolist()]
+        return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+    return tuple((x, y) for x, y in points.tolist())

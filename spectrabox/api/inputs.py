@@ -201,6 +201,13 @@ def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],
     return stated
 
 
+def folder_for_pictures(folder: str | Path) -> Path:
+    """A folder for the files of a picture of spectra, made where it is missing."""
+    made = Path(folder)
+    made.mkdir(parents=True, exist_ok=True)
+    return made
+
+
 def families_of(families: str | Sequence[str] | None) -> tuple[str, ...]:
     """One family or several, as a tuple."""
     if families is None:

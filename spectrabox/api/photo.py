@@ -16,6 +16,7 @@ from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.camera import chart_signals
+from spectrabox.measure.captured import InputFile
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
@@ -146,6 +147,14 @@ def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] |
                                   None if flat is None else Path(flat), not_linear,
                                   orientation=turn)
     return Photo(image, tuple(notes), turn)
+
+
+def as_input_file(photo: str | Path | Photo) -> InputFile:
+    """A photo's file, or a photo that is open already, as a capture names it."""
+    if isinstance(photo, Photo):
+        source = photo.image.source
+        return InputFile(source, Path(source), photo.image, photo.notes)
+    return InputFile(str(photo), Path(photo))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,53 +3,60 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from spectrabox.api.camera import CameraEstimate
-from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
+from spectrabox.api.estimate import prior_of, surface_estimate
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.inputs import (
     CameraLike,
     KnownSpectrum,
     LightLike,
     as_curves,
-    as_prior,
     as_reflectance,
     as_spectrum,
     families_of,
+    folder_for_pictures,
     one_blas_thread,
     surfaces_of,
 )
 from spectrabox.api.notebook import axes_for
-from spectrabox.api.photo import Photo, open_photo
+from spectrabox.api.photo import Photo, as_input_file, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
-from spectrabox.measure.scene.reconstruction import SceneEstimate, SceneOptions
-from spectrabox.measure.scene.reconstruction import reconstruct_scene as reconstruct
-from spectrabox.measure.surface_spectra import DrawOptions
-from spectrabox.radiometry.error_model import (
-    REPEATABILITY,
-    SCENE_LEVEL,
-    SCENE_LEVEL_ERROR,
-    with_common_error,
+from spectrabox.capture.photo.orientation import AS_READ
+from spectrabox.measure.captured import (
+    ONE_PHOTO,
+    Material,
+    SceneCapture,
+    SceneView,
 )
+from spectrabox.measure.options import Inversion, PictureOptions, Repeatability, Sampling
+from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit
+from spectrabox.measure.results_of_records import scene_evidence, warnings_of
+from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.steps.order import InMemory, MemoryKeeper, measure
+from spectrabox.measure.verdict.criteria import Verdict
+from spectrabox.measure.verdict.judge import judge
+from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_for_photo
-from spectrabox.radiometry.records import Calibration, JointReconstruction
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.radiometry.records import (
+    Calibration,
+    JointReconstruction,
+    LightScale,
+    Spectrum,
+)
 from spectrabox.reconstruct.scene.scene_file import read_scene
-from spectrabox.reconstruct.settings import InversionSettings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-REPEATS = hypot(0.012, 0.009)       # light and shutter, from the chart photo to the photo
 CURVES_ERROR = 0.02                 # of signals predicted from measured curves
 
 
@@ -58,10 +65,12 @@ class SceneSpectra(SpectrumEstimates):
 
     Attributes
     ----------
-    estimate : SceneEstimate
-        The fit and the spectra as records.
+    records : CaptureRecords
+        What each step made: photo, calibration, fit, spectra.
     calibration : Calibration
         Sensitivities and light.
+    notes : tuple of str
+        What to beware of, in sentences.
 
     References
     ----------
@@ -78,21 +87,38 @@ class SceneSpectra(SpectrumEstimates):
     >>> scene.plot_agreement()
     """
 
-    def __init__(self, estimates: Sequence[SpectrumEstimate], estimate: SceneEstimate,
-                 calibration: Calibration) -> None:
-        super().__init__(estimates)
-        self.estimate = estimate
-        self.calibration = calibration
+    def __init__(self, capture: SceneCapture, records: CaptureRecords,
+                 rehearsal: Rehearsed | None = None) -> None:
+        signals = records.signals
+        super().__init__([
+            surface_estimate(signals, name, records.sample.spectra,
+                             prior_of(capture, name), rendered=True)
+            for name in signals.names])
+        evidence = scene_evidence(capture, records, rehearsal)
+        self.records = records
+        self.calibration: Calibration = evidence.calibration
+        self.notes: tuple[str, ...] = tuple(warnings_of(capture, records, evidence.materials))
+        self._judged: Verdict = judge(evidence)
 
     @property
     def reconstruction(self) -> JointReconstruction:
         """Photo and rendering, agreement of every surface, light scale, engine."""
-        return self.estimate.joint
+        return self.records.reconstruct.joint
 
     @property
     def outcome(self) -> str:
         """How the fit ended, in a sentence."""
         return self.reconstruction.views[0].outcome.value
+
+    @property
+    def verdict(self) -> str:
+        """"pass", "warn" or "fail", by the criteria of the report."""
+        return self._judged.status.name.lower()
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
+        return self._judged.reasons
 
     def plot_agreement(self, axes: Axes | None = None) -> Axes:
         """The relative residual (photo - rendering) / photo, mean over the bands.
@@ -123,7 +149,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
                       materials: Sequence[str] | Mapping[str, KnownSpectrum | None],
                       families: Mapping[str, str | Sequence[str]] | None = None,
                       surface: str | Mapping[str, str] | None = None,
-                      width: int = 96, draws: int = 4000, seed: int = 1, device: str = "auto",
+                      picture: str | Path | None = None, width: int = 96, draws: int = 4000,
+                      seed: int = 1, device: str = "auto",
                       progress: ProgressLike = None) -> SceneSpectra:
     """Spectra of the materials of a scene from one photo, by inverse rendering in Mitsuba 3.
 
@@ -145,6 +172,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
         What a surface is, by material: paint, textile, leaves, skin, white, earth or animal.
     surface : str or mapping, optional
         How much the surfaces mirror: "matt", "satin" or "glossy"; of all materials, or by material.
+    picture : path, optional
+        A folder that takes the spectrum of every pixel, with maps.
     width : int
         Of the rendered view that is compared with the photo, in pixels.
     draws, seed : int
@@ -182,19 +211,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     ...     camera=camera, light="mybox/spectra/light.csv",
     ...     materials=["white", "green", "red", "cube"], width=48)
     """
-    opened = photo if isinstance(photo, Photo) else open_photo(photo, orientation=1)
-    spectrum, scale, glare = as_spectrum(light), None, np.zeros(1)
-    if isinstance(camera, CameraEstimate):
-        calibration = replace(camera.calibration, light=spectrum)
-        if calibration.light_scale is not None:
-            scale = scale_for_photo(calibration.light_scale, camera.photo, opened.image)
-            for cause, error in ((REPEATABILITY, REPEATS), (SCENE_LEVEL, SCENE_LEVEL_ERROR)):
-                scale = with_common_error(scale, cause, error)
-        glare = certain_glare(camera.fit.chart.prior_fit, camera.photo)
-    elif isinstance(camera, Calibration):
-        calibration, scale = replace(camera, light=spectrum), camera.light_scale
-    else:
-        calibration = calibration_from_curves(FINE_GRID, as_curves(camera), spectrum, CURVES_ERROR)
+    spectrum = as_spectrum(light)
     known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
         name: None if given is None else as_reflectance(given, name)
         for name, given in materials.items()}
@@ -202,14 +219,45 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     for name in stated:
         if name not in known:
             raise InputError(f"there is no material {name!r}; there are {', '.join(known)}")
-    start_mitsuba(device)
-    options = SceneOptions(width=width, inversion=InversionSettings(seed=seed),
-                           drawing=DrawOptions(draws=draws, seed=seed))
-    with progress_steps(progress, "scene") as step:
-        result = reconstruct(opened.image, read_scene(Path(scene)), calibration, known, options,
-                             families=stated, surfaces=surfaces_of(surface, known, "material"),
-                             scale=scale, chart_glare=glare, progress=step)
-    estimates = [surface_estimate(result.signals, name, result.spectra,
-                                  as_prior(None, stated.get(name, ())), rendered=True)
-                 for name in result.signals.names]
-    return SceneSpectra(estimates, result, calibration)
+    surfaces = surfaces_of(surface, known, "material")
+    chosen = Repeatability()
+    opened = photo if isinstance(photo, Photo) else open_photo(photo, orientation=AS_READ)
+    calibration, fit, scale = _calibration(camera, spectrum, opened, chosen)
+    capture = SceneCapture(
+        views=(SceneView(name="", photo={ONE_PHOTO: (as_input_file(opened),)}, chart={},
+                         light=spectrum, light_words=str(light), scene=read_scene(Path(scene)),
+                         scale=scale),),
+        chart=None,
+        materials={name: Material(stated.get(name, ()), surfaces.get(name), reflectance,
+                                  bsdf=name) for name, reflectance in known.items()},
+        inversion=Inversion(width=width), sampling=Sampling(draws=draws), repeatability=chosen,
+        picture=None if picture is None else PictureOptions(), seed=seed)
+    with progress_steps(progress, "scene") as show:
+        keeper = MemoryKeeper(
+            lambda step, share, message: show(share, message),
+            {"calibrate": InMemory(CalibrationRecords({"": calibration}, {}, fit, {}, ()))},
+            None if picture is None else folder_for_pictures(picture))
+        return SceneSpectra(capture, measure(capture, keeper, device=device))
+
+
+def _calibration(camera: CameraLike, light: Spectrum, photo: Photo, errors: Repeatability
+                 ) -> tuple[Calibration, ChartFit | None, LightScale | None]:
+    """The calibration that a camera brings along, how it explains its chart, and the strength of
+    the light on the scene, as far as either is known.
+    """
+    if isinstance(camera, Calibration):
+        return replace(camera, light=light), None, camera.light_scale
+    if not isinstance(camera, CameraEstimate):
+        curves = as_curves(camera)
+        return calibration_from_curves(FINE_GRID, curves, light, CURVES_ERROR), None, None
+    calibration = replace(camera.calibration, light=light)
+    scale, made = calibration.light_scale, camera.fit.chart
+    if scale is not None:
+        scale = scale_for_photo(scale, camera.photo, photo.image)
+        for cause, error in ((REPEATABILITY, errors.relative_error),
+                             (SCENE_LEVEL, errors.scene_level)):
+            scale = with_common_error(scale, cause, error)
+    fit = ChartFit(made.predicted, np.full(len(made.predicted), np.nan),
+                   certain_glare(made.prior_fit, camera.photo), None, made.prior_influence,
+                   camera.fit.held_out)
+    return calibration, fit, scale

@@ -4,19 +4,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from spectrabox.api.estimate import SpectrumEstimate, surface_estimate
+from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.flat import FlatSpectra
 from spectrabox.api.notebook import spectrum_html
 from spectrabox.api.progress import ProgressLike, progress_steps
+from spectrabox.api.scene import SceneSpectra
+from spectrabox.measure.captured import FlatCapture
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.outputs.assemble import assemble
-from spectrabox.session.outputs.results import SessionResults
 from spectrabox.session.outputs.run_outputs import outputs_of_run
-from spectrabox.session.pipeline import FinishedRun, load_finished, run_stages
-from spectrabox.session.report.verdict import judge
+from spectrabox.session.pipeline import load_finished, run_stages
 from spectrabox.session.store.locks import only_writer
+from spectrabox.session.store.rehearsals import stored_rehearsal
 
 
 class Session(Mapping[str, SpectrumEstimate]):
@@ -104,6 +104,20 @@ class Session(Mapping[str, SpectrumEstimate]):
         return self.config.folder / "report.html"
 
     @property
+    def spectra(self) -> FlatSpectra | SceneSpectra:
+        """What the last run found, as ``flat`` and ``reconstruct_scene`` return it.
+
+        Raises
+        ------
+        InputError
+            If the session has not been run.
+        """
+        run = load_finished(self.config)
+        if isinstance(run.capture, FlatCapture):
+            return FlatSpectra(run.capture, run.records)
+        return SceneSpectra(run.capture, run.records, stored_rehearsal(self.config))
+
+    @property
     def verdict(self) -> str:
         """"pass", "warn" or "fail".
 
@@ -112,31 +126,15 @@ class Session(Mapping[str, SpectrumEstimate]):
         InputError
             If the session has not been run.
         """
-        return judge(self._results).status.name.lower()
+        return self.spectra.verdict
 
     @property
     def warnings(self) -> list[str]:
         """What the report warns of, in sentences."""
-        return list(self._results.warnings)
-
-    @property
-    def _results(self) -> SessionResults:
-        """What the report shows, from the stored results; nothing is written."""
-        return assemble(self.config, self._finished, {})
-
-    @property
-    def _finished(self) -> FinishedRun:
-        return load_finished(self.config)
+        return list(self.spectra.notes)
 
     def __getitem__(self, name: str) -> SpectrumEstimate:
-        records = self._finished.records
-        signals = records.signals
-        if name not in signals.names:
-            raise KeyError(f"there is no surface {name!r}; there are {', '.join(signals.names)}")
-        prior = of_families(load_prior(), self.config.surfaces[name].families) \
-            if self.config.sampling.method == "prior" else None
-        return surface_estimate(signals, name, records.sample.spectra, prior,
-                                rendered=not self.config.flat)
+        return self.spectra[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.config.surfaces)

@@ -18,8 +18,8 @@ from spectrabox.capture.photo.image_rows import png_rows
 from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN
+from spectrabox.measure.pictures.spectra_files import DAYLIGHT, srgb_of_spectra
 from spectrabox.radiometry.system.names import file_stem
-from spectrabox.session.pictures.spectra_files import DAYLIGHT, srgb_of_spectra
 
 MASKED = (255, 0, 255)
 MAX_DEVIATION = 0.1     # mean standard deviation at the end of its colours

@@ -13,11 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from spectrabox.measure.pictures.pixel_spectra import row_blocks
+from spectrabox.measure.pictures.spectra_files import DEVIATION, MEAN, PictureLayout, layer_rows
 from spectrabox.measure.pictures.surface_textures import SurfaceTexture
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.names import file_stem
 from spectrabox.reconstruct.rendering.spectral_texture import NAME
-from spectrabox.session.pictures.spectra_files import DEVIATION, MEAN, PictureLayout, layer_rows
 
 XML = "textures.xml"
 

@@ -7,7 +7,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.box_scene import chart_xml
 from spectrabox.reconstruct.scene.scene_file import (
     SceneFile,
-    check_materials,
     read_scene,
     scene_of_text,
 )
@@ -53,20 +52,3 @@ def read_chart_scene(config: SessionConfig) -> SceneFile | None:
 
 def _allowed_folder(config: SessionConfig) -> Path | None:
     return None if config.allow_outside else config.folder
-
-
-def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
-    """Refuse a scene whose BSDFs are not those of the session's materials.
-
-    Parameters
-    ----------
-    bsdfs : dict
-        From the name of each material to the id of its BSDF.
-
-    Raises
-    ------
-    InputError
-        One sentence a line.
-    """
-    if problems := check_materials(scene, bsdfs):
-        raise InputError("\n".join(problems))

@@ -1,4 +1,4 @@
-"""Files of a session's picture of spectra: mean, standard deviation and maps of them."""
+"""Files of a picture of spectra: mean, standard deviation and maps of them."""
 from __future__ import annotations
 
 import os
@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_files import write_png
+from spectrabox.measure.options import PictureOptions
 from spectrabox.measure.pictures.lit_photo import LitPhoto, PhotoSpectra, photo_spectra
+from spectrabox.measure.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
 from spectrabox.measure.pictures.pixel_flags import HIGHLIGHT, SEEN
 from spectrabox.measure.pictures.pixel_spectra import (
     merge_surveys,
@@ -17,16 +19,14 @@ from spectrabox.measure.pictures.pixel_spectra import (
     row_blocks,
     survey_rows,
 )
+from spectrabox.measure.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
+from spectrabox.measure.records import PictureRecords
 from spectrabox.sampling.prior.local_posteriors import MAX_CENTRES
-from spectrabox.session.config.session_schema import PictureSection
-from spectrabox.session.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
-from spectrabox.session.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
-from spectrabox.session.stages.records import PictureRecords
 
 PIXELS_A_POINT = 500        # a point of the table takes as long as how many pixels looked up
 
 
-def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
+def write_picture(photo: LitPhoto, section: PictureOptions, folder: Path,
                   progress: Callable[[float], None],
                   also: Callable[[int, int, PhotoSpectra], None] = lambda first, last, spectra: None
                   ) -> PictureRecords:
@@ -35,7 +35,7 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
     Parameters
     ----------
     photo : LitPhoto
-    section : PictureSection
+    section : PictureOptions
     folder : Path
     progress : function of the share that is done
     also : function of (first row, last row, spectra), optional
@@ -83,6 +83,6 @@ def write_picture(photo: LitPhoto, section: PictureSection, folder: Path,
         reasons / total, float(counts[2] / max(reasons[SEEN], 1)))
 
 
-def layout_of(section: PictureSection) -> PictureLayout:
+def layout_of(section: PictureOptions) -> PictureLayout:
     """Wavelengths and format of a picture's files."""
     return PictureLayout(section.step_nm, form=section.format)

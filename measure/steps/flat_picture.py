@@ -1,4 +1,4 @@
-"""The stage that makes a picture of spectra of a flat sample."""
+"""The step that makes a picture of spectra of a flat sample."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -7,61 +7,67 @@ import numpy as np
 
 from spectrabox.capture.photo.registration import Registration
 from spectrabox.capture.photo.resampled import resampled, uncertain_edges
+from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.pictures.crop import Crop, crop_of, crop_photo, node_grid
 from spectrabox.measure.pictures.lit_photo import LitPhoto
+from spectrabox.measure.pictures.picture_files import write_picture
 from spectrabox.measure.pictures.stacked_photos import PicturePhoto, stack_photos
+from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.steps.signals import flat_errors, flat_photos
+from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.sampling.prior.mixture import load_prior, of_families
-from spectrabox.session.pictures.picture_files import write_picture
-from spectrabox.session.stages.records import PictureRecords
-from spectrabox.session.stages.signals_stage import flat_errors, flat_photos, known_spectra
-from spectrabox.session.stages.stage_task import StageTask
 
 COLUMNS = 24                # of the nodes at which white and its errors are computed
 SHARE_OF_TIME = 0.1         # reading photos
 
 
-def picture_of_spectra(task: StageTask) -> PictureRecords:
+def flat_picture(capture: FlatCapture, records: CaptureRecords, work: Work) -> PictureRecords:
     """Spectra of every pixel of the first photo, or of a part of it, in the bands of all photos
     that show the same regions.
 
     Parameters
     ----------
-    task : StageTask
+    capture : FlatCapture
+    records : CaptureRecords
+        Of charts, photos and calibration.
+    work : Work
+        With a folder.
 
     Raises
     ------
     InputError
         If the picture's rectangle leaves the photo.
     """
-    section = task.config.picture
-    assert section is not None
-    lit = lit_photo(task)
-    written = write_picture(lit, section, task.folder, lambda share: task.progress(
+    assert capture.picture is not None
+    if work.folder is None:
+        raise InputError("a picture of spectra is files: name a folder for them")
+    lit = lit_photo(capture, records, work)
+    written = write_picture(lit, capture.picture, work.folder, lambda share: work.progress(
         SHARE_OF_TIME + (1 - SHARE_OF_TIME) * share, ""))
-    return replace(written, notes=_notes(task, lit))
+    return replace(written, notes=_notes(capture, lit))
 
 
-def lit_photo(task: StageTask) -> LitPhoto:
+def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitPhoto:
     """All photos of the picture, in the pixels of the first, with white and its errors."""
-    config, records = task.config, task.records
-    assert config.picture is not None
-    views, photos = config.picture_views, flat_photos(config, records)
+    assert capture.picture is not None
+    views, photos = capture.picture_views, flat_photos(capture, records)
     shown: list[PicturePhoto] = []
     for number, view in enumerate(views):
-        task.progress(SHARE_OF_TIME * number / len(views), f"reading {view.photo_files[0]}")
-        image, _ = task.photos.developed(config, view.photo)
+        work.progress(SHARE_OF_TIME * number / len(views), f"reading {view.photo_names[0]}")
+        image, _ = work.photos.developed(view.photo)
         if not number:
-            crop = crop_of(image, config.picture.rect)
+            crop = crop_of(image, capture.picture.rect)
             nodes_px, between = node_grid(crop, COLUMNS)
         motion = records.photo.registrations.get(view.name)
         shown.append(PicturePhoto(
-            photos[config.all_views.index(view)], _in_first(image, motion, crop),
+            photos[capture.views.index(view)], _in_first(image, motion, crop),
             nodes_px if motion is None else motion.moved(nodes_px)))
-    return stack_photos(shown, between, known_spectra(config), flat_errors(config, records),
-                        SURFACE_REFLECTIONS[config.picture.surface],
-                        of_families(load_prior(), config.picture.families))
+    return stack_photos(shown, between, capture.known, flat_errors(capture, records),
+                        SURFACE_REFLECTIONS[capture.picture.surface],
+                        of_families(load_prior(), capture.picture.families))
 
 
 def _in_first(image: LinearImage, motion: Registration | None, crop: Crop) -> LinearImage:
@@ -79,12 +85,11 @@ def _in_first(image: LinearImage, motion: Registration | None, crop: Crop) -> Li
     return replace(shown, saturated=shown.saturated | uncertain[..., None])
 
 
-def _notes(task: StageTask, lit: LitPhoto) -> tuple[str, ...]:
+def _notes(capture: FlatCapture, lit: LitPhoto) -> tuple[str, ...]:
     """What a reader of the picture has to know of its photos."""
-    config = task.config
-    views = config.picture_views
+    views = capture.picture_views
     notes = [f"photo {view.title} shows no region of the first photo: the picture does without it"
-             for view in config.all_views if view not in views]
+             for view in capture.views if view not in views]
     if len(views) > 1:
         notes.append(f"the signals of a pixel are those of {len(views)} photos, "
                      f"{', '.join(view.title for view in views)}, in {lit.size[2]} bands")

@@ -1,14 +1,15 @@
-"""What each stage of a session makes: one record a stage, which is stored and read as a whole."""
+"""What each step of a measurement makes: one record a step, which is kept and read as a whole."""
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Protocol, TypeVar
 
 import numpy as np
 
 from spectrabox.capture.photo.registration import Registration
+from spectrabox.measure.captured import Capture, View
 from spectrabox.radiometry.light_scale import drift_between
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
@@ -26,8 +27,16 @@ from spectrabox.radiometry.records import (
     SurfaceSpectrum,
 )
 from spectrabox.radiometry.shaped import Record
-from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.store.store import StoredStage
+
+Kind = TypeVar("Kind")
+
+
+class KeptRecord(Protocol):
+    """The record of one step, in memory or on disk."""
+
+    def read(self, kind: type[Kind]) -> Kind:
+        """The record, which is of this kind."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +52,7 @@ class MeasuredChart(Record):
 
 @dataclass(frozen=True, eq=False)
 class ChartRecords(Record):
-    """What the stage "chart" makes."""
+    """What the step "chart" makes."""
 
     charts: dict[str, MeasuredChart]            # by view
     references: Annotated[np.ndarray, "Q K"] | None     # signals in the first chart photo
@@ -52,7 +61,7 @@ class ChartRecords(Record):
 
 @dataclass(frozen=True, eq=False)
 class PhotoRecords(Record):
-    """What the stage "photo" makes."""
+    """What the step "photo" makes."""
 
     photos: dict[str, LinearImage]              # by view, at the render's size or thumbnails
     regions: dict[str, RegionSamples]           # of flat samples, by view, where some are shown
@@ -76,7 +85,7 @@ class ChartFit(Record):
 
 @dataclass(frozen=True, eq=False)
 class CalibrationRecords(Record):
-    """What the stage "calibrate" makes."""
+    """What the step "calibrate" makes."""
 
     calibrations: dict[str, Calibration]        # by view, every one
     whites: dict[str, ChartWhite]               # by view with a chart, where a prior was fitted
@@ -88,7 +97,7 @@ class CalibrationRecords(Record):
 
 @dataclass(frozen=True, eq=False)
 class ReconstructionRecords(Record):
-    """What the stage "reconstruct" makes of a scene."""
+    """What the step "reconstruct" makes of a scene."""
 
     joint: JointReconstruction
     signals: SurfaceSignals
@@ -108,7 +117,7 @@ class RegionLight(Record):
 
 @dataclass(frozen=True, eq=False)
 class SignalRecords(Record):
-    """What the stage "signals" makes of flat samples."""
+    """What the step "signals" makes of flat samples."""
 
     signals: SurfaceSignals
     light: dict[str, RegionLight]               # by view, where it shows regions
@@ -118,7 +127,7 @@ class SignalRecords(Record):
 
 @dataclass(frozen=True, eq=False)
 class SampleRecords(Record):
-    """What the stage "sample" makes."""
+    """What the step "sample" makes."""
 
     spectra: dict[str, SurfaceSpectrum]         # by surface, those that are not known
     swatches: str                               # what they did, in a sentence; empty without any
@@ -126,7 +135,7 @@ class SampleRecords(Record):
 
 @dataclass(frozen=True, eq=False)
 class PictureRecords(Record):
-    """What the stage "picture" makes beside its files; shares are of the pixels."""
+    """What the step "picture" makes beside its files; shares are of the pixels."""
 
     files: tuple[str, ...]                      # names in the stage's folder
     titles: tuple[str, ...]                     # of the maps
@@ -142,65 +151,65 @@ class PictureRecords(Record):
     notes: tuple[str, ...] = ()
 
 
-class SessionRecords:
-    """What the stages of a session have stored, each read from disk once, when it is asked for.
+class CaptureRecords:
+    """What the steps of a measurement have made, each record read once, when it is asked for.
 
     Parameters
     ----------
-    stages : mapping
-        Stored stages by name; more may come while a session runs.
+    kept : mapping
+        By the names of steps; more may come while a measurement runs.
     """
 
-    def __init__(self, stages: Mapping[str, StoredStage]) -> None:
-        self._stages = stages
+    def __init__(self, kept: Mapping[str, KeptRecord]) -> None:
+        self._kept = kept
 
     @cached_property
     def chart(self) -> ChartRecords:
-        """Without charts where the session needs none."""
-        if "chart" not in self._stages:
+        """Without charts where none is needed."""
+        if "chart" not in self._kept:
             return ChartRecords({}, None, ())
-        return self._stages["chart"].read(ChartRecords)
+        return self._kept["chart"].read(ChartRecords)
 
     @cached_property
     def photo(self) -> PhotoRecords:
-        return self._stages["photo"].read(PhotoRecords)
+        return self._kept["photo"].read(PhotoRecords)
 
     @cached_property
     def calibrate(self) -> CalibrationRecords:
-        return self._stages["calibrate"].read(CalibrationRecords)
+        return self._kept["calibrate"].read(CalibrationRecords)
 
     @cached_property
     def reconstruct(self) -> ReconstructionRecords:
         """Of a scene."""
-        return self._stages["reconstruct"].read(ReconstructionRecords)
+        return self._kept["reconstruct"].read(ReconstructionRecords)
 
     @cached_property
     def flat(self) -> SignalRecords:
         """Of flat samples."""
-        return self._stages["signals"].read(SignalRecords)
+        return self._kept["signals"].read(SignalRecords)
 
     @cached_property
     def sample(self) -> SampleRecords:
-        return self._stages["sample"].read(SampleRecords)
+        return self._kept["sample"].read(SampleRecords)
 
     @cached_property
     def picture(self) -> PictureRecords | None:
-        """None where the session asks for no picture."""
-        return self._stages["picture"].read(PictureRecords) if "picture" in self._stages else None
+        """None where no picture was asked for."""
+        return self._kept["picture"].read(PictureRecords) if "picture" in self._kept else None
 
     @property
     def signals(self) -> SurfaceSignals:
         """Of all surfaces, with their errors."""
-        return self.flat.signals if "signals" in self._stages else self.reconstruct.signals
+        return self.flat.signals if "signals" in self._kept else self.reconstruct.signals
 
     @property
     def notes(self) -> list[str]:
-        """What the stages noted, each note once."""
-        of_signals = self.flat.notes if "signals" in self._stages else ()
+        """What the steps noted, each note once."""
+        of_signals = self.flat.notes if "signals" in self._kept else ()
         return [*dict.fromkeys((*self.chart.notes, *self.photo.notes, *self.calibrate.notes,
                                 *of_signals))]
 
-    def drift(self, config: SessionConfig) -> LightDrift | None:
+    def drift(self, capture: Capture) -> LightDrift | None:
         """Change of the light between the first chart photo and object photo, where both show
         references.
         """
@@ -208,8 +217,8 @@ class SessionRecords:
         if references[0] is None or references[1] is None:
             return None
         return drift_between(self.chart.charts[""].thumbnail, references[0], self.photo.photos[""],
-                             references[1], config.drift.relative_error)
+                             references[1], capture.drift.relative_error)
 
-    def calibrations(self, config: SessionConfig) -> list[Calibration]:
+    def calibrations(self, views: tuple[View, ...]) -> list[Calibration]:
         """The calibration of every view, in their order."""
-        return [self.calibrate.calibrations[view.name] for view in config.all_views]
+        return [self.calibrate.calibrations[view.name] for view in views]

@@ -1,0 +1,359 @@
+"""What was photographed, and what is stated of it: the records that every measurement starts from.
+
+They are made from ``session.toml`` or from the arguments of a function of the library. Spectra,
+scenes and layouts are read by then; photos are files, or open already.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from spectrabox.calibrate.geometry.lens import Lens
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.measure.options import (
+    DriftReferences,
+    Inversion,
+    PictureOptions,
+    Repeatability,
+    Sampling,
+    StrayLight,
+)
+from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.placements import SceneGeometry
+from spectrabox.radiometry.records import (
+    Filter,
+    LightScale,
+    LinearImage,
+    Quantity,
+    Spectrum,
+    UnknownLight,
+)
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+
+ONE_PHOTO = ""              # the band under which the files of a colour camera's photo are
+FIRST_PHOTO = "photo"       # title of the first view
+
+Outline = tuple[tuple[float, float], ...]       # corners (x, y) in pixels of a photo, going round
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file of a capture."""
+
+    name: str                               # as sentences and keys call it
+    path: Path
+    opened: LinearImage | None = None       # a photo that is developed already ...
+    notes: tuple[str, ...] = ()             # ... and what was noted meanwhile
+
+
+# Files of one photo by band, several of a bracket; those of a colour camera under ONE_PHOTO.
+PhotoFiles = dict[str, tuple[InputFile, ...]]
+
+
+@dataclass(frozen=True)
+class Development:
+    """How every photo becomes linear signal."""
+
+    dark_frames: tuple[InputFile, ...] = ()
+    flat_fields: Mapping[str, InputFile] = field(default_factory=dict)      # by band
+    not_linear: bool = False                # take JPEG and PNG, decoded as sRGB
+    orientation: int = 1                    # how photos are turned, as EXIF numbers it
+
+
+@dataclass(frozen=True, eq=False)
+class LitChart:
+    """The chart of every chart photo."""
+
+    layout: Chart
+    reflectances: np.ndarray                # (I, P)
+    excluded: np.ndarray                    # (I,) bool: patches that no fit uses
+    corners_px: np.ndarray | None = None    # (4, 2) in the first chart photo, where stated
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Where the camera's sensitivities come from: the chart, unless curves were measured."""
+
+    curves: np.ndarray | None = None        # (K, P), largest value 1
+    names: tuple[str, ...] = ()             # of the curves
+    source: str = "chart"                   # of the curves, in words
+    method: str | None = None               # of a chart's fit; "prior" by default
+    prior: CameraPrior | None = None
+    coefficients: int = 10                  # of the splines of other methods
+    relative_error: float = 0.02            # of signals predicted from measured curves
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One photo of the surfaces, and what it was taken in."""
+
+    name: str                               # empty of the first
+    photo: PhotoFiles
+    chart: PhotoFiles                       # under the same light; empty where no chart is needed
+    light: Spectrum | UnknownLight          # of its lamp
+    light_words: str                        # how the lamp was stated
+    lamp: str = FIRST_PHOTO                 # title of the first photo that this lamp lights
+    filter: Filter | None = None            # before its lens or lamp
+    filter_words: str = ""                  # how the filter was stated
+    filter_known: bool = True               # whether its transmittance was stated
+
+    @property
+    def title(self) -> str:
+        """What it is called in sentences."""
+        return self.name or FIRST_PHOTO
+
+    @property
+    def photo_names(self) -> tuple[str, ...]:
+        return tuple(file.name for file in files_of(self.photo))
+
+    @property
+    def chart_names(self) -> tuple[str, ...]:
+        return tuple(file.name for file in files_of(self.chart))
+
+    @property
+    def shows_chart(self) -> bool:
+        """Whether its chart is in the photo of the surfaces itself."""
+        return files_of(self.chart) == files_of(self.photo)
+
+    @property
+    def light_stated(self) -> bool:
+        """Whether the spectrum of its lamp is stated."""
+        return isinstance(self.light, Spectrum)
+
+    @property
+    def spectrum_stated(self) -> bool:
+        """Whether the spectrum of what lights it, filter included, is stated."""
+        return self.light_stated and (self.filter is None or self.filter_known)
+
+    def same_light(self, other: View) -> bool:
+        """Whether both are stated to be under one lamp, through one filter if any."""
+        return self.lamp == other.lamp and (self.filter is None) == (other.filter is None) \
+            and self.filter_words == other.filter_words
+
+    @property
+    def filtered_light(self) -> Spectrum | UnknownLight:
+        """What lights it: its lamp through its filter."""
+        if self.filter is None:
+            return self.light
+        if not self.spectrum_stated:
+            return UnknownLight()
+        assert isinstance(self.light, Spectrum)
+        power = spectrum_on_grid(self.light, FINE_GRID) * self.filter.transmittance
+        return Spectrum(FINE_GRID, power, Quantity.RELATIVE,
+                        f"{self.light.source} through {self.filter_words}")
+
+    @property
+    def power(self) -> np.ndarray | None:
+        """Light (P,) that an ordinary camera would see its chart in, as far as it is known."""
+        power = spectrum_on_grid(self.light, FINE_GRID) if isinstance(self.light, Spectrum) \
+            else None
+        if self.filter is None:
+            return power
+        return (1.0 if power is None else power) * self.filter.transmittance
+
+    def label(self, kind: str) -> str:
+        """The name of a picture of this view."""
+        return f"{kind} {self.name}" if self.name else kind
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SceneView(View):
+    """One photo of a scene."""
+
+    scene: SceneFile
+    scene_name: str | None = None           # of its file; None of a box with measures
+    lights_by_id: Mapping[str, Spectrum] = field(default_factory=dict)
+    lens: Lens | None = None                # by which the photo is undistorted
+    scale: LightScale | None = None         # of its light, where it is known beforehand
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What is stated of a surface."""
+
+    families: tuple[str, ...] = ()          # that it is one of; none where nobody said
+    surface: str | None = None              # "matt", "satin" or "glossy"
+    known: np.ndarray | None = None         # (P,) measured reflectance, taken as given
+    truth: Spectrum | None = None           # measured, only compared with
+
+    @property
+    def given(self) -> np.ndarray | None:
+        """Its measured reflectance (P,), which is not estimated."""
+        return self.known
+
+
+@dataclass(frozen=True, eq=False)
+class Region(Surface):
+    """A region of a flat sample."""
+
+    outline: Outline = ()
+    photos: tuple[str, ...] = ()            # titles of views that show it; none stands for all
+    swatch: np.ndarray | None = None        # (P,) measured, of the other samples' material
+
+    @property
+    def given(self) -> np.ndarray | None:
+        return self.known if self.known is not None else self.swatch
+
+
+@dataclass(frozen=True, eq=False)
+class Material(Surface):
+    """A material of a scene."""
+
+    bsdf: str = ""                          # id of its BSDF in the scene
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Capture:
+    """What flat samples and scenes have in common."""
+
+    name: str = ""                          # of the whole, in sentences
+    views: tuple[View, ...]                 # photos of the surfaces, the first of them first
+    chart: LitChart | None                  # None where no photo shows one
+    development: Development = field(default_factory=Development)
+    sensitivity: Sensitivity = field(default_factory=Sensitivity)
+    drift: DriftReferences = field(default_factory=DriftReferences)
+    repeatability: Repeatability = field(default_factory=Repeatability)
+    stray_light: StrayLight = field(default_factory=StrayLight)
+    sampling: Sampling = field(default_factory=Sampling)
+    picture: PictureOptions | None = None
+    seed: int = 1
+
+    chart_scene: SceneFile | None = None    # light and chart in their positions, where known
+
+    flat: ClassVar[bool]                    # samples in the chart's plane, without a scene
+
+    @property
+    def views_with_chart(self) -> tuple[View, ...]:
+        """Views that have a chart photo under their light."""
+        return tuple(view for view in self.views if view.chart)
+
+    @property
+    def layout(self) -> Chart:
+        """Of the chart.
+
+        Raises
+        ------
+        InputError
+            If no photo shows one.
+        """
+        return self.lit_chart.layout
+
+    @property
+    def lit_chart(self) -> LitChart:
+        if self.chart is None:
+            raise InputError("no photo of a chart is stated, and this needs one")
+        return self.chart
+
+    @property
+    def surfaces(self) -> Mapping[str, Surface]:
+        """What is measured, by name."""
+        raise NotImplementedError
+
+    @property
+    def families(self) -> dict[str, tuple[str, ...]]:
+        """The families that each surface is said to be one of."""
+        return {name: surface.families for name, surface in self.surfaces.items()}
+
+    @property
+    def surfaces_stated(self) -> bool:
+        """Whether it is stated of every estimated surface how much it mirrors."""
+        return all(surface.surface is not None or surface.given is not None
+                   for surface in self.surfaces.values())
+
+    def band_names(self, photographed: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the camera's bands.
+
+        Parameters
+        ----------
+        photographed : tuple of str
+            Names of the photo's bands.
+
+        Raises
+        ------
+        InputError
+            If the photo and the measured curves differ in the number of bands.
+        """
+        curves = self.sensitivity
+        if curves.curves is None:
+            return photographed
+        if len(curves.curves) != len(photographed):
+            raise InputError(f"{curves.source} holds {len(curves.curves)} curves, but the photo "
+                             f"has {len(photographed)} bands ({', '.join(photographed)}): give one "
+                             "curve for each, in this order")
+        named = curves.names or photographed
+        return named if ONE_PHOTO in self.views[0].photo else photographed
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlatCapture(Capture):
+    """Photos of a flat sample, each with a colour chart or under the light of one that has."""
+
+    regions: Mapping[str, Region]
+
+    flat: ClassVar[bool] = True
+
+    @property
+    def surfaces(self) -> Mapping[str, Surface]:
+        return self.regions
+
+    def regions_in(self, view: View) -> dict[str, Region]:
+        """The regions that the photo of a view shows."""
+        return {name: region for name, region in self.regions.items()
+                if not region.photos or view.title in region.photos}
+
+    @property
+    def known(self) -> dict[str, np.ndarray]:
+        """Reflectances (P,) of the regions whose spectrum is known."""
+        return {name: region.known for name, region in self.regions.items()
+                if region.known is not None}
+
+    @property
+    def swatches(self) -> dict[str, np.ndarray]:
+        """Reflectances (P,) of the regions that are swatches of the samples' material."""
+        return {name: region.swatch for name, region in self.regions.items()
+                if region.swatch is not None}
+
+    @property
+    def picture_views(self) -> tuple[View, ...]:
+        """Views whose photos a picture of spectra is made from: the first, and those that show a
+        region of it in another photo.
+        """
+        first, *others = self.views
+        shown = self.regions_in(first).keys()
+        return (first, *(view for view in others if shown & self.regions_in(view).keys()
+                         and view.photo != first.photo))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SceneCapture(Capture):
+    """Photos of a scene whose geometry and lamps are known."""
+
+    views: tuple[SceneView, ...]
+    materials: Mapping[str, Material]
+    inversion: Inversion = field(default_factory=Inversion)
+    scale_from_chart: bool = True           # else from a material of known spectrum
+    # what of it was estimated
+    geometry: SceneGeometry = field(default_factory=lambda: SceneGeometry((), ()))
+
+    flat: ClassVar[bool] = False
+
+    @property
+    def surfaces(self) -> Mapping[str, Surface]:
+        return self.materials
+
+    @property
+    def bsdfs(self) -> dict[str, str]:
+        """Id of the BSDF of every material."""
+        return {name: material.bsdf or name for name, material in self.materials.items()}
+
+
+def files_of(photo: PhotoFiles) -> tuple[InputFile, ...]:
+    """Every file of a photo."""
+    return tuple(file for files in photo.values() for file in files)

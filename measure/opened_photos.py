@@ -1,0 +1,168 @@
+"""The photos of a capture as linear signal, each developed when a step first asks for it."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from spectrabox.capture.develop.bands import bright_channels, stack_bands, strongest_channel
+from spectrabox.capture.develop.developed import develop_photos, open_any
+from spectrabox.capture.photo.image_files import stated_bands
+from spectrabox.measure.captured import ONE_PHOTO, Capture, InputFile, PhotoFiles
+from spectrabox.radiometry.errors import ClippedPhotoError, InputError
+from spectrabox.radiometry.records import LinearImage, default_band_names
+
+MAX_CLIPPED = 0.5               # of the object photo
+LETTERED = ({*"RGB"}, {*"XYZ"})     # bands of which one cannot be another
+Channels = tuple[tuple[int, ...], ...]      # of each photo of a table
+LETTERS = {"RED": "R", "GREEN": "G", "BLUE": "B"}       # of bands, by their names
+
+
+class OpenPhotos:
+    """Photos of one capture. The last is kept: chart and samples are often in one photo.
+
+    Parameters
+    ----------
+    capture : Capture
+    """
+
+    def __init__(self, capture: Capture) -> None:
+        self._capture = capture
+        self._last: tuple[PhotoFiles, LinearImage, tuple[str, ...]] | None = None
+        self._channels: Channels | None = None
+
+    def developed(self, photo: PhotoFiles) -> tuple[LinearImage, tuple[str, ...]]:
+        """As ``develop``."""
+        if self._last is None or self._last[0] != photo:
+            self._last = None           # its memory is needed for the next
+            self._last = (photo, *develop(self._capture, photo, self.channels))
+        return self._last[1:]
+
+    @property
+    def channels(self) -> Channels:
+        """As ``channels_of_photos``; none of a colour camera's photos."""
+        if self._channels is None:
+            self._channels = () if ONE_PHOTO in self._capture.views[0].photo else \
+                channels_of_photos(self._capture)
+        return self._channels
+
+    def bands(self, photo: LinearImage) -> tuple[str, ...]:
+        """Names of the bands of the capture's photos, of which one is given."""
+        shown = self._capture.views[0].photo
+        return default_band_names(photo.signal.shape[2]) if ONE_PHOTO in shown else \
+            tuple(_names_of_channels(shown, self.channels))
+
+
+def develop(capture: Capture, photo: PhotoFiles,
+            channels: Channels | None = None) -> tuple[LinearImage, tuple[str, ...]]:
+    """A photo as linear signal, without dark signal and flat-fielded where there are the frames.
+
+    One of several bands is stacked; its bands are brought to the shortest of their exposures where
+    all state one. Notes say what was found on the way: hot pixels, measured exposure ratios, a file
+    that is not linear.
+
+    Parameters
+    ----------
+    capture : Capture
+    photo : PhotoFiles
+    channels : tuple of tuple of int, optional
+        As of ``channels_of_photos``, where they were looked up before.
+
+    Returns
+    -------
+    image : LinearImage
+    notes : tuple of str
+    """
+    several = ONE_PHOTO not in photo
+    channels = (channels_of_photos(capture) if channels is None else channels) if several else ()
+    images, notes = [], []
+    for number, (band, files) in enumerate(photo.items()):
+        image, said = _developed_files(capture, band, files,
+                                       channels[number] if several else None)
+        images.append(image)
+        notes += [note for note in said if note not in notes]
+    if not several:
+        return images[0], tuple(notes)
+    exposures = [image.exposure_s for image in images]
+    shortest = None if None in exposures else min(exposure for exposure in exposures
+                                                  if exposure is not None)
+    every = [(image, channel) for image in images for channel in range(image.signal.shape[2])]
+    stacked = stack_bands([image for image, _ in every], _names_of_channels(photo, channels),
+                          [channel for _, channel in every],
+                          None if shortest is None else [shortest] * len(every))
+    return dataclasses.replace(stacked, exposure_s=shortest), tuple(notes)
+
+
+def _developed_files(capture: Capture, band: str, files: tuple[InputFile, ...],
+                     channels: tuple[int, ...] | None) -> tuple[LinearImage, tuple[str, ...]]:
+    """Files of one band: a photo, or a bracket of exposures."""
+    if files[0].opened is not None:
+        return files[0].opened, files[0].notes
+    chosen = capture.development
+    flat = chosen.flat_fields.get(band, chosen.flat_fields.get(ONE_PHOTO))
+    image, notes = develop_photos([file.path for file in files],
+                                  [frame.path for frame in chosen.dark_frames],
+                                  None if flat is None else flat.path, chosen.not_linear,
+                                  channels, chosen.orientation)
+    return image, tuple(notes)
+
+
+def channels_of_photos(capture: Capture) -> Channels:
+    """Channels of each photo of a table that see its filter's or lamp's light, the same in all
+    photos: a scene of other colours may tip the balance between two. Where curves are stated, one
+    for each photo, that is the strongest.
+    """
+    charts = [view.chart for view in capture.views_with_chart]
+    first = charts[0] if charts else capture.views[0].photo
+    images = (open_any(files[0].path, capture.development.not_linear) for files in first.values())
+    return tuple(bright_channels(image) if capture.sensitivity.curves is None
+                 else (strongest_channel(image),) for image in images)
+
+
+def _names_of_channels(photo: Mapping[str, object], channels: Channels) -> list[str]:
+    """Names of the bands of a table of photos: a photo's, with the channel where it has several."""
+    return [f"{name} {'RGB'[channel]}" if len(chosen) > 1 else name
+            for name, chosen in zip(photo, channels, strict=True) for channel in chosen]
+
+
+def require_exposed(photo: LinearImage, name: str) -> None:
+    """Refuse an object photo of which too little is left to compare with a rendering.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    name : str
+        Of the photo's file, for the message.
+
+    Raises
+    ------
+    ClippedPhotoError
+        With the saturated share.
+    """
+    clipped = float(photo.saturated.any(axis=2).mean())
+    if clipped > MAX_CLIPPED:
+        raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the "
+                                "exposure until the surfaces are not, the light itself may be")
+
+
+def require_curves_of_bands(capture: Capture) -> None:
+    """Refuse measured curves whose names say that they are of other bands than an EXR's channels.
+
+    Raises
+    ------
+    InputError
+        If columns named X, Y, Z are to be the curves of channels R, G, B, say, or stand in another
+        order.
+    """
+    stated = capture.sensitivity
+    curves = tuple(LETTERS.get(name.strip().upper(), name.strip().upper())
+                   for name in stated.names)
+    if stated.curves is None or not curves:
+        return
+    for view in capture.views:
+        for file in view.photo.get(ONE_PHOTO, ()):
+            bands = () if file.opened is not None else stated_bands(file.path)
+            if bands != curves and {*bands} in LETTERED and {*curves} in LETTERED:
+                raise InputError(
+                    f"{file.name} has the channels {', '.join(bands)}, and the curves of "
+                    f"{stated.source} are named {', '.join(curves)}: give the curves of these "
+                    "channels, in their order (sensitivity.columns), or rename the columns")

@@ -1,0 +1,157 @@
+"""Spectra of any part of calibrated photos at once: what a page shows while somebody points at it.
+
+Photos stay open and the calibration is made; from then on a region's signal and spectrum take the
+very functions of the steps.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from spectrabox.capture.photo.binning import thumbnail
+from spectrabox.capture.photo.regions import sample_regions
+from spectrabox.capture.photo.registration import Registration, find_edges
+from spectrabox.measure.captured import FlatCapture, Region, View
+from spectrabox.measure.flat import RegionSignal, signal_of_region
+from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure.records import CaptureRecords, PhotoRecords
+from spectrabox.measure.steps.photos import THUMBNAIL_WIDTH, outlines_in, registration_of
+from spectrabox.measure.steps.signals import flat_errors, flat_photos
+from spectrabox.measure.surface_spectra import DrawOptions
+from spectrabox.measure.white import FlatErrors, FlatPhoto
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage, RegionSamples, SurfaceSpectrum
+from spectrabox.sampling.prior.signal_posterior import SignalPosterior
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedPhotos:
+    """Photos and calibration of flat samples, without their regions."""
+
+    photos: list[FlatPhoto]
+    images: Mapping[str, LinearImage]       # whole, by view
+    records: CaptureRecords
+    bands: tuple[str, ...]
+    registrations: Mapping[str, Registration | None]    # of further photos to the first
+
+
+def calibrated_photos(capture: FlatCapture, records: CaptureRecords,
+                      images: Mapping[str, LinearImage]) -> CalibratedPhotos:
+    """Photos that are open and records of their calibration, put together.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of charts and calibration; those of the photos are made here.
+    images : mapping
+        Photos by view.
+
+    Raises
+    ------
+    InputError
+        If references tell how the light drifts, which regions that are pointed at do not use.
+    """
+    if capture.drift.object_px:
+        raise InputError("with references of [drift] the page shows no spectra while you point; "
+                         "the report has them")
+    records.photo = PhotoRecords({name: thumbnail(image, THUMBNAIL_WIDTH)
+                                  for name, image in images.items()}, {}, None, {},
+                                 OpenPhotos(capture).bands(images[""]), ())
+    first, *others = capture.views
+    edges = {view.name: find_edges(images[view.name]) for view in capture.views if others}
+    registrations = {view.name: registration_of(records.chart.charts, first, view, edges[""],
+                                                edges[view.name]) for view in others
+                     if view.photo != first.photo}
+    return CalibratedPhotos(flat_photos(capture, records), dict(images), records,
+                            capture.band_names(records.photo.bands), registrations)
+
+
+@dataclass(frozen=True, eq=False)
+class PointedSample:
+    """Calibrated photos with what is stated of their regions now.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    calibrated : CalibratedPhotos
+        Of a capture with the same photos, chart and lights; its regions may have been others.
+    """
+
+    capture: FlatCapture
+    calibrated: CalibratedPhotos
+
+    @cached_property
+    def errors(self) -> FlatErrors:
+        """What is stated of errors."""
+        return flat_errors(self.capture, self.calibrated.records)
+
+    @cached_property
+    def _known_samples(self) -> dict[str, RegionSamples | None]:
+        """Of each view: its regions of known spectrum."""
+        return {view.name: self._sampled(self.capture, view, self.capture.known)
+                for view in self.capture.views}
+
+    def _sampled(self, capture: FlatCapture, view: View,
+                 names: Iterable[str]) -> RegionSamples | None:
+        wanted = {*names}
+        outlines = {name: outline for name, outline in outlines_in(
+            capture, view, self.calibrated.registrations.get(view.name)).items() if name in wanted}
+        return sample_regions(self.calibrated.images[view.name], outlines,
+                              without_clipped=len(capture.views) > 1) if outlines else None
+
+    def signal(self, name: str, region: Region) -> RegionSignal:
+        """The signal of a region, which need not be one of the capture.
+
+        Parameters
+        ----------
+        name : str
+        region : Region
+        """
+        alone = replace(self.capture, regions={name: region})
+        samples = [joined_samples(self._sampled(alone, view, (name,)),
+                                  self._known_samples[view.name]) for view in alone.views]
+        errors = replace(self.errors, surfaces={name: region.surface} if region.surface else {})
+        return signal_of_region(self.calibrated.photos, samples, region.families,
+                                self.capture.known, self.calibrated.bands, errors)
+
+    def drawn(self, name: str) -> tuple[RegionSignal, SurfaceSpectrum]:
+        """Signal and spectrum of a region of the capture, as a report has them but for swatches.
+
+        Parameters
+        ----------
+        name : str
+        """
+        chosen, region = self.capture.sampling, self.capture.regions[name]
+        signal = self.signal(name, region)
+        return signal, signal.spectrum(region.families, DrawOptions(
+            chosen.method, chosen.draws, chosen.coefficients, chosen.level,
+            self.capture.seed + list(self.capture.regions).index(name)))
+
+    def pointed(self, region: Region) -> tuple[RegionSignal, SignalPosterior]:
+        """Signal and spectrum of any part of a photo, the spectrum in closed form.
+
+        Parameters
+        ----------
+        region : Region
+        """
+        signal = self.signal("pointer", region)
+        return signal, signal.posterior(region.families)
+
+
+def joined_samples(own: RegionSamples | None, known: RegionSamples | None
+                   ) -> RegionSamples | None:
+    """A region's samples, and after them those of regions of known spectrum."""
+    if own is None or known is None:
+        return own
+    clipped = None if own.clipped is None and known.clipped is None else np.concatenate(
+        [np.zeros(each.mean.shape, bool) if each.clipped is None else each.clipped
+         for each in (own, known)])
+    mean, covariance, pixels, scatter, points = (
+        np.concatenate([getattr(own, name), getattr(known, name)])
+        for name in ("mean", "covariance_of_mean", "pixels", "scatter", "points_px"))
+    return RegionSamples((*own.names, *known.names), mean, covariance, pixels, scatter, points,
+                         clipped)

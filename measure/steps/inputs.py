@@ -1,0 +1,155 @@
+"""What each step of a measurement depends on, and the order of the steps.
+
+Keys of kept records are made from this: it computes nothing, and what makes the records is in the
+modules beside it (``order.py``).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture
+
+
+def inputs_of_charts(capture: Capture) -> dict[str, Any]:
+    """What of a capture the charts depend on."""
+    return {"chart": capture.chart, "photos": {view.name: view.chart
+                                               for view in capture.views_with_chart},
+            "lights": lights_of(capture), "development": capture.development,
+            "drift": capture.drift}
+
+
+def lights_of(capture: Capture) -> dict[str, Any]:
+    """What is stated of the light of each view."""
+    return {view.name: [view.light, view.lamp, view.filter, getattr(view, "lights_by_id", {})]
+            for view in capture.views}
+
+
+def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:
+    """What of a capture the signals of regions depend on."""
+    return {"photos": {view.name: view.photo for view in capture.views},
+            "regions": {name: [region.outline, region.photos]
+                        for name, region in capture.regions.items()},
+            "development": capture.development, "drift": capture.drift,
+            # the channel of each band is chosen there
+            "first chart": [view.chart for view in capture.views_with_chart[:1]]}
+
+
+def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
+    """What of a capture the photos of a scene depend on."""
+    return {"photos": {view.name: [view.photo, view.lens] for view in capture.views},
+            "scenes": [(view.scene.width, view.scene.height) for view in capture.views],
+            "width": capture.inversion.width, "development": capture.development,
+            "drift": capture.drift,
+            "first chart": [view.chart for view in capture.views_with_chart[:1]]}
+
+
+def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
+    """What of a capture the calibration depends on."""
+    return {"lights": lights_of(capture), "sensitivity": capture.sensitivity,
+            "chart": capture.chart, "chart scene": capture.chart_scene, "seed": capture.seed,
+            "lamp position": capture.repeatability.lamp_position}
+
+
+def inputs_of_signals(capture: FlatCapture) -> dict[str, Any]:
+    """What of a capture the signals depend on."""
+    return {"known": capture.known, "swatches": capture.swatches, "families": capture.families,
+            "surfaces": {name: region.surface for name, region in capture.regions.items()},
+            "repeatability": capture.repeatability, "stray light": capture.stray_light,
+            "seed": capture.seed}
+
+
+def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
+    """What of a capture the inversion depends on."""
+    learnt = capture.inversion.spectrum_prior == "learnt"
+    return {"materials": {name: [material.bsdf, material.known, material.surface,
+                                 material.families if learnt else ()]
+                          for name, material in capture.materials.items()},
+            "scenes": {view.name: view.scene for view in capture.views},
+            "lights": lights_of(capture), "geometry": capture.geometry,
+            "reconstruct": capture.inversion, "scale from chart": capture.scale_from_chart,
+            "scales": {view.name: view.scale for view in capture.views},
+            "repeatability": capture.repeatability, "stray light": capture.stray_light,
+            "seed": capture.seed}
+
+
+def inputs_of_spectra(capture: Capture) -> dict[str, Any]:
+    """What of a capture the draws depend on."""
+    return {"sampling": capture.sampling, "families": capture.families, "seed": capture.seed,
+            "swatches": swatches_of(capture)}
+
+
+def swatches_of(capture: Capture) -> list[str]:
+    """Names of regions that are swatches of the samples' material; a scene has none."""
+    return [*capture.swatches] if isinstance(capture, FlatCapture) else []
+
+
+def inputs_of_flat_picture(capture: FlatCapture) -> dict[str, Any]:
+    """What of a capture the picture depends on; it shows no regions but the known ones."""
+    return {"picture": capture.picture, "seed": capture.seed,
+            "photos": {view.name: view.photo for view in capture.picture_views},
+            "known": {name: [region.outline, region.photos, region.known]
+                      for name, region in capture.regions.items() if region.known is not None},
+            "development": capture.development, "repeatability": capture.repeatability,
+            "stray light": capture.stray_light}
+
+
+def inputs_of_scene_picture(capture: SceneCapture) -> dict[str, Any]:
+    """What of a capture the picture depends on."""
+    first = capture.views[0]
+    return {"picture": capture.picture, "photo": [first.photo, first.lens], "scene": first.scene,
+            "development": capture.development, "engine": capture.inversion.engine,
+            "repeatability": capture.repeatability, "stray light": capture.stray_light,
+            "seed": capture.seed}
+
+
+@dataclass(frozen=True)
+class StepInputs:
+    """What the record of one step is made from."""
+
+    name: str
+    inputs: Callable[[Any], dict[str, Any]]     # parts of the capture, by their names in sentences
+    after: tuple[str, ...] = ()                 # steps whose records change it
+
+
+CHART = StepInputs("chart", inputs_of_charts)
+CALIBRATE = StepInputs("calibrate", inputs_of_calibration, ("chart",))
+FLAT_STEPS = (
+    CHART,
+    StepInputs("photo", inputs_of_flat_photos, ("chart",)),     # whose corners must agree
+    CALIBRATE,
+    StepInputs("signals", inputs_of_signals, ("chart", "photo", "calibrate")),
+    StepInputs("sample", inputs_of_spectra, ("signals",)),
+    # not after "photo": a picture shows no regions, and is not made again for a new one
+    StepInputs("picture", inputs_of_flat_picture, ("chart", "calibrate")))
+SCENE_STEPS = (
+    CHART,
+    StepInputs("photo", inputs_of_scene_photos),
+    CALIBRATE,
+    StepInputs("reconstruct", inputs_of_inversion, ("photo", "calibrate")),
+    StepInputs("sample", inputs_of_spectra, ("reconstruct",)),
+    StepInputs("picture", inputs_of_scene_picture, ("calibrate", "reconstruct")))
+
+
+def steps_of(capture: Capture) -> tuple[StepInputs, ...]:
+    """The steps that a capture needs, in order."""
+    return needed_steps(isinstance(capture, FlatCapture), bool(capture.views_with_chart),
+                        capture.picture is not None)
+
+
+def needed_steps(flat: bool, with_chart: bool, with_picture: bool) -> tuple[StepInputs, ...]:
+    """The steps of flat samples or of a scene, in order.
+
+    Parameters
+    ----------
+    flat : bool
+    with_chart : bool
+        Whether a photo shows a chart.
+    with_picture : bool
+        Whether a picture of spectra is asked for.
+    """
+    unneeded = {name for name, needed in (("chart", with_chart), ("picture", with_picture))
+                if not needed}
+    steps = FLAT_STEPS if flat else SCENE_STEPS
+    return tuple(step for step in steps if step.name not in unneeded)

@@ -1,0 +1,262 @@
+"""The step that inverts the photos of a scene: photos and calibrations to one reconstruction."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from spectrabox.measure.captured import SceneCapture, SceneView
+from spectrabox.measure.records import CaptureRecords, ReconstructionRecords
+from spectrabox.measure.scene.draws import require_one_transport
+from spectrabox.measure.scene.light_strength import learnt_spectra, scale_from_prior
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
+from spectrabox.measure.steps.work import Work
+from spectrabox.measure.surface_signals import scene_signals
+from spectrabox.radiometry.error_model import (
+    REPEATABILITY,
+    SCENE_LEVEL,
+    SURFACE_REFLECTIONS,
+    with_common_error,
+)
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.light_scale import scale_after_drift, scale_for_photo
+from spectrabox.radiometry.records import (
+    Calibration,
+    LightDrift,
+    LightScale,
+    LinearImage,
+    Progress,
+)
+from spectrabox.reconstruct.engines.transport_engine import require_lit
+from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, not_plain_products
+from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import MaterialSpec, View
+
+TRACE = ".trace.npz"      # among the checkpoints, while a trace goes on and where it was stopped
+
+
+def invert_photos(capture: SceneCapture, records: CaptureRecords,
+                  work: Work) -> ReconstructionRecords:
+    """Photos, scenes and calibrations to spectra.
+
+    A drift of the light between the first view's chart and photo corrects its scale and widens its
+    errors. Where neither a chart nor a known material tells the strength of the light, it is
+    estimated from what the prior expects of surfaces. A trace that was stopped goes on from its
+    checkpoint.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+        Of charts, photos and calibration.
+    work : Work
+    """
+    start_mitsuba(work.device)
+    drift = records.drift(capture)
+    views = views_of(capture, records, drift)
+    _require_picture(capture, views)
+    settings = settings_of(capture)
+    views = _with_estimated_scale(capture, views, settings, work.progress)
+    joint = reconstruct_views(views, settings, work.progress, work.checkpoint(TRACE))
+    joint = with_photo_errors(joint, stated_errors(capture, records, views, drift))
+    return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
+                                 drift, capture.geometry)
+
+
+def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[View],
+                  drift: LightDrift | None) -> StatedErrors:
+    """What is stated of errors of the photos; surfaces that the scene says to be glossy mirror what
+    it says.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+    views : sequence of View
+    drift : LightDrift or None
+        Of the light between the first view's chart and photo.
+    """
+    modelled = {bsdf for view in views for bsdf in not_plain_products(view.scene_file)}
+    return StatedErrors(drift, glare_error(capture, records), capture.stray_light.ambient,
+                        {name: SURFACE_REFLECTIONS[material.surface]
+                         for name, material in capture.materials.items()
+                         if material.known is None and capture.bsdfs[name] not in modelled})
+
+
+def glare_error(capture: SceneCapture, records: CaptureRecords) -> np.ndarray:
+    """Standard error (K,) of veiling glare, of the mean signal of an object photo; (1,) for all
+    bands where no chart photo was used.
+    """
+    chart = records.calibrate.chart
+    return np.hypot(capture.stray_light.glare, np.zeros(1) if chart is None else chart.glare)
+
+
+def require_invertible(capture: SceneCapture, records: CaptureRecords, device: str) -> int | None:
+    """Refuse a capture that the step would refuse, before more than a first, short trace.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+        Of the steps before.
+    device : {"auto", "cpu", "cuda"}
+
+    Returns
+    -------
+    int or None
+        Bytes that the step will take besides the program; None where the engine does not trace.
+
+    Raises
+    ------
+    InputError
+    """
+    start_mitsuba(device)
+    views = views_of(capture, records, records.drift(capture))
+    _require_picture(capture, views)
+    settings, _ = settings_for(views, settings_of(capture))
+    if capture.sampling.through == "transport":
+        alike = settings.engine not in SINGLE_VIEW and not any(view.own_lights for view in views)
+        require_one_transport(len(views), alike)
+    return None if settings.engine in SINGLE_VIEW else require_lit(views, settings)
+
+
+def _require_picture(capture: SceneCapture, views: Sequence[View]) -> None:
+    """Refuse a picture of surfaces that do more to light than to multiply it, before anything is
+    traced.
+    """
+    scene = views[0].scene_file
+    if capture.picture is not None and (others := not_plain_products(scene)):
+        raise InputError(f"[picture] takes diffuse surfaces only, and {', '.join(others)} of "
+                         f"{scene.path.name} is coated or glossy: leave [picture] out, or make "
+                         "them diffuse and expect their highlights to be masked")
+
+
+def views_of(capture: SceneCapture, records: CaptureRecords,
+             drift: LightDrift | None) -> list[View]:
+    """Every photo with all that explains it.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+        Of charts, photos and calibration.
+    drift : LightDrift or None
+        Of the light between the first view's chart and photo.
+
+    Raises
+    ------
+    InputError
+        If scene and capture do not name the same materials.
+    """
+    bands = capture.band_names(records.photo.bands)
+    views: list[View] = []
+    for own, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
+        photo = records.photo.photos[own.name]
+        scale = scale_of_view(capture, own, photo, calibration, records,
+                              None if own.name else drift)
+        views.append(View(own.title, own.scene, photo, calibration, bands,
+                          materials_of(capture, own.scene), scale, dict(own.lights_by_id)))
+    return views
+
+
+def settings_of(capture: SceneCapture) -> InversionSettings:
+    """The settings of the inversion, with the learnt prior where it is asked for."""
+    chosen = capture.inversion
+    learnt = learnt_spectra(()) if chosen.spectrum_prior == "learnt" else None
+    return InversionSettings(**chosen.settings(), seed=capture.seed, learnt=learnt)
+
+
+def materials_of(capture: SceneCapture, scene: SceneFile) -> tuple[MaterialSpec, ...]:
+    """Materials of the capture with their known spectra on the working grid, or what is expected of
+    their families.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    scene : SceneFile
+
+    Raises
+    ------
+    InputError
+        If scene and capture do not name the same materials.
+    """
+    require_materials(scene, capture.bsdfs)
+    learnt = capture.inversion.spectrum_prior == "learnt"
+    return tuple(MaterialSpec(name, capture.bsdfs[name], material.known,
+                              learnt_spectra(material.families) if material.families and learnt
+                              else None)
+                 for name, material in capture.materials.items())
+
+
+def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
+    """Refuse a scene whose BSDFs are not those of the materials.
+
+    Parameters
+    ----------
+    scene : SceneFile
+    bsdfs : dict
+        From the name of each material to the id of its BSDF.
+
+    Raises
+    ------
+    InputError
+        One sentence a line.
+    """
+    problems = check_materials(scene, bsdfs)
+    if problems:
+        raise InputError("\n".join(problems))
+
+
+def _with_estimated_scale(capture: SceneCapture, views: list[View], settings: InversionSettings,
+                          progress: Progress) -> list[View]:
+    """Views with the strength of the light, by the prior where nothing else tells it."""
+    known = any(material.known is not None for material in capture.materials.values())
+    if known or any(view.light_scale is not None for view in views):
+        return views
+    return [dataclasses.replace(view, light_scale=scale_from_prior(
+        view, settings, capture.families, progress)) for view in views]
+
+
+def view_of_chart(capture: SceneCapture, view: SceneView) -> SceneView | None:
+    """The view whose chart photo sets a view's light scale: its own, else the first where the light
+    is the same.
+    """
+    first = capture.views[0]
+    return view if view.chart else first if first.chart and view.same_light(first) else None
+
+
+def scale_of_view(capture: SceneCapture, view: SceneView, photo: LinearImage,
+                  calibration: Calibration, records: CaptureRecords,
+                  drift: LightDrift | None) -> LightScale | None:
+    """Light scale of a photo from the chart under its light, corrected by the drift between them;
+    None leaves it to the materials, which then tell how strong the light on the scene is.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    view : SceneView
+    photo : LinearImage
+        Of the view.
+    calibration : Calibration
+        Of the view.
+    records : CaptureRecords
+    drift : LightDrift or None
+        Of the light between chart and photo.
+    """
+    if view.scale is not None:
+        return view.scale
+    with_chart = view_of_chart(capture, view) if capture.scale_from_chart else None
+    chart = None if with_chart is None else records.chart.charts.get(with_chart.name)
+    if with_chart is None or chart is None or calibration.light_scale is None:
+        return None
+    scale = with_common_error(
+        scale_for_photo(calibration.light_scale, chart.thumbnail, photo, drift is not None),
+        SCENE_LEVEL, capture.repeatability.scene_level)
+    if drift is not None:
+        return scale_after_drift(scale, drift)
+    if with_chart.chart == view.photo:
+        return scale
+    return with_common_error(scale, REPEATABILITY, capture.repeatability.relative_error)

@@ -1,0 +1,132 @@
+"""One way from photos to spectra: the steps of a flat sample and of a scene, and who keeps what.
+
+A step is a function of a capture, of the records before it, and of what it is lent; it returns one
+record. ``measure`` takes a keeper: one that holds records in memory, or a session's, which keeps
+them on disk and hands out those that are up to date.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from spectrabox.measure.captured import Capture, FlatCapture
+from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure.records import CaptureRecords, KeptRecord, Kind
+from spectrabox.measure.steps.calibration import calibrate_views
+from spectrabox.measure.steps.charts import find_charts
+from spectrabox.measure.steps.flat_picture import flat_picture
+from spectrabox.measure.steps.inputs import StepInputs, steps_of
+from spectrabox.measure.steps.inversion import invert_photos
+from spectrabox.measure.steps.photos import measure_flat_photos, measure_scene_photos
+from spectrabox.measure.steps.scene_picture import scene_picture
+from spectrabox.measure.steps.signals import find_signals
+from spectrabox.measure.steps.spectra import draw_surfaces
+from spectrabox.measure.steps.work import Work
+from spectrabox.radiometry.records import Progress
+from spectrabox.radiometry.shaped import Record
+
+StepFunction = Callable[[Any, CaptureRecords, Work], Record]
+FLAT: dict[str, StepFunction] = {
+    "chart": find_charts, "photo": measure_flat_photos, "calibrate": calibrate_views,
+    "signals": find_signals, "sample": draw_surfaces, "picture": flat_picture}
+SCENE: dict[str, StepFunction] = {
+    "chart": find_charts, "photo": measure_scene_photos, "calibrate": calibrate_views,
+    "reconstruct": invert_photos, "sample": draw_surfaces, "picture": scene_picture}
+
+
+class Keeper(Protocol):
+    """Who keeps the records of a measurement."""
+
+    @property
+    def records(self) -> CaptureRecords:
+        """What has been kept so far."""
+        ...
+
+    def keep(self, step: StepInputs, compute: Callable[[Progress, Path | None], Record]) -> None:
+        """Keep the record of a step: one that is up to date, or the one that is computed now.
+
+        Parameters
+        ----------
+        step : StepInputs
+        compute : function of progress and of an empty folder for pictures, or None
+            Its record.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class InMemory:
+    """A record that is kept as it is."""
+
+    record: Any
+
+    def read(self, kind: type[Kind]) -> Kind:
+        """The record, which is of this kind."""
+        return cast(Kind, self.record)
+
+
+@dataclass(frozen=True, eq=False)
+class MemoryKeeper:
+    """Keeps records in memory; those of some steps may be known beforehand."""
+
+    progress: Callable[[str, float, str], None] = lambda step, share, message: None
+    kept: dict[str, KeptRecord] = field(default_factory=dict)
+    pictures: Path | None = None        # folder that takes the files of a picture of spectra
+
+    @property
+    def records(self) -> CaptureRecords:
+        return CaptureRecords(self.kept)
+
+    def keep(self, step: StepInputs, compute: Callable[[Progress, Path | None], Record]) -> None:
+        """As of ``Keeper``."""
+        if step.name in self.kept:
+            return
+        folder = self.pictures if step.name == "picture" else None
+        self.kept[step.name] = InMemory(compute(
+            lambda share, message: self.progress(step.name, share, message), folder))
+
+
+def measure(capture: Capture, keeper: Keeper, *, device: str = "auto",
+            checkpoints: Path | None = None, before: str | None = None) -> CaptureRecords:
+    """Photos to spectra: the steps of ``FLAT`` or ``SCENE``, in their order.
+
+    Parameters
+    ----------
+    capture : FlatCapture or SceneCapture
+    keeper : Keeper
+    device : {"auto", "cpu", "cuda"}
+        Where Mitsuba renders.
+    checkpoints : Path, optional
+        Folder that a stopped trace goes on from.
+    before : str, optional
+        Name of the step at which to stop, itself not run.
+
+    Returns
+    -------
+    CaptureRecords
+        Of all steps.
+
+    Raises
+    ------
+    SpectraboxError
+        As the steps.
+    """
+    functions = FLAT if isinstance(capture, FlatCapture) else SCENE
+    photos = OpenPhotos(capture)
+    for step in steps_of(capture):
+        if step.name == before:
+            break
+
+        def compute(progress: Progress, folder: Path | None,
+                    function: StepFunction = functions[step.name]) -> Record:
+            work = Work(photos, progress, device, folder, checkpoints)
+            # BLAS splits its sums by the cores; SciPy's own, where it is loaded later, asks `main`
+            with threadpool_limits(1, user_api="blas"):
+                return function(capture, keeper.records, work)
+
+        keeper.keep(step, compute)
+    return keeper.records

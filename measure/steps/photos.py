@@ -1,0 +1,193 @@
+"""The step that decodes the photos: of a scene at the render's size, of flat samples to the signals
+of regions.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from spectrabox.calibrate.geometry.projection import undistorted
+from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
+from spectrabox.capture.photo.preview import signal_rgb8
+from spectrabox.capture.photo.regions import region_signals, sample_regions
+from spectrabox.capture.photo.registration import (
+    Edges,
+    Registration,
+    find_edges,
+    register,
+    registered,
+)
+from spectrabox.measure.captured import FlatCapture, SceneCapture, View
+from spectrabox.measure.opened_photos import require_exposed
+from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords
+from spectrabox.measure.steps.work import Work
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import LinearImage, RegionSamples
+from spectrabox.reconstruct.scene.scene_file import require_same_shape
+
+PREVIEW_WIDTH = 800          # pixels of the picture of flat samples in the report, at most
+THUMBNAIL_WIDTH = 96         # of what is kept of them as numbers: exposure, clipping, mean signal
+UNEVEN = 0.05                # scatter of pixels beyond noise, relative, above which to say so
+
+
+def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
+                        work: Work) -> PhotoRecords:
+    """Photos of flat samples to the signals of their regions.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of the charts.
+    work : Work
+
+    Raises
+    ------
+    ClippedPhotoError
+        If a region is saturated.
+    InputError
+        If a region leaves its photo, or a photo through a filter is the one without it.
+    CheckError
+        If a further photo was not taken from the tripod of the first.
+    """
+    several = len(capture.views) > 1
+    photos: dict[str, LinearImage] = {}
+    regions: dict[str, RegionSamples] = {}
+    registrations: dict[str, Registration] = {}
+    notes: tuple[str, ...] = ()
+    references = None
+    first_edges: Edges | None = None
+    for index, view in enumerate(capture.views):
+        work.progress((index + 0.1) / len(capture.views), f"reading {view.photo_names[0]}")
+        photo, own_notes = work.photos.developed(view.photo)
+        notes += own_notes
+        if capture.drift.object_px and not view.name:
+            references = region_signals(photo, capture.drift.object_px)
+        if several and not view.name:
+            first_edges = find_edges(photo)
+        elif first_edges is not None:
+            registration = _registration(capture, records, view, first_edges, photo)
+            if registration is not None:
+                registrations[view.name] = registration
+        outlines = outlines_in(capture, view, registrations.get(view.name))
+        if outlines:
+            regions[view.name] = sample_regions(photo, outlines, without_clipped=several)
+            notes += _uneven_notes(regions[view.name])
+        photos[view.name] = thumbnail(photo, THUMBNAIL_WIDTH)
+        if view.filter is not None and np.array_equal(photos[view.name].signal,
+                                                      photos[""].signal):
+            raise InputError(f"{view.photo_names[0]} is the photo without the filter; give the one "
+                             "that was taken through it")
+        work.write_picture(view.label("preview"), signal_rgb8(
+            photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
+    return PhotoRecords(photos, regions, references, registrations, work.photos.bands(photo),
+                        notes)
+
+
+def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
+                         work: Work) -> PhotoRecords:
+    """Photos of a scene, as a pinhole takes them, at the render's size.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+        None are needed.
+    work : Work
+
+    Raises
+    ------
+    ClippedPhotoError
+        If most of a photo is saturated.
+    InputError
+        If a photo's shape is not that of its scene.
+    """
+    photos: dict[str, LinearImage] = {}
+    notes: tuple[str, ...] = ()
+    references = None
+    for index, view in enumerate(capture.views):
+        name = view.photo_names[0]
+        work.progress((index + 0.1) / len(capture.views), f"reading {name}")
+        photo, own_notes = work.photos.developed(view.photo)
+        notes += own_notes
+        if capture.drift.object_px and not view.name:
+            references = region_signals(photo, capture.drift.object_px)
+        require_exposed(photo, name)
+        if view.lens is not None:
+            photo = undistorted(photo, view.lens)
+        require_same_shape(photo, view.scene, name)
+        height, width = photo.signal.shape[:2]
+        photos[view.name] = bin_image(photo, *render_size(width, height, capture.inversion.width))
+        work.write_picture(view.label("preview"), signal_rgb8(photo.signal))
+    return PhotoRecords(photos, {}, references, {}, work.photos.bands(photo), notes)
+
+
+def _registration(capture: FlatCapture, records: CaptureRecords, view: View, first_edges: Edges,
+                  photo: LinearImage) -> Registration | None:
+    """How a photo is shifted against the first; None where no region is in both, or both have too
+    little in common to tell.
+
+    Raises
+    ------
+    InputError
+        If the photos are of different sizes.
+    CheckError
+        As ``registered``.
+    """
+    first = capture.views[0]
+    both = {name: region.outline for name, region in capture.regions_in(first).items()
+            if name in capture.regions_in(view)}
+    if not both or view.photo == first.photo:
+        return None
+    return registered(first_edges, find_edges(photo), (first.photo_names[0], view.photo_names[0]),
+                      both, _charts_px(records.chart.charts, first, view))
+
+
+def registration_of(charts: Mapping[str, MeasuredChart], first: View, view: View,
+                    first_edges: Edges, edges: Edges) -> Registration | None:
+    """How a photo is shifted against the first; None where both have too little in common to tell.
+
+    Parameters
+    ----------
+    charts : mapping
+        By the names of views.
+    first, view : View
+    first_edges, edges : Edges
+        Of their photos.
+    """
+    return register(first_edges, edges, _charts_px(charts, first, view))
+
+
+def _charts_px(charts: Mapping[str, MeasuredChart], first: View,
+               view: View) -> tuple[np.ndarray, np.ndarray] | None:
+    """Patches (I, 4, 2) of the chart in the photos of two views; None where one does not show it.
+    """
+    shown = [charts[each.name].detection.corners_px for each in (first, view)
+             if each.shows_chart]
+    return (shown[0], shown[1]) if len(shown) == 2 else None
+
+
+def outlines_in(capture: FlatCapture, view: View, registration: Registration | None
+                ) -> dict[str, Sequence[Sequence[float]]]:
+    """Outlines of the regions that the photo of a view shows, in its own pixels.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    view : View
+    registration : Registration or None
+        Of its photo to the first.
+    """
+    outlined = capture.regions_in(capture.views[0])
+    return {name: region.outline if registration is None or name not in outlined
+            else registration.moved(np.array(region.outline)).tolist()
+            for name, region in capture.regions_in(view).items()}
+
+
+def _uneven_notes(samples: RegionSamples) -> tuple[str, ...]:
+    return tuple(
+        f"region {name!r} is uneven: its pixels scatter by {scatter:.0%} beyond noise and even "
+        "light, and its spectrum is the mean of what lies in it; outline a smaller part for one "
+        "paint" for name, scatter in zip(samples.names, samples.scatter.max(axis=1), strict=True)
+        if scatter > UNEVEN)

@@ -1,0 +1,95 @@
+"""The step that makes a picture of spectra of a scene, shading and interreflection taken out."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from spectrabox.calibrate.geometry.projection import undistorted
+from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.pictures.crop import crop_of
+from spectrabox.measure.pictures.picture_files import layout_of, write_picture
+from spectrabox.measure.pictures.scene_light import converge_light
+from spectrabox.measure.pictures.surface_textures import TextureSums
+from spectrabox.measure.pictures.texture_files import write_textures
+from spectrabox.measure.pictures.traced_photo import TracedPhoto
+from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.steps.inversion import glare_error, views_of
+from spectrabox.measure.steps.work import Work
+from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
+from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.sampling.prior.mixture import load_prior, of_families
+
+TRACED, LIT = 0.4, 0.6      # shares of the time
+TRACE = ".picture-trace.npz"    # among the checkpoints, while a trace goes on
+NEAR_EDGE = 3               # pixels: within as many across, only one surface may lie
+
+
+def scene_picture(capture: SceneCapture, records: CaptureRecords, work: Work) -> PictureRecords:
+    """Spectra of every pixel of the first photo of a scene, or of a part of it.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+        Of the steps up to the inversion.
+    work : Work
+        With a folder.
+
+    Raises
+    ------
+    InputError
+        If the picture's rectangle leaves the photo, or the scene has surfaces that do more to light
+        than to multiply it.
+    """
+    section = capture.picture
+    assert section is not None
+    if work.folder is None:
+        raise InputError("a picture of spectra is files: name a folder for them")
+    start_mitsuba(work.device)
+    scene = traced_photo(capture, records, work)
+    light = converge_light(scene, lambda share: work.progress(TRACED + (LIT - TRACED) * share,
+                                                              "light from other surfaces"))
+    assert light.photo.flags is not None
+    sums = TextureSums(scene, light.photo.flags, layout_of(section))
+    written = write_picture(light.photo, section, work.folder,
+                            lambda share: work.progress(LIT + (1 - LIT) * share, ""),
+                            sums.add)
+    textures = write_textures(sums.textures(), layout_of(section), work.folder)
+    return replace(written, files=(*written.files, *textures), rounds=np.array(light.changes),
+                   notes=(light.sentence, *sums.notes))
+
+
+def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> TracedPhoto:
+    """The first photo in full, as the renderer's pinhole sees it, with the light on it traced."""
+    section, first = capture.picture, capture.views[0]
+    assert section is not None
+    work.progress(0.0, f"reading {first.photo_names[0]}")
+    photo, _ = work.photos.developed(first.photo)
+    if first.lens is not None:
+        photo = undistorted(photo, first.lens)
+    drift = records.reconstruct.drift
+    view = replace(views_of(capture, records, drift)[0], photo=photo)
+    crop = crop_of(photo, section.rect)
+    work.progress(0.02, "tracing light")
+    direct = capture.inversion.engine == "single-bounce"
+    unit = unit_scene(view, 1 if direct else view.scene_file.max_depth - 1, bool(view.own_lights))
+    surface = np.full(view.surface.shape, -1, np.int32)
+    surface[crop.rows, crop.columns] = view.surface[crop.rows, crop.columns]
+    own = np.array([unit.materials.index(name) for name in view.surface_materials])
+    traced = trace_pixel_light(unit, surface, own, seed=capture.seed,
+                               progress=lambda done: work.progress(0.02 + (TRACED - 0.02) * done,
+                                                                   "tracing light"),
+                               checkpoint=work.checkpoint(TRACE))
+    edges = maximum_filter(view.surface, NEAR_EDGE) != minimum_filter(view.surface, NEAR_EDGE)
+    joint, settings = records.reconstruct.joint, capture.inversion
+    return TracedPhoto(
+        view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
+        records.calibrations(capture.views)[0], drift,
+        glare_error(capture, records) * joint.views[0].measured.mean(axis=(0, 1)),
+        capture.stray_light.ambient, SURFACE_REFLECTIONS[section.surface],
+        float(np.hypot(settings.surface_error, settings.brightness_error)), capture.seed)

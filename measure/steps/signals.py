@@ -1,0 +1,118 @@
+"""The step that turns photographed regions into signals relative to white, with every error."""
+from __future__ import annotations
+
+import numpy as np
+
+from spectrabox.calibrate.chart_equations import PatchError
+from spectrabox.capture.chart.patches import clipped_bands
+from spectrabox.measure.captured import FlatCapture
+from spectrabox.measure.flat import flat_signals
+from spectrabox.measure.records import CaptureRecords, RegionLight, SignalRecords
+from spectrabox.measure.steps.work import Work
+from spectrabox.measure.white import (
+    FlatErrors,
+    FlatPhoto,
+    far_notes,
+    level_notes,
+    light_map,
+    white_at_regions,
+)
+from spectrabox.radiometry.errors import InputError
+
+
+def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> SignalRecords:
+    """Signals of regions, charts and calibrations to signals relative to white.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of charts, photos and calibration.
+    work : Work
+
+    Raises
+    ------
+    InputError
+        If there is no region to estimate, or chart and samples were exposed differently and do not
+        say how.
+    CheckError
+        If a region of known spectrum shows another light than the chart.
+    """
+    require_unknown_region(capture)
+    photos, known, errors = flat_photos(capture, records), capture.known, \
+        flat_errors(capture, records)
+    notes: tuple[str, ...] = ()
+    lights: dict[str, RegionLight] = {}
+    whites = []
+    for number, (view, photo) in enumerate(zip(capture.views, photos, strict=True)):
+        work.progress(number / len(photos), view.photo_names[0])
+        white = white_at_regions(photo, known, errors)
+        whites.append(white)
+        if white is not None:
+            notes += far_notes(white) + level_notes(white)
+            lights[view.name] = RegionLight(
+                np.exp(white.log_field), white.field_error,
+                np.array(list(white.level_misfits.values())),
+                light_map(photo, known, errors))
+    signals = flat_signals(photos, whites, capture.families, known | capture.swatches,
+                           capture.band_names(records.photo.bands), errors)
+    drift = photos[0].drift
+    return SignalRecords(signals, lights, drift,
+                         notes if drift is None else (*notes, drift.sentence))
+
+
+def require_unknown_region(capture: FlatCapture) -> None:
+    """Refuse a sample of which nothing is left to estimate.
+
+    Raises
+    ------
+    InputError
+    """
+    if not capture.regions:
+        raise InputError("no region is outlined yet; outline one on the page ('spectrabox open'), "
+                         "or add [regions.NAME] with rect = [x0, y0, x1, y1]")
+    if all(region.given is not None for region in capture.regions.values()):
+        raise InputError("every region is known, so there is nothing to find; leave out one "
+                         "'known'")
+
+
+def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto]:
+    """Every photo of the sample, with the chart photo that shows its light.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of the steps up to the calibration.
+    """
+    layout, photos = capture.layout, []
+    for view, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
+        with_chart = view if view.chart else capture.views[0]
+        chart = records.chart.charts[with_chart.name]
+        photos.append(FlatPhoto(
+            view.title, records.photo.regions.get(view.name),
+            records.photo.photos[view.name], chart.thumbnail,
+            with_chart.chart == view.photo, chart.detection.corners_px, layout,
+            records.calibrate.whites[with_chart.name], calibration,
+            None if view.name else records.drift(capture), view.lamp,
+            clipped_bands(chart.samples, layout.neutrals)))
+    return photos
+
+
+def flat_errors(capture: FlatCapture, records: CaptureRecords) -> FlatErrors:
+    """What is stated of errors, and the disagreement that the chart's patches show.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of the calibration.
+    """
+    fit = records.calibrate.chart
+    assert fit is not None and fit.patch_error is not None      # flat samples need chart and prior
+    own, common = fit.patch_error
+    return FlatErrors(capture.repeatability.relative_error, capture.stray_light.glare,
+                      PatchError(float(own), float(common)),
+                      bool(capture.development.flat_fields), capture.repeatability.plane,
+                      {name: region.surface for name, region in capture.regions.items()
+                       if region.surface is not None}, capture.seed)

@@ -1,0 +1,31 @@
+"""What a step is lent beside its capture and the records before it."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from spectrabox.capture.photo.image_files import write_png
+from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.radiometry.records import Progress
+
+
+@dataclass(frozen=True)
+class Work:
+    """Open photos, the place where Mitsuba renders, and where files go."""
+
+    photos: OpenPhotos                  # shared by the steps of one run
+    progress: Progress
+    device: str = "auto"                # "auto", "cpu" or "cuda"
+    folder: Path | None = None          # takes the step's pictures; None: none are made
+    checkpoints: Path | None = None     # takes what a stopped trace goes on from
+
+    def write_picture(self, name: str, rgb8: np.ndarray) -> None:
+        """A PNG of a picture (H, W, 3) uint8 among the step's pictures, if any are made."""
+        if self.folder is not None:
+            write_png(self.folder / f"{name}.png", rgb8)
+
+    def checkpoint(self, name: str) -> Path | None:
+        """The file that a stopped trace is kept in."""
+        return None if self.checkpoints is None else self.checkpoints / name

@@ -1,0 +1,1 @@
+"""Is a measurement good? Criteria with value, limit and sentence, and the verdict over all."""

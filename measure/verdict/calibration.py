@@ -1,0 +1,136 @@
+"""Criteria of the calibration: doubts, chart patches, residuals."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from spectrabox.measure.chart_check import held_out_sentence, poor_patches
+from spectrabox.measure.results import CommonEvidence
+from spectrabox.measure.verdict.criteria import Criterion, Status, graded, limit_words
+from spectrabox.measure.words import percent
+from spectrabox.radiometry.records import Calibration, CalibrationDoubt, HeldOutPatches
+
+CHART_LIMITS = (0.03, 0.10)   # rms of (photo - predicted) / photo
+# of wavelengths of patches left out, that the band should hold and does not: simulated charts of
+# cameras and lamps outside the prior stay below it (benchmarks/bench_patch_errors.py)
+LEFT_OUT_SHORT = 0.03
+DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured cameras",
+          CalibrationDoubt.WRONG_LIGHT: "Stated light against the chart",
+          CalibrationDoubt.COLOUR_MATRIX: "Curves against the colour matrix in the photo's file",
+          CalibrationDoubt.TWO_LIGHTS: "Colour of the light over the chart",
+          CalibrationDoubt.VEIL: "Veiling glare on the chart",
+          CalibrationDoubt.BANDS: "Bands against the chart"}
+
+
+def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
+    """Whether the calibrations were made with doubts, each a criterion of its own; of further
+    photos those alone that are doubtful.
+
+    Nothing is known to contradict products of an unknown light with a camera, and where the light
+    on each patch is given no drift over the chart is looked for. A veil and bands that disagree are
+    named where they are.
+    """
+    calibration, rows = evidence.calibration, []
+    for doubt, name in DOUBTS.items():
+        given = (calibration.light_scale is not None if doubt is CalibrationDoubt.TWO_LIGHTS
+                 else calibration.products)
+        if doubt not in calibration.doubts and not given \
+                and doubt not in (CalibrationDoubt.VEIL, CalibrationDoubt.BANDS):
+            rows.append(Criterion(name, None, "no doubt", "no doubt", Status.PASS,
+                                  "No sign of two kinds of light." if doubt
+                                  is CalibrationDoubt.TWO_LIGHTS
+                                  else "No sign of a wrong light spectrum."))
+    return rows + [
+        Criterion(DOUBTS[doubt] + where_of(view), None, "doubtful", "no doubt", Status.WARN,
+                  sentence)
+        for view, made in {"": calibration, **evidence.other_calibrations}.items()
+        for doubt, sentence in zip(made.doubts, doubt_sentences(made, view), strict=True)]
+
+
+def doubt_sentences(calibration: Calibration, view: str) -> list[str]:
+    """What makes a calibration doubtful, a sentence each.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    view : str
+        Name of the first photo that it is of; "" the first of the session.
+    """
+    return [f"Calibration{where_of(view)}: "
+            + next((check for check in calibration.checks if check.startswith(doubt.value)),
+                   doubt.value) + "." for doubt in calibration.doubts]
+
+
+def where_of(view: str) -> str:
+    """Which photo a sentence is about, after a name; nothing of the first."""
+    return view and f" in the photo “{view}”"
+
+
+def held_out_patches(evidence: CommonEvidence) -> list[Criterion]:
+    """How well each chart patch is predicted by a calibration without it; nothing without a chart.
+
+    Parameters
+    ----------
+    evidence : CommonEvidence
+    """
+    chart = evidence.chart
+    if chart is None or chart.left_out is None:
+        return []
+    return [row for view, patches in {"": chart.left_out, **chart.others}.items()
+            for row in _one_chart(patches, chart.layout.names, where_of(view))]
+
+
+def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> list[Criterion]:
+    _, held, expected = patches.means
+    short = expected - held > LEFT_OUT_SHORT
+    sentence = f"{held_out_sentence(patches).capitalize()}."
+    for name, reason in poor_patches(patches, names).items():
+        sentence += f" Patch {name}: {reason}."
+    if short:
+        sentence += (" Less means that signals or their errors are off: the chart is not that of "
+                     "its reference or soiled, light glares on it, or the light is not the stated "
+                     "one.")
+    rows = [Criterion(f"Chart patches left out, inside the band{where}", held, percent(held),
+                      f"{percent(expected)} expected", Status.WARN if short else Status.INFO,
+                      sentence)]
+    saturated = [names[patch] for patch in np.flatnonzero(~patches.judged).tolist()]
+    if saturated:
+        rows.append(Criterion(
+            f"Saturated chart patches{where}", float(len(saturated)), ", ".join(saturated), "none",
+            Status.WARN, f"Saturated and left out of the fit: {', '.join(saturated)}. The light is "
+            "known less well without; the calibration's checks say by how much. Expose less."))
+    return rows
+
+
+def chart_agreement(evidence: CommonEvidence) -> list[Criterion]:
+    """How well each calibration reproduces the first chart that it was fitted to."""
+    name, chart = "Chart residual, rms over patches and bands", evidence.chart
+    residuals = chart_residuals(evidence)
+    if residuals is not None and chart is not None:
+        residuals = residuals[~chart.samples.clipped]
+    each = {"": root_mean_square(residuals)}
+    if each[""] is None:
+        return [Criterion(name, None, "no chart", limit_words(CHART_LIMITS), Status.INFO,
+                          "Sensitivities were read from a file; no chart photo tests them.")]
+    for view, made in evidence.other_calibrations.items():
+        assert chart is not None and made.sensitivity.residuals is not None
+        each[view] = root_mean_square(made.sensitivity.residuals[chart.others[view].judged])
+    return [graded(name + where_of(view), value, CHART_LIMITS, "The calibration"
+                    f"{where_of(view)} reproduces the chart within {percent(value)} rms.")
+            for view, value in each.items() if value is not None]
+
+
+def chart_residuals(evidence: CommonEvidence) -> np.ndarray | None:
+    """(photo - predicted) / photo of the patches (I, K), or None where no chart was used."""
+    residuals = evidence.calibration.sensitivity.residuals
+    if residuals is None and evidence.chart is not None:
+        measured = evidence.chart.samples.mean
+        return (measured - evidence.chart.predicted) / measured
+    return residuals
+
+
+def root_mean_square(values: np.ndarray | None) -> float | None:
+    """Root mean square of the finite values, None where there are none."""
+    finite = np.empty(0) if values is None else values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite ** 2))) if finite.size else None

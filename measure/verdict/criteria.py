@@ -1,0 +1,100 @@
+"""What a criterion and a verdict are."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from spectrabox.measure.results import VALID_OUTCOMES
+from spectrabox.measure.words import percent
+from spectrabox.radiometry.records import Outcome
+
+
+class Status(Enum):
+    """Outcome of one criterion, from harmless to worst; the value is the rank."""
+
+    INFO = 0
+    PASS = 1
+    WARN = 2
+    FAIL = 3
+
+
+# how serious an outcome is: ill-posed is information, as the bands already carry what the data
+# left open; what is not named here is a warning
+GRADES = {Outcome.CONVERGED: Status.PASS, Outcome.ILL_POSED: Status.INFO,
+          **dict.fromkeys(VALID_OUTCOMES, Status.PASS)}
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One line of the verdict; ``value`` is None where it could not be measured.
+
+    ``surfaces`` are the materials or regions that it speaks against.
+    """
+
+    name: str
+    value: float | None
+    shown: str
+    limit: str
+    status: Status
+    sentence: str
+    surfaces: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is to be done about it."""
+        return self.status in (Status.PASS, Status.INFO)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The worst status of all criteria, and the sentence that explains it."""
+
+    status: Status
+    sentence: str
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def headline(self) -> str:
+        """The sentence; of several reasons the first."""
+        reasons = dict.fromkeys(c.sentence for c in self.criteria if c.status is self.status)
+        if self.status not in (Status.WARN, Status.FAIL) or len(reasons) < 2:
+            return self.sentence
+        more = len(reasons) - 1
+        return f"{next(iter(reasons))} And {more} more reason{'s' if more > 1 else ''}, below."
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the verdict is no PASS, in sentences; its one sentence otherwise."""
+        if self.status not in (Status.WARN, Status.FAIL):
+            return [self.sentence]
+        return [criterion.sentence for criterion in self.criteria
+                if criterion.status is self.status]
+
+    @property
+    def doubts(self) -> dict[str, tuple[str, ...]]:
+        """Names of the criteria that each surface does not pass; only surfaces that have any."""
+        doubts: dict[str, tuple[str, ...]] = {}
+        for criterion in self.criteria:
+            for surface in () if criterion.passed else criterion.surfaces:
+                name = criterion.name.partition(", worst")[0]
+                doubts[surface] = (*doubts.get(surface, ()), name)
+        return doubts
+
+
+def outcome_criterion(name: str, outcome: Outcome) -> Criterion:
+    return Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged",
+                     GRADES.get(outcome, Status.WARN), f"{name}: {outcome.value}")
+
+
+def graded(name: str, value: float, limits: tuple[float, float], sentence: str,
+            surfaces: tuple[str, ...] = ()) -> Criterion:
+    status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[
+        1] else Status.FAIL
+    return Criterion(name, value, percent(value), limit_words(limits), status, sentence, surfaces)
+
+
+def limit_words(limits: tuple[float, float]) -> str:
+    passes = f"pass up to {percent(limits[0], 0)}"
+    return passes if np.isinf(limits[1]) else f"{passes}, fail beyond {percent(limits[1], 0)}"

@@ -1,0 +1,174 @@
+"""Criteria and conditions of scenes: photo against rendering, the fit, light between the photos."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from spectrabox.measure.results import SceneEvidence
+from spectrabox.measure.verdict.calibration import where_of
+from spectrabox.measure.verdict.criteria import (
+    Criterion,
+    Status,
+    graded,
+    limit_words,
+    outcome_criterion,
+)
+from spectrabox.measure.words import deviation_words, listed, percent
+from spectrabox.radiometry.error_model import LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
+from spectrabox.radiometry.records import Reconstruction, SurfaceAgreement
+from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause
+
+# |photo / rendering - 1|: pass up to the first, fail beyond the second
+MEDIAN_LIMITS = (0.02, 0.05)
+WORST_LIMITS = (0.05, 0.15)
+MAX_NAMED = 3                         # surfaces that the verdict names
+WITHIN = 2                            # standard errors within which a condition is said to hold
+# what is assumed of the light on a scene: criterion, what repeats or agrees, what measures it
+ASSUMED = {
+    REPEATABILITY: ("Light and shutter from chart photo to object photo", "lamp and shutter repeat",
+                    "A grey reference that both photos show ([drift])"),
+    SCENE_LEVEL: ("Light on the scene against that on the chart", "the positions of lamp and chart "
+                  "give the light on the scene", "A material of known spectrum ([scale] from = "
+                  "\"material\")")}
+# of sessions with a picture, whose surfaces may have as many spectra as pixels
+PATTERNS = ("One spectrum for each material does not fit every surface. It cannot fit those with "
+            "patterns, and the picture, with a spectrum for every pixel, does not rest on it; of "
+            "plain surfaces check light, position and paint.")
+
+
+def scene_criteria(evidence: SceneEvidence) -> list[Criterion]:
+    """Photo against rendering, misfits, the fit, changes between the photos, rehearsal."""
+    photos = [("", evidence.reconstruction, evidence.bands)]
+    photos += [(where_of(view.name), view.reconstruction, view.bands)
+               for view in evidence.views]
+    agreement = [*(_median_surface(photo.agreement, where) for where, photo, _ in photos),
+                 *(_worst_surface(photo.agreement, bands, where) for where, photo, bands in photos)]
+    misfits = [_misfits(photo, bands, where) for where, photo, bands in photos]
+    if evidence.with_picture:
+        agreement = [replace(each, status=Status.INFO) for each in agreement]
+        misfits = [each if each.status is Status.PASS else
+                   replace(each, status=Status.WARN, sentence=PATTERNS) for each in misfits]
+    return [*agreement, *misfits,
+            outcome_criterion("Inverse rendering", evidence.reconstruction.outcome),
+            *_between_photos(evidence), *_rehearsal(evidence)]
+
+
+def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
+    name = f"Photo against rendering, |ratio − 1| of the worst band, median over surfaces{where}"
+    value = median_surface_error(agreement)
+    if value is None:
+        return Criterion(name, None, "not measured", limit_words(MEDIAN_LIMITS), Status.WARN,
+                         f"No surface could be compared with the photo{where}.")
+    return graded(name, value, MEDIAN_LIMITS,
+                   f"Half of the surfaces agree with the photo within {percent(value)} in every "
+                   f"band{where}.")
+
+
+def _worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], where: str) -> Criterion:
+    name = f"Photo against rendering, worst surface{where}"
+    worst = worst_entry(agreement)
+    if worst is None:
+        return Criterion(name, None, "not measured", limit_words(WORST_LIMITS), Status.WARN,
+                         f"The worst surface{where} is unknown.")
+    surface, band = worst
+    ratio = float(agreement.ratio[worst])
+    fits = "fits least" if abs(ratio - 1) <= WORST_LIMITS[0] else "does not fit"
+    return graded(name, abs(ratio - 1), WORST_LIMITS,
+                   f"The surface “{agreement.names[surface]}”{where} {fits}: in band {bands[band]} "
+                   f"the photo is {deviation_words(ratio)} than the rendering.",
+                   (agreement.materials[surface],))
+
+
+def _misfits(made: Reconstruction, bands: tuple[str, ...], where: str) -> Criterion:
+    """Surfaces whose deviation neither chance nor the stated errors explain."""
+    name = f"Surfaces beyond chance and stated errors (p < {FALSE_ALARM:g}){where}"
+    limit = f"none; fail beyond {percent(WORST_LIMITS[1], 0)}"
+    if not made.misfits:
+        return Criterion(name, 0.0, "none", limit, Status.PASS,
+                         f"No surface{where} is off by more than chance and stated errors explain.")
+    worst = max(abs(misfit.deviation) for misfit in made.misfits)
+    status = Status.WARN if worst <= WORST_LIMITS[1] else Status.FAIL
+    sentence = common_cause(made.agreement, made.misfits, bands)
+    if sentence is None:
+        named = [misfit.sentence for misfit in made.misfits[:MAX_NAMED]]
+        if (more := len(made.misfits) - MAX_NAMED) > 0:
+            named.append(f"{more} more do not fit")
+        sentence = f"{'. '.join(named)}."
+    materials = dict(zip(made.agreement.names, made.agreement.materials, strict=True))
+    return Criterion(name, worst, f"{len(made.misfits)}, off by up to {percent(worst)}", limit,
+                     status, f"In{where[3:]}: {sentence}" if where else sentence,
+                     tuple(dict.fromkeys(materials[misfit.surface] for misfit in made.misfits
+                                         if misfit.surface in materials)))
+
+
+def _between_photos(evidence: SceneEvidence) -> list[Criterion]:
+    """What it costs that nobody measured the light on the scene itself."""
+    rows = []
+    for cause, (name, assumed, measured_by) in ASSUMED.items():
+        stated = [error.relative for error in evidence.light_scale.common_errors
+                  if error.cause == cause]
+        if not stated:
+            continue
+        shares = [material.variance_shares[cause] for material in evidence.materials
+                  if cause in material.variance_shares]
+        cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra "
+                f"(up to {percent(max(shares))} of a material's)" if shares else "")
+        rows.append(Criterion(name, stated[0], percent(stated[0]), "stated, not measured",
+                              Status.INFO, f"We assume {assumed} to {percent(stated[0])}{cost}. "
+                              f"{measured_by} measures it instead and narrows every band."))
+    return rows
+
+
+def _rehearsal(evidence: SceneEvidence) -> list[Criterion]:
+    """Whether bands held known truths in the last rehearsal."""
+    rehearsed = evidence.rehearsal
+    if rehearsed is None:
+        return []
+    worst = rehearsed.worst.coverage
+    return [Criterion("Known truth inside the band, rehearsed; worst material", worst,
+                      percent(worst), f"{percent(rehearsed.level)} intended",
+                      Status.WARN if rehearsed.too_narrow else Status.PASS,
+                      f"R{rehearsed.sentence[1:]}.")]
+
+
+def scene_conditions(evidence: SceneEvidence) -> str:
+    """The same of a scene: what of the light only the chart photo tells, geometry, surfaces."""
+    scales = [evidence.light_scale, *(view.reconstruction.light_scale for view in evidence.views)]
+
+    def within(*causes: str) -> str:
+        errors = [np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
+                                          if error.cause in causes)]) for scale in scales]
+        return percent(WITHIN * max(errors), 0) if max(errors) else ""
+
+    repeat, light = within(REPEATABILITY), within(SCENE_LEVEL, LAMP_AT_CHART)
+    known = [f"“{material.name}”" for material in evidence.materials if material.summary is None]
+    return listed([
+        *([f"lamp and shutter repeated within {repeat} between chart photo and object photo"]
+          if repeat else []),
+        f"the geometry gives the light on the scene within {light}" if light else
+        "the geometry is right",
+        *([f"the spectrum of {listed(known)} is right"] if known else []),
+        *([] if evidence.surfaces_stated else ["the surfaces are as matt as the scene says"])])
+
+
+def worst_entry(agreement: SurfaceAgreement) -> tuple[int, int] | None:
+    """Surface and band of the largest |ratio - 1|, None where no surface was compared.
+
+    Returns
+    -------
+    tuple of int or None
+        Its row and column in ``agreement.ratio``.
+    """
+    deviation = np.abs(agreement.ratio - 1)
+    if not np.isfinite(deviation).any():
+        return None
+    surface, band = np.unravel_index(np.nanargmax(deviation), deviation.shape)
+    return int(surface), int(band)
+
+
+def median_surface_error(agreement: SurfaceAgreement) -> float | None:
+    """Median over surfaces of |ratio - 1| in the worst band, None where no surface was compared."""
+    worst = np.abs(agreement.ratio - 1).max(axis=1, initial=0)
+    finite = worst[np.isfinite(worst)]
+    return float(np.median(finite)) if finite.size else None

@@ -1,1 +1,0 @@
-"""The stages of a session: inputs, then photos, calibration, reconstruction, sampling."""

@@ -1,0 +1,60 @@
+"""What each input file of a session is for."""
+from __future__ import annotations
+
+import os
+
+from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
+from spectrabox.measure.captured import Capture, SceneCapture
+from spectrabox.session.config.session_chart import chart_files
+from spectrabox.session.config.session_schema import SessionConfig
+
+
+def input_files(config: SessionConfig, capture: Capture) -> list[str]:
+    """Names of every file that a session measures with, as seen from its folder.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    capture : Capture
+        Of the session.
+    """
+    files = [*input_roles(config), *(chart_files(config) if config.views_with_chart else ())]
+    files += [name for name in (config.camera.lens, config.sensitivity.prior) if name is not None]
+    if config.box is not None and config.box.colmap is not None:
+        folder = config.box.colmap.folder.rstrip("/")
+        files += [f"{folder}/{name}" for name in (CAMERAS_NAME, IMAGES_NAME)]
+    if isinstance(capture, SceneCapture):
+        scenes = [view.scene for view in capture.views]
+        scenes += [] if capture.chart_scene is None else [capture.chart_scene]
+        files += [os.path.relpath(path, config.folder) for scene in scenes for path in scene.files]
+    return [*dict.fromkeys(files)]
+
+
+def input_roles(config: SessionConfig) -> dict[str, str]:
+    """Every file that a session measures with, by name: its role, of a further photo with its
+    name.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    """
+    roles: dict[str, str] = {}
+    for view in config.all_views:
+        for role, names in (("object photo", view.photo_files),
+                            ("light spectrum", view.light_files),
+                            ("scene", [view.scene] if view.scene else []),
+                            ("chart photo", view.chart_files)):
+            for name in names:
+                roles.setdefault(name, f"{role}, {view.name}" if view.name else role)
+    for role, others in (("dark frame", config.photos.dark_files),
+                         ("flat-field photo", config.photos.flats.values()),
+                         ("chart scene",
+                          [name for name in [config.chart.scene] if name is not None])):
+        for name in others:
+            roles.setdefault(name, role)
+    if not config.sensitivity.from_chart and config.sensitivity.source.file is not None:
+        roles.setdefault(config.sensitivity.source.file, "sensitivities")
+    for material, section in config.surfaces.items():
+        if section.measured is not None:
+            roles.setdefault(section.measured.file, f"known spectrum of {material}")
+    return roles
