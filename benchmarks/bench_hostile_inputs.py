@@ -55,7 +55,7 @@ DOCUMENTED = range(8)
 LIMIT_S, MEMORY_BYTES, PROCESSES = 90.0, 6 << 30, 64
 RENDERING = ("relight", "geometry light")       # need threads, which a fork has not
 NOT_GIVEN = ("--debug", "--json", "--help", "--cluster")
-ANSWERED = ("batch", "check", "doctor", "chart", "report")    # say with a result what is wrong
+ANSWERED = ("batch", "check", "doctor", "chart")    # say with a result what is wrong
 PLACES = ("missing", ".", "..", "/", "loop", "sealed.csv", "empty", "/dev/null", "/dev/zero", "-",
           "/proc/self/mem", "--", "~", "a\nb", "http://localhost/x", "x" * 5000, "\udce9.csv")
 ROOMS = ("session", "measure", "capture", "calibrate", "sampling", "radiometry")

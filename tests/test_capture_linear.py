@@ -1,4 +1,5 @@
 import os
+import re
 import resource
 import time
 
@@ -446,14 +447,19 @@ def write_png_by_rows(path, rgb8):
         write(0, rgb8)
 
 
-@pytest.mark.parametrize("write", [write_png, write_png_by_rows])
-def test_a_png_that_a_full_disk_cuts_short_is_no_result(tmp_path, write):
+def write_exr_of_8_bits(path, rgb8):
+    write_exr(path, rgb8.astype(np.float32), "RGB")
+
+
+@pytest.mark.parametrize(("write", "name"), [
+    (write_png, "a.png"), (write_png_by_rows, "a.png"), (write_exr_of_8_bits, "a.exr")])
+def test_a_picture_that_a_full_disk_cuts_short_is_no_result(tmp_path, write, name):
     pixels = np.random.default_rng(1).integers(0, 255, (100, 100, 3)).astype(np.uint8)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
     try:
-        with pytest.raises(EnvironmentProblem, match=r"a\.png cannot be written"):
-            write(tmp_path / "a.png", pixels)
+        with pytest.raises(EnvironmentProblem, match=rf"{re.escape(name)} cannot be written"):
+            write(tmp_path / name, pixels)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert list(tmp_path.iterdir()) == []

@@ -25,8 +25,7 @@ SIGNAL = ("--signal", "0.21,0.33,0.14", "--noise", "0.002,0.003,0.0015")
 IN_PASSING = {"uplift": {"rms", "largest", "bound",
                          "tasks", "done_before"},       # of --workers: test_tiles.py
               "run": {"flat", "picture"}, "flat": {"flat", "size_px"},
-              "sample": {"run", "spectra", "coefficients"}, "catalogue": {"catalogue"},
-              "compare": {"catalogue", "file", "skipped"},
+              "sample": {"run", "spectra", "coefficients"},
               "camera profile": {"value", "standard_deviation"}}
 TOKEN = re.compile(r"`([^`]+)`|(\[?\{)|(\}\]?)")
 
@@ -140,7 +139,7 @@ def call(folder, *words):
 CALLS = {
     "check": [("DIR/flat",)],
     "status": [("DIR/flat",)],
-    "report": [("DIR/again",), ("DIR/again", "--check")],
+    "report": [("DIR/again",)],
     "new": [("DIR/new",)],
     "camera profile": [("DIR/curves.csv", "--camera", "Maker One", "--idt-light", "D60", "--out",
                         "DIR/p.json")],
@@ -161,8 +160,6 @@ CALLS = {
                ("DIR/p.exr", "-o", "DIR/low", *CAMERA, "--side", "5", "--low-rank", "3")],
     "plan": [(*CAMERA, "--signal", "0.2,0.3,0.15", "--steps", "1", "--lamps", "A"),
              ("DIR/flat", "--lamps", "A")],
-    "compare": [("DIR/flat", "DIR/again")],
-    "catalogue": [("DIR",)],
     "judge": [("DIR/cube.npy", "--wavelengths", "400:700:10", "--regions", "DIR/regions.toml",
                "--truth", "DIR/truth.csv", "--samples", "1000", *CAMERA, "--out", "DIR/j.csv")],
     "chart": [("DIR/flat/photos/sample.dng",)],

@@ -342,21 +342,6 @@ def test_help_says_types_in_words_and_ends_in_examples(name):
         assert len(record.split()) > 2, record      # an option without a word on what it is
 
 
-@pytest.mark.parametrize("words, today", [
-    (("camera", "fit", "a.dng", "--samples", "a.npz"), "--draws-file"),
-    (("camera", "profile", "a", "--samples", "a.npz"), "--draws-file"),
-    (("draws", "a", "--draws", "7"), "--samples"), (("sample", "--keep", "7"), "--best"),
-    (("sample", "--photo", "A=1,2,3"), "--signal-under"),
-    (("develop", "a.dng", "--flat", "b.dng"), "--flat-field"),
-    (("geometry", "beam", "a.dng", "--flat", "b.dng"), "--flat-field"),
-    (("match", "a", "CES99", "--surface", "b"), "--only"),
-    (("spectrum", "show", "a", "--plot"), "--draw"),
-    (("meter", "replay", "a", "--png", "a.png"), "--plot")])
-def test_a_former_name_of_an_option_is_refused_with_the_name_of_today(words, today):
-    ran = CliRunner().invoke(app, words)
-    assert ran.exit_code == 2 and f"this option is called {today} now" in ran.output
-
-
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_links_and_paths_of_a_page_lead_somewhere(page):
     text = page.read_text(encoding="utf-8")

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.session.terminal.command_help import Was
 from spectrabox.session.terminal.command_line import (
     CORNERS,
     CORNERS_HELP,
@@ -88,7 +87,7 @@ class DevelopRequest(CommonOptions):
     dark: Annotated[tuple[Path, ...], typer.Option(
         metavar="PHOTO",
         help="Dark frame at the photo's exposure and ISO; several are averaged.")] = ()
-    flat_field: Annotated[Path | None, Was("--flat"), typer.Option(
+    flat_field: Annotated[Path | None, typer.Option(
         metavar="PHOTO", help="White card in the same place: divides the photo.")] = None
     not_linear: Annotated[bool, typer.Option(
         "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked so: "

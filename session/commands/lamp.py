@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.session.terminal.command_help import Was
 from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
@@ -159,7 +158,7 @@ class BeamRequest(CommonOptions):
     dark: Annotated[tuple[Path, ...], typer.Option(
         metavar="PHOTO",
         help="The same with the lamp off, or dark frames, at the same exposure.")] = ()
-    flat_field: Annotated[Path | None, Was("--flat"), typer.Option(
+    flat_field: Annotated[Path | None, typer.Option(
         metavar="PHOTO", help="Evenly lit white card: takes the lens's own fall-off out.")] = None
     lens_file: UndistortLens = None
     force: Force = False

@@ -14,7 +14,7 @@ import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.system.words import is_whole_number
-from spectrabox.session.terminal.command_help import Commands, Was
+from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
@@ -40,7 +40,7 @@ METERS = "cs2000|cr250|pr655|pr650|specbos1211|specbos2501"
 Meter = Annotated[str, typer.Option(metavar=METERS, help="Which instrument it is.",
                                     show_default=False)]
 Drawn = Annotated[bool, typer.Option("--draw", help="Draw the spectrum in the terminal.")]
-Png = Annotated[Path | None, Was("--png"), typer.Option(
+Png = Annotated[Path | None, typer.Option(
     "--plot", metavar="PNG", help="Draw the spectrum into this picture.")]
 REPLAY_LIMIT_S = 2.0
 # What takes a reading, once it knows who reads and the check does not object; and what opens that.

@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from spectrabox.session.terminal.command_help import Was
 from spectrabox.session.terminal.command_line import (
     CORNERS,
     CORNERS_HELP,
@@ -90,7 +89,7 @@ class MeasuredSignal(CommonOptions):
     reading: Annotated[tuple[str, ...], typer.Option(
         metavar="NM[/FWHM]:REFLECTANCE[:ERROR]", help="A reading by an instrument at one "
         "wavelength, or over a band of that full width at half maximum.")] = ()
-    signal_under: Annotated[tuple[str, ...], Was("--photo"), typer.Option(
+    signal_under: Annotated[tuple[str, ...], typer.Option(
         metavar="LIGHT=V1,V2,V3[:E1,E2,E3]", help="The signal of this colour in a photo by the "
         "same camera under another light, and its standard errors.")] = ()
     same: Annotated[tuple[str, ...], typer.Option(
@@ -148,7 +147,7 @@ class SampleRequest(PriorOptions, MeasuredSignal):
     start: Annotated[str, typer.Option(
         metavar="bounded|unbounded",
         help="Spectrum that the method paper starts from.")] = "bounded"
-    keep: Annotated[int | None, Was("--keep"), typer.Option(
+    keep: Annotated[int | None, typer.Option(
         "--best",
         help="Method paper: rank by the further measurements and give the best so many (Eqs. 9, "
         "10).")] = None
@@ -303,7 +302,7 @@ class MatchRequest(SessionOptions):
     library: Annotated[tuple[str, ...], typer.Argument(
         metavar="LIBRARY...", help="Files of reflectances of any format, folders of them, or "
         "published sets: \"CES99\", \"BabelColor Average\" ...", show_default=False)]
-    only: Annotated[tuple[str, ...], Was("--surface"), typer.Option(
+    only: Annotated[tuple[str, ...], typer.Option(
         metavar="NAME", help="This surface or region alone.")] = ()
     variation: Annotated[float, typer.Option(
         help="How far samples of one material differ from each other: standard deviation, of "
@@ -336,7 +335,7 @@ class CameraFitRequest(CommonOptions):
         metavar="CSV", help="Measured curves, with method file.")] = None
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="CSV", help="Write the curves and their band.")] = None
-    draws_file: Annotated[Path | None, Was("--samples"), typer.Option(
+    draws_file: Annotated[Path | None, typer.Option(
         metavar="NPZ", help="Write 1000 draws of the curves.")] = None
     reference: Annotated[tuple[str, ...], typer.Option(
         metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you "
@@ -398,7 +397,7 @@ class CameraProfileRequest(CommonOptions):
     raw: Annotated[Path | None, typer.Option(
         metavar="PHOTO", help="A raw file of the camera: the errors of its own matrix (that by "
         "which LibRaw knows it, or a DNG's) stand beside the profile's.")] = None
-    draws_file: Annotated[Path | None, Was("--samples"), typer.Option(
+    draws_file: Annotated[Path | None, typer.Option(
         metavar="NPZ",
         help="Draws of the curves, from 'camera fit --draws-file': gives every number "
         "its spread.")] = None

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
@@ -22,7 +22,6 @@ from spectrabox.session.terminal.command_line import (
     command,
     tell,
 )
-from spectrabox.session.terminal.json_values import to_json
 
 STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
 
@@ -225,26 +224,14 @@ def _folder_to_open(paths: tuple[Path, ...]) -> Path:
 class ReportRequest(SessionOptions):
     """Options of ``spectrabox report``."""
 
-    compare: Annotated[bool, typer.Option(
-        "--check", help="Write nothing; say whether the report that is there agrees with its data, "
-        "the input files and the stored results.")] = False
-
 
 @command
 def report(request: ReportRequest) -> Answer:
-    """Rebuild report.html and report.json from stored results, or check those that are there."""
+    """Rebuild report.html and report.json from stored results."""
     from spectrabox.session.config.session_file import read_session
-    config = read_session(request.folder, request.allow_outside)
-    if request.compare:
-        from spectrabox.session.report.check import check_report
-        checked = check_report(config)
-        text = "\n".join(f"- {fault}" for fault in checked.faults) or (
-            f"report and data agree: {checked.shown} numbers and sentences of the page, "
-            f"{checked.files} files, and the numbers made again from the stored results")
-        return Answer({"agrees": not checked.faults, **to_json(checked)}, text,
-                      CheckError.exit_code if checked.faults else 0)
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
     from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
+    config = read_session(request.folder, request.allow_outside)
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
     facts = rewritten_outputs(config, finished, ["spectrabox", "report"],

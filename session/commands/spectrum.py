@@ -10,7 +10,7 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
-from spectrabox.session.terminal.command_help import Commands, Was
+from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
     CommonOptions,
@@ -48,7 +48,7 @@ class ShowRequest(CommonOptions):
         metavar="FILE...", show_default=False, help="Files of spectra, of any format.")]
     column: Annotated[str | None, typer.Option(
         metavar="COLUMN", help="Name or number of one column.")] = None
-    draw: Annotated[bool, Was("--plot"), typer.Option(
+    draw: Annotated[bool, typer.Option(
         "--draw", help="Draw the spectrum in the terminal.")] = False
 
 

@@ -1,10 +1,10 @@
-"""What the help of a command says: types in words, former names of options, examples at its end."""
+"""What the help of a command says: types in words, examples at its end."""
 from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable, Iterator
-from dataclasses import MISSING, dataclass
+from collections.abc import Callable
+from dataclasses import MISSING
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -15,7 +15,7 @@ from typer.models import OptionInfo
 
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
                           "colour", "rehearse", "draws"),
-            "Many sessions": ("batch", "compare", "catalogue"),
+            "Many sessions": ("batch",),
             "Photos and cameras": ("develop", "chart", "camera", "filter", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),
             "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
@@ -24,24 +24,14 @@ SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "repo
 TYPE_WORDS = {str: "TEXT", Path: "FILE", int: "NUMBER", float: "NUMBER"}    # of a value
 
 
-@dataclass(frozen=True)
-class Was:
-    """A former name of an option, which is refused with the name of today: it now means another
-    thing elsewhere, or meant one.
-    """
-
-    option: str
-
-
-def parameters_of(name: str, hint: Any, default: Any) -> Iterator[inspect.Parameter]:
-    """A parameter as Typer reads it, which knows lists in place of tuples of any length, and its
-    former names.
+def parameter_of(name: str, hint: Any, default: Any) -> inspect.Parameter:
+    """A parameter as Typer reads it, which knows lists in place of tuples of any length.
 
     Parameters
     ----------
     name : str
     hint : type
-        Annotated, with ``typer.Option`` or ``typer.Argument`` and ``Was`` for each former name.
+        Annotated, with ``typer.Option`` or ``typer.Argument``.
     default : Any
         ``MISSING`` where there is none.
     """
@@ -50,25 +40,14 @@ def parameters_of(name: str, hint: Any, default: Any) -> Iterator[inspect.Parame
     if option is not None:
         option = copy.copy(option)
         _describe_option(option, kind, is_repeated(hint))
-    about = [option if isinstance(each, OptionInfo) else each for each in about
-             if not isinstance(each, Was)]
+        about = [option if isinstance(each, OptionInfo) else each for each in about]
     if is_repeated(hint):
         kind = list.__class_getitem__(get_args(kind)[0])
         kind = kind if default is MISSING else kind | None
         default = None if default == () else default
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    yield inspect.Parameter(name, keyword, annotation=Annotated[kind, *about],
-                            default=inspect.Parameter.empty if default is MISSING else default)
-    for former in (each for each in get_args(hint)[1:] if isinstance(each, Was)):
-        # Typer takes the first name of an option for its default until the command is made.
-        words = [] if option is None else [option.default, *(option.param_decls or ())]
-        today = next((str(word) for word in words if str(word).startswith("--")),
-                     f"--{name.replace('_', '-')}")
-        flag = kind is bool
-        yield inspect.Parameter(
-            f"was_{name}", keyword, default=False if flag else None,
-            annotation=Annotated[bool if flag else str | None, typer.Option(
-                former.option, hidden=True, callback=_refusal(today))])
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY,
+                             annotation=Annotated[kind, *about],
+                             default=inspect.Parameter.empty if default is MISSING else default)
 
 
 def _describe_option(option: OptionInfo, kind: Any, repeated: bool) -> None:
@@ -82,13 +61,6 @@ def _describe_option(option: OptionInfo, kind: Any, repeated: bool) -> None:
     if option.metavar is None:
         option.metavar = "|".join(get_args(kind)) if get_origin(kind) is Literal \
             else TYPE_WORDS.get(kind)
-
-
-def _refusal(today: str) -> Callable[[Any], None]:
-    def refuse(value: Any) -> None:
-        if value not in (None, False):
-            raise typer.BadParameter(f"this option is called {today} now")
-    return refuse
 
 
 def is_repeated(hint: Any) -> bool:

@@ -20,7 +20,7 @@ import typer
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.system.words import message, plain
-from spectrabox.session.terminal.command_help import is_repeated, parameters_of
+from spectrabox.session.terminal.command_help import is_repeated, parameter_of
 from spectrabox.session.terminal.json_values import to_json
 
 Request = TypeVar("Request", bound="DebugOption")
@@ -116,15 +116,15 @@ def command(body: Callable[[Request], Answer | None]) -> Callable[..., None]:
     """
     request_of = get_type_hints(body)["request"]
     hints = get_type_hints(request_of, include_extras=True)
-    parameters = [parameter for field in fields(request_of)
-                  for parameter in parameters_of(field.name, hints[field.name], field.default)]
+    parameters = [parameter_of(field.name, hints[field.name], field.default)
+                  for field in fields(request_of)]
     # Options that many commands have come last, in one order.
     parameters.sort(key=lambda each: LAST.index(each.name) if each.name in LAST else -1)
 
     @wraps(body)
     def run(**options: Any) -> None:
         given = {name: tuple(value) if isinstance(value, list) else value
-                 for name, value in options.items() if name in hints}    # no former names
+                 for name, value in options.items()}
         request = request_of(**{name: () if value is None and is_repeated(hints[name]) else value
                                 for name, value in given.items()})
         as_json = options.get("as_json", False)

@@ -13,7 +13,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "check": ("spectrabox check mybox", "spectrabox check mybox --json"),
     "run": ("spectrabox run mybox", "spectrabox run mybox --until calibrate"),
     "status": ("spectrabox status mybox", "spectrabox status mybox --json"),
-    "report": ("spectrabox report mybox", "spectrabox report mybox --check"),
+    "report": ("spectrabox report mybox", "spectrabox report painting --json"),
     "doctor": ("spectrabox doctor", "spectrabox doctor --device cpu --json"),
     "open": ("spectrabox open painting/photos/painting.dng",
              "spectrabox open mybox --watch tethered"),
@@ -28,8 +28,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "draws": ("spectrabox draws mybox --out draws.npz",
               "spectrabox draws mybox --samples 100 --step 10 --out draws.csv"),
     "rehearse": ("spectrabox rehearse mybox", "spectrabox rehearse mybox --times 20 --seed 2"),
-    "compare": ("spectrabox compare mybox mybox", "spectrabox compare mybox mybox --json"),
-    "catalogue": ("spectrabox catalogue .", "spectrabox catalogue . --out all.sqlite"),
     "develop": ("spectrabox develop mybox/photos/box.dng --out box.exr",
                 "spectrabox develop mybox/photos/box.dng \\\n"
                 "    --flat-field mybox/photos/flat.dng --out even.exr"),

@@ -1,1 +1,0 @@
-"""Numbers of many finished sessions, and their catalogue as an SQLite file."""
