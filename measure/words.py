@@ -8,7 +8,8 @@ import numpy as np
 
 from spectrabox.radiometry.records import SurfaceAgreement
 
-OFF = 0.05  # a surface further off than this is named and highlighted
+OFF = 0.05              # a surface further off than this is named and highlighted
+MOST_LISTED = 6         # items that a phrase names
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -84,9 +85,10 @@ def deviation_words(ratio: float) -> str:
     return f"{percent(abs(ratio - 1))} {'brighter' if ratio >= 1 else 'darker'}"
 
 
-def listed(items: list[str], longest: int = 6) -> str:
+def listed(items: list[str]) -> str:
     """Items as a phrase, the rest of a long list counted."""
-    shown = [*items[:longest], f"{len(items) - longest} more"] if len(items) > longest else items
+    more = len(items) - MOST_LISTED
+    shown = [*items[:MOST_LISTED], f"{more} more"] if more > 0 else items
     return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1]
 
 

@@ -1,22 +1,20 @@
 """An edit of the code makes stale what the rooms of a stage say depends on it."""
-import functools
 import shutil
 
 import pytest
 
-from spectrabox.session import keys
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import stage_states
 from spectrabox.session.stages.order import STAGES
-from spectrabox.session.store.program import PACKAGE, room_digests
+from spectrabox.session.store import program
 
 
 @pytest.fixture
 def edited(tmp_path, monkeypatch):
     """A function that changes one file of a copy of the package, which the keys are made from."""
     copy = tmp_path / "spectrabox"
-    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(keys, "room_digests", functools.partial(room_digests, package=copy))
+    shutil.copytree(program.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(program, "PACKAGE", copy)
 
     def edit(file):
         with (copy / file).open("ab") as stream:

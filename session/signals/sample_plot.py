@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from spectrabox.measure.plots import frame_reflectance
 from spectrabox.radiometry.files import whole_file
 
-SIZE_IN, DPI = (8.0, 4.5), 150
+SIZE_IN = (8.0, 4.5)
 
 
 def write_plot(path: Path, facts: dict[str, Any]) -> None:

@@ -29,17 +29,15 @@ def versions(names: tuple[str, ...] = PACKAGES) -> dict[str, str]:
     return {name: _version(name) for name in names}
 
 
-def room_digests(rooms: Iterable[str], package: Path = PACKAGE) -> dict[str, str]:
+def room_digests(rooms: Iterable[str]) -> dict[str, str]:
     """Digests of the files of rooms: modules, models, tables, templates.
 
     Parameters
     ----------
     rooms : iterable of str
         Folders, such as "sampling" or "session/stages".
-    package : Path
-        Where they lie.
     """
-    return {room: _room_digest(package / room) for room in rooms}
+    return {room: _room_digest(PACKAGE / room) for room in rooms}
 
 
 @functools.cache        # of the code that runs: what is edited meanwhile is not loaded again

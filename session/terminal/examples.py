@@ -13,7 +13,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "check": ("spectrabox check mybox", "spectrabox check mybox --json"),
     "run": ("spectrabox run mybox", "spectrabox run mybox --until calibrate"),
     "status": ("spectrabox status mybox", "spectrabox status mybox --json"),
-    "report": ("spectrabox report mybox", "spectrabox report painting --json"),
+    "report": ("spectrabox report mybox", "spectrabox report mybox --json"),
     "doctor": ("spectrabox doctor", "spectrabox doctor --device cpu --json"),
     "open": ("spectrabox open painting/photos/painting.dng",
              "spectrabox open mybox --watch tethered"),
