@@ -12,6 +12,7 @@ from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.capture.photo.image_rows import PictureRows
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, merge_surveys, survey_rows
+from spectrabox.measure.pictures.spectra_files import PictureLayout
 from spectrabox.measure.pictures.uplift import ImageSource, plan_image
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
@@ -19,7 +20,6 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.low_rank_files import open_low_rank
 from spectrabox.session.pictures.row_tasks import load_plan, store_plan
-from spectrabox.session.pictures.spectra_files import PictureLayout
 from spectrabox.session.pictures.uplift import uplift_answer
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")

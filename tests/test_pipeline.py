@@ -8,23 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from spectrabox.measure.captured import InputFile
+from spectrabox.measure.opened_photos import develop
+from spectrabox.measure.steps.inversion import materials_of, settings_of
 from spectrabox.measure.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.sampling.spline_measurement import response_on
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import (
-    load_finished,
-    stage_states,
-)
-from spectrabox.session.stages.order import STAGES
-from spectrabox.session.stages.reconstruct_stage import read_materials, settings_of
-from spectrabox.session.stages.scenes import read_session_scene
+from spectrabox.session.pipeline import load_finished, stage_states
 
 from tests.session_runs import edit, run
 
 ROOT = Path(__file__).resolve().parent.parent
+STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
 
 
 def states(folder):
@@ -63,17 +62,17 @@ def test_only_what_a_change_touches_becomes_stale(finished, change, stale):
 
 def test_the_family_that_was_stated_is_what_the_fit_expects(captured):
     edit(captured, 'bsdf = "cube"', 'bsdf = "cube"\nfamily = ["skin", "leaf"]')
-    config = read_session(captured)
-    materials = {each.name: each for each in read_materials(config, read_session_scene(config))}
+    capture = capture_of(read_session(captured))
+    materials = {each.name: each for each in materials_of(capture, capture.views[0].scene)}
     assert materials["white"].learnt is None
     expected = materials["cube"].learnt
     mean, covariance = reflectance_moments(of_families(load_prior(), ["skin", "leaves"]))
     np.testing.assert_array_equal(expected.mean, mean)
     np.testing.assert_array_equal(expected.covariance, covariance)
-    assert not np.allclose(expected.mean, settings_of(config).learnt.mean, rtol=0.1)
+    assert not np.allclose(expected.mean, settings_of(capture).learnt.mean, rtol=0.1)
     edit(captured, "[reconstruct]", '[reconstruct]\nspectrum_prior = "smooth"')
-    config = read_session(captured)
-    plain = read_materials(config, read_session_scene(config))
+    capture = capture_of(read_session(captured))
+    plain = materials_of(capture, capture.views[0].scene)
     assert all(each.learnt is None for each in plain)
 
 
@@ -123,14 +122,13 @@ def test_control_c_ends_a_run_with_130_and_the_run_can_go_on(captured):
 def test_the_recovered_signals_are_those_of_the_truth(finished):
     from spectrabox.radiometry.response import response_matrix
     from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-    from spectrabox.session.stages.inputs import read_reflectance
-    config = read_session(finished)
-    records = load_finished(config).records
-    calibration, made = records.calibrations(config)[0], records.reconstruct.joint
+    run = load_finished(read_session(finished))
+    capture, records = run.capture, run.records
+    calibration, made = records.calibrations(capture.views)[0], records.reconstruct.joint
     light = spectrum_on_grid(calibration.light, made.grid)
     response = response_matrix(made.grid, calibration.sensitivity.curves, light)
     for index, name in enumerate(made.materials):
-        truth = spectrum_on_grid(read_reflectance(config, config.materials[name].truth), made.grid)
+        truth = spectrum_on_grid(capture.materials[name].truth, made.grid)
         operator = measurement(scene_signals(made, [calibration]), index)
         error = response @ truth / response.sum(axis=1) - operator.signal
         chi_square = error @ np.linalg.solve(operator.noise_covariance, error)
@@ -139,9 +137,9 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
 
 
 def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
-    config = read_session(finished)
-    records = load_finished(config).records
-    calibration, made = records.calibrations(config)[0], records.reconstruct.joint
+    run = load_finished(read_session(finished))
+    records = run.records
+    calibration, made = records.calibrations(run.capture.views)[0], records.reconstruct.joint
     for index, name in enumerate(made.materials):
         samples, summary = (records.sample.spectra[name].samples,
                             records.sample.spectra[name].summary)
@@ -172,9 +170,10 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
 
     from spectrabox.capture.photo.raw import read_raw
     from spectrabox.fixtures.dng import write_dng
-    from spectrabox.session.stages.inputs import read_photo
     frame = read_raw(captured / "photos" / "box.dng")
-    single, _ = read_photo(read_session(captured), {"": ("photos/box.dng",)})
+    name = "photos/box.dng"
+    single, _ = develop(capture_of(read_session(captured)),
+                        {"": (InputFile(name, captured / name),)})
     black = frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]
     base = Fraction(frame.exposure_s).limit_denominator(100000)
     rng, tile = np.random.default_rng(3), np.tile(frame.black_level, np.array(frame.mosaic.shape)
@@ -194,8 +193,8 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
                   **settings)
     edit(captured, 'object = "photos/box.dng"', 'object = ["photos/short.dng", "photos/long.dng"]\n'
          'dark = ["photos/short_dark.dng", "photos/long_dark.dng"]')
-    config = read_session(captured)
-    merged, notes = read_photo(config, config.all_views[0].photo)
+    capture = capture_of(read_session(captured))
+    merged, notes = develop(capture, capture.views[0].photo)
     ratio = (merged.signal.sum(axis=(0, 1)) / single.signal.sum(axis=(0, 1))
              * single.exposure_s / merged.exposure_s)
     # Sums over 16 000 pixels of a few per cent of noise each, and the dark frame's own black: well

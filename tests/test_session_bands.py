@@ -7,9 +7,11 @@ import pytest
 
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.image_files import write_linear_exr
+from spectrabox.measure.captured import InputFile
+from spectrabox.measure.opened_photos import OpenPhotos, develop
 from spectrabox.radiometry.errors import InputError
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.stages.inputs import OpenPhotos, read_photo
 
 BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
 EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own
@@ -32,10 +34,16 @@ def split_into_bands(folder, photos):
     return read_session(folder)
 
 
+def one_file(folder, name):
+    """The photo of a colour camera in one file."""
+    return {"": (InputFile(name, folder / name),)}
+
+
 def test_bands_are_stacked_at_one_exposure(captured):
-    whole, _ = read_photo(read_session(captured), {"": ("photos/box.dng",)})
-    config = split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
-    stacked, _ = read_photo(config, config.all_views[0].photo)
+    whole, _ = develop(capture_of(read_session(captured)), one_file(captured, "photos/box.dng"))
+    capture = capture_of(split_into_bands(captured, {"object": "box", "chart": "chart",
+                                                     "flat": "flat"}))
+    stacked, _ = develop(capture, capture.views[0].photo)
     assert stacked.exposure_s == pytest.approx(whole.exposure_s * min(EXPOSED))
     np.testing.assert_allclose(stacked.signal / min(EXPOSED), whole.signal, rtol=1e-3, atol=1e-6)
 
@@ -57,11 +65,12 @@ def test_every_channel_of_every_photo_is_a_band_unless_it_is_dark(captured):
         text = re.sub(rf"(?m)^{key} = .*$", f'{key} = {{ lamp = "photos/{stem} lamp.exr", '
                       f'"blue filter" = "photos/{stem} blue filter.exr" }}', text)
     (captured / "session.toml").write_text(text, encoding="utf-8")
-    config, photos = read_session(captured), OpenPhotos()
-    image, _ = photos.developed(config, config.all_views[0].photo)
-    assert photos.bands(config, image) == ("lamp R", "lamp G", "lamp B", "blue filter G",
+    capture = capture_of(read_session(captured))
+    photos = OpenPhotos(capture)
+    image, _ = photos.developed(capture.views[0].photo)
+    assert photos.bands(image) == ("lamp R", "lamp G", "lamp B", "blue filter G",
                                            "blue filter B")
-    one, _ = read_photo(config, {"": ("photos/box lamp.exr",)})
+    one, _ = develop(capture, one_file(captured, "photos/box lamp.exr"))
     # half precision of the files
     np.testing.assert_allclose(image.signal[..., 3] * 2.5, image.signal[..., 1], rtol=2e-3,
                                atol=1e-3 * one.signal.max())

@@ -7,13 +7,13 @@ import pytest
 
 from spectrabox.measure.scene.draws import _common_errors, _of_stray_light, _of_tails
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
+from spectrabox.measure.steps.inversion import settings_of, views_of
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.assemble import assemble
 from spectrabox.session.pipeline import load_finished, run_stages
-from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
 
 
 def through(folder, how, more=""):
@@ -53,16 +53,16 @@ def test_what_cannot_be_drawn_through_the_transport_is_said(captured):
 
 
 def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finished):
-    config = read_session(finished)
-    records = load_finished(config).records
+    done = load_finished(read_session(finished))
+    capture, records = done.capture, done.records
     start_mitsuba("cpu")
-    view, = views_of(config, records, None)
+    view, = views_of(capture, records, None)
     shapes, materials = list(view.scene_file.surfaces), np.array(view.surface_materials)
     hidden = 0
     saturated = np.array(view.photo.saturated)
     saturated[view.surface == hidden] = True
     partly = dataclasses.replace(view, photo=dataclasses.replace(view.photo, saturated=saturated))
-    joint = reconstruct_views([partly], settings_of(config), lambda *_: None)
+    joint = reconstruct_views([partly], settings_of(capture), lambda *_: None)
     made, regions = joint.views[0], joint.regions[0]
     assert len(made.agreement.names) == len(shapes) - 1
     seen = made.surface >= 0
@@ -73,7 +73,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     np.testing.assert_array_equal(of_region, materials[regions.surface])
     # an error of one material's signal befalls the regions of that material and no other
     relative = np.ones(regions.signal.shape)
-    of_brightest = records.calibrations(config)[0].relative_covariance
+    of_brightest = records.calibrations(capture.views)[0].relative_covariance
     for error in _of_tails(of_brightest, regions, relative):
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
     mirrored = dict.fromkeys(joint.materials, 0.02)
@@ -89,9 +89,9 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
 
 
 def test_stated_errors_of_the_light_widen_the_signals_of_regions(finished):
-    config = read_session(finished)
-    records = load_finished(config).records
-    joint, calibration = records.reconstruct.joint, records.calibrations(config)[0]
+    done = load_finished(read_session(finished))
+    capture, records = done.capture, done.records
+    joint, calibration = records.reconstruct.joint, records.calibrations(capture.views)[0]
     regions, view = joint.regions[0], joint.views[0]
     response = joint.response * view.white_signal[:, None] * view.light_scale.value
 

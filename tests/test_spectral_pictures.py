@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 import pytest
 from spectral.io import envi
 
+from spectrabox.measure.pictures.spectra_files import PictureLayout, write_spectra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import layer_names, spectral_layers
@@ -16,7 +17,6 @@ from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_tab
 from spectrabox.reconstruct.rendering.renderer import all_cores, start_mitsuba
 from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.session.commands.spectrum import convert
-from spectrabox.session.pictures.spectra_files import PictureLayout, write_spectra
 
 OTHERS = Path(colour.__file__).parent / "io" / "tests" / "resources"    # files of its own tests
 HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single floats

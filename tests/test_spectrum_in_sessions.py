@@ -7,8 +7,8 @@ import pytest
 from spectrabox.fixtures.spectral_files import NM, REFLECTANCE, write_examples
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
+from spectrabox.session.config.captured_session import read_light, read_reflectance
 from spectrabox.session.config.curve_sources import LightTable, SpectrumTable
-from spectrabox.session.stages.inputs import read_light, read_reflectance
 
 
 @pytest.mark.parametrize("name",
@@ -25,6 +25,5 @@ def test_a_known_material_may_be_in_any_format(tmp_path, name):
 def test_a_light_may_be_a_tm27_document(tmp_path):
     text = spdx_text(NM, {"value": REFLECTANCE}, quantity=Quantity.IRRADIANCE, source="lamp")
     (tmp_path / "light.spdx").write_text(text)
-    config = SimpleNamespace(path=lambda file: tmp_path / file,
-                             light=SimpleNamespace(spectrum=LightTable(file="light.spdx")))
-    assert read_light(config).quantity is Quantity.IRRADIANCE
+    config = SimpleNamespace(path=lambda file: tmp_path / file)
+    assert read_light(config, LightTable(file="light.spdx")).quantity is Quantity.IRRADIANCE

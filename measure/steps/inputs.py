@@ -9,7 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture
+from spectrabox.measure.captured import (
+    ONE_PHOTO,
+    Capture,
+    FlatCapture,
+    PhotoFiles,
+    SceneCapture,
+)
 
 
 def inputs_of_charts(capture: Capture) -> dict[str, Any]:
@@ -22,8 +28,15 @@ def inputs_of_charts(capture: Capture) -> dict[str, Any]:
 
 def lights_of(capture: Capture) -> dict[str, Any]:
     """What is stated of the light of each view."""
-    return {view.name: [view.light, view.lamp, view.filter, getattr(view, "lights_by_id", {})]
-            for view in capture.views}
+    return {view.name: [view.light, view.lamp, view.filter] for view in capture.views}
+
+
+def channels_from(capture: Capture) -> list[PhotoFiles]:
+    """The photo that tells the channel of each band of a table of photos; none of a colour camera.
+    """
+    if ONE_PHOTO in capture.views[0].photo:
+        return []
+    return [view.chart for view in capture.views_with_chart[:1]]
 
 
 def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:
@@ -32,8 +45,7 @@ def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:
             "regions": {name: [region.outline, region.photos]
                         for name, region in capture.regions.items()},
             "development": capture.development, "drift": capture.drift,
-            # the channel of each band is chosen there
-            "first chart": [view.chart for view in capture.views_with_chart[:1]]}
+            "channels": channels_from(capture)}
 
 
 def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
@@ -42,7 +54,7 @@ def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
             "scenes": [(view.scene.width, view.scene.height) for view in capture.views],
             "width": capture.inversion.width, "development": capture.development,
             "drift": capture.drift,
-            "first chart": [view.chart for view in capture.views_with_chart[:1]]}
+            "channels": channels_from(capture)}
 
 
 def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
@@ -67,7 +79,8 @@ def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
                                  material.families if learnt else ()]
                           for name, material in capture.materials.items()},
             "scenes": {view.name: view.scene for view in capture.views},
-            "lights": lights_of(capture), "geometry": capture.geometry,
+            "lights": lights_of(capture),
+            "lights by id": {view.name: view.lights_by_id for view in capture.views}, "geometry": capture.geometry,
             "reconstruct": capture.inversion, "scale from chart": capture.scale_from_chart,
             "scales": {view.name: view.scale for view in capture.views},
             "repeatability": capture.repeatability, "stray light": capture.stray_light,
