@@ -97,6 +97,8 @@ PROCESS = {"gc", "signal", "threading", "multiprocessing", "concurrent", "atexit
            "os.umask", "np.seterr", "sys.setrecursionlimit"}
 OWN_PROCESS = {("capture/transcripts/player.py", "threading"): "plays an instrument on a port",
                ("reconstruct/rendering/renderer.py", "threading"): "a lock: Mitsuba starts once",
+               ("measure/pictures/picture_files.py", "concurrent"): "threads that end with the call",
+               ("measure/pictures/spectra_files.py", "concurrent"): "threads that end with the call",
                ("reconstruct/rendering/llvm.py", "os.environ"): "Dr.Jit has no other way",
                ("reconstruct/rendering/llvm.py", "atexit"): "removes the HOME made for Dr.Jit"}
 
@@ -142,26 +144,18 @@ def test_no_files_import_each_other_in_a_circle():
             for other in needed & waiting.keys())
 
 
-# What these do to a result is in a stage's key by value, or nothing.
-NOT_IN_RESULTS = ("session/config", "session/store", "session/keys.py")
-
-
-def test_the_rooms_of_a_stage_hold_all_that_it_imports():
-    from spectrabox.session.stages.order import FLAT_STAGES, SCENE_PICTURE, STAGES
+def test_the_rooms_of_the_keys_hold_all_that_the_steps_import():
+    from spectrabox.session.store.program import LIBRARY
     files = {f"spectrabox.{name_of(path)[:-3].replace('/', '.')}": path for path in modules()}
-    for stage in (*STAGES.values(), *SCENE_PICTURE.values(), *FLAT_STAGES.values()):
-        waiting, reached = [files[stage.module]], set()
-        while waiting:
-            path = waiting.pop()
-            if path not in reached and not name_of(path).startswith(NOT_IN_RESULTS):
-                reached.add(path)
-                waiting += needed_by(path, files)
-        none_of(f"{name_of(path)} is imported by {stage.module}, whose rooms in "
-                "session/stages/order.py leave its room out: an edit would not make results stale"
-                for path in reached if not name_of(path).startswith(tuple(
-                    f"{room}/" for room in stage.rooms)))
-        none_of(f"{room} of {stage.module} is no room" for room in stage.rooms
-                if not (ROOT / room).is_dir())
+    waiting, reached = [ROOT / "measure/steps/order.py"], set()
+    while waiting:
+        path = waiting.pop()
+        if path not in reached:
+            reached.add(path)
+            waiting += needed_by(path, files)
+    none_of(f"{name_of(path)} is imported by the steps, whose keys leave its room out: an edit "
+            "would not make results stale" for path in reached
+            if path.relative_to(ROOT).parts[0] not in LIBRARY)
 
 
 def test_the_package_links_to_each_folder_and_holds_the_public_names():

@@ -80,8 +80,9 @@ def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
                           for name, material in capture.materials.items()},
             "scenes": {view.name: view.scene for view in capture.views},
             "lights": lights_of(capture),
-            "lights by id": {view.name: view.lights_by_id for view in capture.views}, "geometry": capture.geometry,
-            "reconstruct": capture.inversion, "scale from chart": capture.scale_from_chart,
+            "lights by id": {view.name: view.lights_by_id for view in capture.views},
+            "geometry": capture.geometry, "reconstruct": capture.inversion,
+            "scale from chart": capture.scale_from_chart,
             "scales": {view.name: view.scale for view in capture.views},
             "repeatability": capture.repeatability, "stray light": capture.stray_light,
             "seed": capture.seed}
