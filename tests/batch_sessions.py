@@ -1,5 +1,11 @@
 """Small sessions for batches: one paint beside a chart, which all have in common."""
+import contextlib
+import json
+import os
 import shutil
+import signal
+import threading
+import time
 
 from flat_example import HEAD, regions_toml, write_flat
 
@@ -44,3 +50,23 @@ def results_of(folder):
 
 def order_of(folders, out, made=None):
     return Order(tuple(folders), out, "cpu", False, program_of_batch() if made is None else made)
+
+
+def process_at(folder, limit_s=120):
+    """Number of the process that works in a session, once one does."""
+    end = time.monotonic() + limit_s
+    while time.monotonic() < end:
+        try:
+            return json.loads((folder / "results" / ".run.lock").read_text())["process"]
+        except (OSError, ValueError):
+            time.sleep(0.01)
+    raise AssertionError(f"nobody worked in {folder}")
+
+
+@contextlib.contextmanager
+def kill_worker_at(folder):
+    """The first process that works in a session during the block is killed."""
+    killing = threading.Thread(target=lambda: os.kill(process_at(folder), signal.SIGKILL))
+    killing.start()
+    yield
+    killing.join()

@@ -10,11 +10,21 @@ import time
 from pathlib import Path
 
 import pytest
-from batch_sessions import begun, copies, order_of, results_of, write_session
+from batch_sessions import (
+    begun,
+    copies,
+    kill_worker_at,
+    order_of,
+    process_at,
+    results_of,
+    write_session,
+)
+from inline_workers import inline_workers
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch import overview
 from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
+from spectrabox.session.batch.executors import open_processes
 from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
 from spectrabox.session.batch.overview import (
     BatchProgress,
@@ -24,10 +34,7 @@ from spectrabox.session.batch.overview import (
     link,
     write_page,
 )
-from spectrabox.session.batch.pool import Finished, Lost, do_work
-from spectrabox.session.batch.processes import open_processes, shares_of_cores
 from spectrabox.session.batch.tasks import PeakMemory, Task
-from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.pipeline import run_stages
@@ -43,17 +50,6 @@ def batch(*words, cwd):
     return subprocess.Popen([sys.executable, "-m", "spectrabox", "batch", *map(str, words)],
                             cwd=cwd, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                             env=os.environ | {"PYTHONPATH": str(ROOT)})
-
-
-def process_at(folder, limit_s=120):
-    """Number of the process that works in a session, once one does."""
-    end = time.monotonic() + limit_s
-    while time.monotonic() < end:
-        try:
-            return json.loads((folder / "results" / ".run.lock").read_text())["process"]
-        except (OSError, ValueError):
-            time.sleep(0.01)
-    raise AssertionError(f"nobody worked in {folder}")
 
 
 @pytest.fixture(scope="module")
@@ -84,27 +80,6 @@ def arrays_of(folder):
     """Digests of what was calibrated."""
     return {name: digest for name, digest in results_of(folder).items()
             if name.startswith(("results/chart", "results/calibrate"))}
-
-
-class Here:
-    """A pool that does its tasks in this process, one after the other."""
-
-    about, budget_bytes, largest_bytes = "", None, None
-
-    def __init__(self, work=do_work, workers=1, **limits):
-        self.work, self.workers, self.tasks = work, workers, []
-        vars(self).update(limits)
-        self.started, self.at_once = [], []
-
-    def start(self, task):
-        self.tasks.append(task)
-        self.started.append(task)
-        self.at_once.append(len(self.tasks))
-
-    def wait(self):
-        task = self.tasks.pop(0)
-        made = self.work(task)
-        return [made if isinstance(made, Lost) else Finished(task, made)]
 
 
 def stand_in(task):
@@ -146,14 +121,14 @@ def test_a_batch_makes_what_run_makes_and_the_calibration_once(session, tmp_path
 
 def test_what_is_done_is_not_run_again_until_something_changes(session, tmp_path):
     folders = [shutil.copytree(session, tmp_path / name) for name in ("a", "b")]
-    order = order_of(folders, tmp_path / "out")
-    assert [each.verdict for each in run_batch(order, folders, Here())] == ["pass", "pass"]
+    order, (_, here) = order_of(folders, tmp_path / "out"), inline_workers()
+    assert [each.verdict for each in run_batch(order, folders, here)] == ["pass", "pass"]
     assert list(kept_outcomes(order)) == folders
     os.utime(folders[0] / "photos" / "sample.dng", ns=(0, 0))
     assert list(kept_outcomes(order)) == folders[1:]
     (folders[1] / "report.html").unlink()
     assert kept_outcomes(order) == {}
-    outcomes = list(run_batch(order, folders, Here()))
+    outcomes = list(run_batch(order, folders, here))
     assert {state for each in outcomes for state, _ in each.stages.values()} == {"kept"}
     assert (folders[1] / "report.html").is_file()
     assert list(kept_outcomes(order)) == folders
@@ -189,44 +164,14 @@ def test_a_session_that_differs_shares_nothing_with_it(session, tmp_path):
 
 # ---- workers that die, and Ctrl-C
 
-def test_a_worker_killed_costs_its_task_only(session, tmp_path):
+def test_a_worker_killed_costs_nothing_but_time(session, tmp_path):
     folders = copies(session, tmp_path, ["a", "b"])
     order = order_of(folders, tmp_path / "out")
-    with open_processes(2) as pool:
-        outcomes = run_batch(order, folders, _Killing(pool, folders[0]))
-        assert sorted(each.verdict for each in outcomes) == ["pass", "pass"]
+    with open_processes(2) as workers, kill_worker_at(folders[0]):
+        outcomes = list(run_batch(order, folders, workers))
+    assert [each.verdict for each in outcomes] == ["pass", "pass"]
     for folder in folders:
         assert results_of(folder) == results_of(session)
-
-
-class _Killing:
-    """A pool of which the worker in one session is killed the first time."""
-
-    def __init__(self, pool, folder):
-        self._pool, self._folder, self.lost = pool, folder, []
-
-    def __getattr__(self, name):
-        return getattr(self._pool, name)
-
-    def wait(self):
-        if not self.lost:
-            os.kill(process_at(self._folder), signal.SIGKILL)
-        ended = self._pool.wait()
-        self.lost += [each for each in ended if isinstance(each, Lost)]
-        assert all("signal 9 (SIGKILL)" in each.why for each in self.lost)
-        return ended
-
-
-def test_a_task_is_tried_twice(tmp_path):
-    pool = Here(lambda task: Lost(task, "by signal 9 (SIGKILL)"))
-    order = order_of([tmp_path / "a"], tmp_path / "out", "x")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("spectrabox.session.batch.batch.first_task",
-                      lambda folder, order: Task(folder, order, False, 1))
-        (outcome,) = run_batch(order, [*order.folders], pool)
-    assert [task.tries for task in pool.started] == [0, 1]
-    assert outcome.state == "failed" and outcome.exit_code == 7
-    assert "its worker died twice, the second time by signal 9 (SIGKILL)" in outcome.says
 
 
 def test_ctrl_c_stops_all_workers_and_the_same_command_goes_on(session, tmp_path):
@@ -263,55 +208,36 @@ def test_workers_end_with_their_parent(session, tmp_path):
 
 # ---- who runs what
 
-def tasks_of(needs, order, check=False):
+def tasks_of(needs, check=False):
     """Patched in place of reading the sessions: a task for each, which needs so much."""
     each = iter(needs)
     return lambda folder, order: Task(folder, order, check, next(each))
 
 
-@pytest.mark.parametrize("budget, at_once", [(None, 3), (100, 2), (10, 1)])
-def test_no_more_run_at_once_than_memory_allows(tmp_path, monkeypatch, budget, at_once):
-    order = order_of([tmp_path / str(number) for number in range(6)], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([40] * 6, order))
-    pool = Here(stand_in, workers=3, budget_bytes=budget)
-    assert len(list(run_batch(order, [*order.folders], pool))) == 6
-    assert max(pool.at_once) == at_once
-
-
-def test_no_worker_waits_while_an_outcome_is_stored(tmp_path, monkeypatch):
-    order = order_of([tmp_path / str(number) for number in range(3)], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([40] * 3, order))
-    pool = Here(stand_in)
-    outcomes = run_batch(order, [*order.folders], pool)
-    assert Path(next(outcomes).folder).name == "0" and len(pool.tasks) == 1
-    assert [Path(each.folder).name for each in outcomes] == ["1", "2"]
-
-
 def test_a_scene_is_looked_at_before_it_runs_with_what_it_needs(tmp_path, monkeypatch):
     order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.first_task",
-                        tasks_of([40, 40], order, check=True))
-    pool = Here(lambda task: dataclasses.replace(stand_in(task), needed_bytes=70)
-                if task.check else stand_in(task))
-    assert len(list(run_batch(order, [*order.folders], pool))) == 2
+    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([40, 40], check=True))
+    executor, here = inline_workers(lambda task: dataclasses.replace(
+        stand_in(task), needed_bytes=70) if task.check else stand_in(task))
+    assert len(list(run_batch(order, [*order.folders], here))) == 2
     # what has been looked at runs before the next is looked at
-    assert [(task.folder.name, task.check, task.needed_bytes) for task in pool.started] == [
+    assert [(task.folder.name, task.check, task.needed_bytes) for task in executor.tasks] == [
         ("a", True, 40), ("a", False, 70), ("b", True, 40), ("b", False, 70)]
 
 
-def test_a_session_too_large_for_any_worker_is_one_row(tmp_path, monkeypatch):
+def test_a_session_that_cannot_be_run_is_one_row(tmp_path, monkeypatch):
     order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.first_task",
-                        tasks_of([2**30, 2**20], order))
-    outcomes = list(run_batch(order, [*order.folders], Here(stand_in, largest_bytes=2**29)))
-    assert [each.word for each in outcomes] == ["ERROR", "PASS"]
+    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([2**30, 2**20]))
+    _, here = inline_workers(stand_in, worker_bytes=2**29)
+    outcomes = list(run_batch(order, [*order.folders], here))
+    assert [(each.word, each.exit_code) for each in outcomes] == [("ERROR", 7), ("PASS", 0)]
     assert "1024 MiB of memory are needed and a worker has 512 MiB" in outcomes[0].says
 
 
 def test_everything_that_is_wrong_with_a_scene_is_in_its_row(captured, tmp_path):
     (captured / "photos" / "box.dng").write_bytes(b"no photo")
     order = order_of([captured], tmp_path / "out")
-    (outcome,) = run_batch(order, [captured], Here())
+    (outcome,) = run_batch(order, [captured], inline_workers()[1])
     assert outcome.state == "failed" and "box.dng" in outcome.says
     assert stored_outcome(order.out, captured, order.program) is None      # it is tried again
 
@@ -338,14 +264,6 @@ def test_one_batch_at_a_time_uses_a_folder(tmp_path):
         pass
 
 
-@pytest.mark.parametrize("workers", [2, 3, 5, 70])
-def test_cores_are_shared_out(workers):
-    shares, cores = shares_of_cores(workers), os.sched_getaffinity(0)
-    assert len(shares) == workers and all(share and set(share) <= cores for share in shares)
-    if workers <= len(cores):
-        assert sorted(core for share in shares for core in share) == sorted(cores)
-
-
 # ---- which sessions, and what is said of them
 
 def test_folders_are_taken_once_in_their_order(tmp_path):
@@ -356,12 +274,6 @@ def test_folders_are_taken_once_in_their_order(tmp_path):
         session_folders([], None)
     with pytest.raises(InputError, match="cannot be read as a list of sessions"):
         session_folders([], tmp_path)
-
-
-def test_workers_of_a_cluster_are_its_own(tmp_path):
-    with pytest.raises(InputError, match="has its own; give one of the two"), \
-            open_workers("tcp://localhost:1", 2, 3):
-        pass
 
 
 HOSTILE = "<script>alert(1)</script>"

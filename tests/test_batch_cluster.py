@@ -1,20 +1,17 @@
 """Batches on a Dask cluster: the bits of plain processes, whoever dies on the way."""
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
-from batch_sessions import begun, copies, order_of, results_of, write_session
-from test_batch import process_at
+from batch_sessions import begun, copies, kill_worker_at, order_of, results_of, write_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
-from spectrabox.session.batch.processes import open_processes
-from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.batch.executors import open_processes, open_workers
 
 default_client = pytest.importorskip(
     "distributed", reason="no Dask here: pip install 'spectrabox[cluster]'").default_client
@@ -29,8 +26,8 @@ def session(tmp_path_factory):
     """A session that plain processes have made."""
     folder = write_session(tmp_path_factory.mktemp("one") / "as processes")
     order = order_of([folder], folder.parent / "out")
-    with open_processes(1) as pool:
-        (outcome,) = run_batch(order, [folder], pool)
+    with open_processes(1) as workers:
+        (outcome,) = run_batch(order, [folder], workers)
     assert outcome.state == "done"
     return folder
 
@@ -38,11 +35,11 @@ def session(tmp_path_factory):
 def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session, tmp_path):
     folders = copies(session, tmp_path, ["a", "b"])
     order = order_of(folders, tmp_path / "out")
-    with open_workers("local", 1, len(folders)) as pool:
-        assert pool.workers == 1 and pool.about.startswith("dashboard: http")
+    with open_workers("local", 1, len(folders)) as workers, kill_worker_at(folders[0]):
+        assert workers.capacity().workers == 1 and workers.about.startswith("dashboard: http")
         # Dask's own setting has every array mapped anew: up to half as much processor again
         assert {*default_client().run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()} == {None}
-        outcomes = run_batch(order, folders, KillingOnce(pool, folders[0]))
+        outcomes = run_batch(order, folders, workers)
         assert [(each.state, each.says) for each in outcomes if each.state != "done"] == []
     for folder in folders:
         assert results_of(folder) == results_of(session)
@@ -50,28 +47,12 @@ def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session
 
 def test_a_cluster_of_this_machine_listens_to_this_machine_alone():
     psutil = pytest.importorskip("psutil")
-    with open_workers("local", 1, 1) as pool:
+    with open_workers("local", 1, 1):
         workers = psutil.Process().children(recursive=True)
         listening = {each.laddr.ip for process in (psutil.Process(), *workers)
                      for each in process.net_connections() if each.status == psutil.CONN_LISTEN}
-        assert pool.workers == 1 and workers
+        assert workers
     assert listening == {"127.0.0.1"}
-
-
-class KillingOnce:
-    """A pool of which the worker in one session is killed the first time."""
-
-    def __init__(self, pool, folder):
-        self._pool, self._folder, self._killed = pool, folder, False
-
-    def __getattr__(self, name):
-        return getattr(self._pool, name)
-
-    def wait(self):
-        if not self._killed:
-            os.kill(process_at(self._folder), signal.SIGKILL)
-            self._killed = True
-        return self._pool.wait()
 
 
 @pytest.fixture
@@ -104,9 +85,9 @@ def test_a_scheduler_that_dies_costs_nothing_that_is_stored(session, tmp_path, d
     order = order_of(folders, tmp_path / "out")
     address, scheduler, worker = dask()
     with pytest.raises(EnvironmentProblem, match="the same command again to go on"), \
-            open_workers(address, None, 2) as pool:
-        assert pool.largest_bytes == 2 * 2**30
-        for outcome in run_batch(order, folders, pool):
+            open_workers(address, None, 2) as workers:
+        assert workers.capacity().worker_bytes == 2 * 2**30
+        for outcome in run_batch(order, folders, workers):
             assert outcome.says.startswith("The chart")
             scheduler.kill()
     worker.kill()
@@ -114,8 +95,8 @@ def test_a_scheduler_that_dies_costs_nothing_that_is_stored(session, tmp_path, d
     done = kept_outcomes(order)
     assert len(done) == 1
     address, _, _ = dask()
-    with open_workers(address, None, 1) as pool:
-        (outcome,) = run_batch(order, [each for each in folders if each not in done], pool)
+    with open_workers(address, None, 1) as workers:
+        (outcome,) = run_batch(order, [each for each in folders if each not in done], workers)
     assert outcome.state == "done", outcome.says
     for folder in folders:
         assert results_of(folder) == results_of(session)

@@ -3,20 +3,22 @@ import contextlib
 import os
 import signal
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from inline_workers import inline_workers
 from shaded_images import CAMERA, LIGHT, shaded_image, write_image
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.files import UNFINISHED
-from spectrabox.session.batch.pool import Finished, Lost
-from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.batch.executors import Capacity, NotRun, Workers
 from spectrabox.session.cli import app
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures import shared_uplift as tiles
+from spectrabox.session.pictures.row_tasks import RowsTask
 from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
 from spectrabox.session.pictures.uplift import uplift_answer
 
@@ -39,9 +41,9 @@ def _one_shard_a_task(monkeypatch):
     monkeypatch.setattr(tiles, "TASK_PIXELS", 1)
 
 
-def request(image, out, coefficients=None, **more):
+def request(image, out, **more):
     return UpliftRequest(image=image, out=out, sensitivity=CAMERA, light=LIGHT, side=5,
-                         **{"to": "zarr", "low_rank": coefficients} | more)
+                         **{"to": "zarr"} | more)
 
 
 def contents(out):
@@ -50,49 +52,41 @@ def contents(out):
             if path.is_file() and path.suffix != ".lock"}
 
 
-def answer(image, out, coefficients=None, workers=None, cluster=None):
-    return shared_uplift_answer(request(image, out, coefficients, workers=workers,
-                                        cluster=cluster), lambda *_: None)[0]
-
-
-class Inline:
-    """A pool of one worker, this process."""
-
-    workers, budget_bytes, largest_bytes, about = 1, None, None, ""
-
-    def __init__(self, outcome):
-        self.outcome, self.ended, self.written = outcome, [], []
-
-    def start(self, task):
-        if task.write:
-            self.written.append(task.first)
-        self.ended.append(self.outcome(self, task))
-
-    def wait(self):
-        ended, self.ended = self.ended, []
-        return ended
+def answer(image, out, workers=None, cluster=None):
+    return shared_uplift_answer(request(image, out, workers=workers, cluster=cluster),
+                                lambda *_: None)[0]
 
 
 @pytest.fixture
 def inline(monkeypatch):
-    """A function that makes tasks run here, or end as it is told."""
-    def use(outcome=lambda pool, task: Finished(task, task()), pool=None):
-        pool = pool or Inline(outcome)
-        monkeypatch.setattr(tiles, "open_workers", lambda *_: contextlib.nullcontext(pool))
-        return pool
+    """A function that makes tasks run here, and gives the list of first rows as they are written;
+    ``work`` takes a task and that list.
+    """
+    def use(work=lambda task, written: task()):
+        written = []
+
+        def note(task):
+            if task.write:
+                written.append(task.first)
+            return work(task, written)
+
+        use_workers(monkeypatch, inline_workers(note)[1])
+        return written
     return use
+
+
+def use_workers(monkeypatch, workers):
+    monkeypatch.setattr(tiles, "open_workers", lambda *_: contextlib.nullcontext(workers))
 
 
 # ---- the same bits
 
-@pytest.mark.parametrize("coefficients", [None, 8], ids=["spectra", "low rank"])
-def test_two_processes_write_the_bits_of_one(coefficients, image, tmp_path):
-    facts, _ = uplift_answer(request(image, tmp_path / "one", coefficients), lambda *_: None)
-    made = answer(image, tmp_path / "two", coefficients, workers=2)
+def test_two_processes_write_the_bits_of_one(image, tmp_path):
+    facts, _ = uplift_answer(request(image, tmp_path / "one"), lambda *_: None)
+    shared = answer(image, tmp_path / "two", workers=2)
     assert contents(tmp_path / "two") == contents(tmp_path / "one")
-    assert (made["tasks"], made["done_before"]) == (TASKS, 0)
-    assert made["outside_0_to_1"] == facts["outside_0_to_1"]
-    assert made.get("errors") == facts.get("errors")
+    assert (shared["tasks"], shared["done_before"]) == (TASKS, 0)
+    assert shared["outside_0_to_1"] == facts["outside_0_to_1"]
 
 
 @pytest.fixture(scope="module")
@@ -110,51 +104,28 @@ def test_a_cluster_writes_the_bits_of_one_process(image, expected, tmp_path):
     assert contents(tmp_path) == expected
 
 
-def test_a_worker_that_is_killed_costs_its_rows_alone(image, expected, tmp_path, monkeypatch):
-    killed, started = [], []
+@dataclass(frozen=True)
+class DyingOnce(RowsTask):
+    """Rows at whose writing a worker is killed, once."""
 
-    class Killing:
-        """The processes of a pool, of which the first at writing is killed."""
-
-        def __init__(self, pool):
-            self.pool = pool
-
-        def __getattr__(self, name):
-            return getattr(self.pool, name)
-
-        def start(self, task):
-            self.pool.start(task)
-            started.append((task.write, task.first))
-            if task.write and not killed:
-                (worker,) = (each for each, at in self.pool._busy.items() if at is task)
-                killed.append(worker.process.pid)
-                os.kill(worker.process.pid, signal.SIGKILL)
-
-    @contextlib.contextmanager
-    def killing(cluster, workers, tasks):
-        with open_workers(cluster, workers, tasks) as pool:
-            yield Killing(pool)
-
-    monkeypatch.setattr(tiles, "open_workers", killing)
-    answer(image, tmp_path, workers=2)
-    assert contents(tmp_path) == expected
-    writes = [first for write, first in started if write]
-    assert len(killed) == 1 and sorted(writes) == sorted([*range(0, HEIGHT, 128), writes[0]])
+    def __call__(self):
+        killed = self.order.request.out.parent / "killed"
+        if self.write and not killed.exists():
+            killed.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().__call__()
 
 
-def test_threads_of_one_worker_do_not_share_an_open_picture(image, expected, tmp_path, inline):
+def test_a_worker_that_is_killed_costs_nothing_but_time(image, expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(tiles, "RowsTask", DyingOnce)
+    answer(image, tmp_path / "out", workers=2)
+    assert (tmp_path / "killed").exists() and contents(tmp_path / "out") == expected
+
+
+def test_threads_of_one_worker_do_not_share_an_open_picture(image, expected, tmp_path, monkeypatch):
     """Dask's workers may have several threads, and a file is read from where it was read last."""
     with ThreadPoolExecutor(4) as threads:
-        class Threads(Inline):
-            workers = 4
-
-            def start(self, task):
-                self.ended.append((task, threads.submit(task)))
-
-            def wait(self):
-                return [Finished(task, future.result()) for task, future in super().wait()]
-
-        inline(pool=Threads(None))
+        use_workers(monkeypatch, Workers("", lambda: Capacity(4, None, None), lambda _: threads))
         answer(image, tmp_path)
     assert contents(tmp_path) == expected
 
@@ -162,18 +133,18 @@ def test_threads_of_one_worker_do_not_share_an_open_picture(image, expected, tmp
 # ---- going on
 
 def test_what_is_done_is_not_done_again(image, expected, tmp_path, inline):
-    def stopped(pool, task):
-        if len(pool.written) == 3:
+    def stopped(task, written):
+        if len(written) == 3:
             raise EnvironmentProblem("the cluster is gone")
-        return Finished(task, task())
+        return task()
 
     inline(stopped)
     with pytest.raises(EnvironmentProblem, match="gone"):
         answer(image, tmp_path)
     assert not [path for path in tmp_path.iterdir() if path.suffix == ".zarr"]
-    pool = inline()
+    written = inline()
     made = answer(image, tmp_path)
-    assert pool.written == [256, 384] and made["done_before"] == 2
+    assert written == [256, 384] and made["done_before"] == 2
     assert contents(tmp_path) == expected
 
 
@@ -183,9 +154,9 @@ def test_an_end_that_was_cut_short_is_made_up_for(image, expected, tmp_path, inl
         patch.setattr(tiles, "sync", lambda folder: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             answer(image, tmp_path)
-    pool = inline()
+    written = inline()
     answer(image, tmp_path)
-    assert pool.written == [] and contents(tmp_path) == expected
+    assert written == [] and contents(tmp_path) == expected
 
 
 def test_clearing_up_that_was_cut_short_leaves_no_rows_unwritten(image, expected, tmp_path, inline,
@@ -200,20 +171,20 @@ def test_clearing_up_that_was_cut_short_leaves_no_rows_unwritten(image, expected
         patch.setattr(tiles.shutil, "rmtree", cut_short)
         with pytest.raises(ZeroDivisionError):
             answer(image, tmp_path)
-    pool = inline()
+    written = inline()
     answer(image, tmp_path)
-    assert len(pool.written) == TASKS and contents(tmp_path) == expected
+    assert len(written) == TASKS and contents(tmp_path) == expected
 
 
 def test_another_picture_begins_anew(image, tmp_path, inline):
-    inline(lambda pool, task: Finished(task, task()) if len(pool.written) < 2 else 1 / 0)
+    inline(lambda task, written: task() if len(written) < 2 else 1 / 0)
     with pytest.raises(ZeroDivisionError):
         answer(image, tmp_path)
     (before,) = tmp_path.glob(f"{UNFINISHED}tiles-*")
     pixels = np.full((HEIGHT, WIDTH, 3), 0.25)
-    pool = inline()
+    written = inline()
     made = answer(write_image(tmp_path / "other.exr", pixels, (64, 64)), tmp_path)
-    assert made["done_before"] == 0 and len(pool.written) == TASKS
+    assert made["done_before"] == 0 and len(written) == TASKS
     assert not before.exists()
 
 
@@ -228,10 +199,9 @@ def test_a_second_picture_takes_the_place_of_the_first(image, expected, tmp_path
 
 # ---- what ends it
 
-def test_rows_whose_worker_dies_twice_are_one_sentence(image, tmp_path, inline):
-    inline(lambda pool, task: Lost(task, "by signal 9 (SIGKILL)"))
-    with pytest.raises(EnvironmentProblem, match="the worker of rows 0 to 128 died twice, the "
-                                                 "second time by signal 9"):
+def test_rows_whose_worker_dies_are_one_sentence(image, tmp_path, inline):
+    inline(lambda task, written: NotRun("its worker died"))
+    with pytest.raises(EnvironmentProblem, match="rows 0 to 128 have no spectra: its worker died"):
         answer(image, tmp_path)
 
 
@@ -268,8 +238,8 @@ def test_the_command_shares_out_what_it_is_asked_to(words, image, tmp_path):
     (lambda path: path.write_text("x", encoding="utf-8"), "mean.zarr cannot be written: it is a"),
     (lambda path: path.symlink_to(Path("elsewhere")), "mean.zarr is a symbolic link")])
 def test_what_is_in_the_way_is_said_before_work_begins(make, message, image, tmp_path, inline):
-    pool = inline()
+    written = inline()
     make(tmp_path / "mean.zarr")
     with pytest.raises(EnvironmentProblem, match=message):
         answer(image, tmp_path)
-    assert pool.written == []
+    assert written == []

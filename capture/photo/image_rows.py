@@ -91,33 +91,6 @@ def open_rows(path: Path) -> PictureRows:
                        spec.tile_height or 1)
 
 
-def open_layers(path: Path, prefix: str, word: str) -> tuple[PictureRows, str]:
-    """The channels of an EXR whose names begin alike, in their order, and one word of its header.
-
-    Parameters
-    ----------
-    path : Path
-    prefix : str
-        Of the channels.
-    word : str
-        Name of an attribute of text; empty where there is none.
-
-    Raises
-    ------
-    InputError
-        If there is no such channel, or the file cannot be read.
-    """
-    file = open_as_stored(path) if path.is_file() and is_image_file(path) else None
-    spec = None if file is None else file.spec()
-    bands = [] if spec is None else [index for index, name in enumerate(channel_names(path, spec))
-                                     if name.startswith(prefix)]
-    if spec is None or not bands:
-        raise InputError(f"{path.name} is no EXR with channels {prefix}...; name the file that was "
-                         "written")
-    return (PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
-                        spec.tile_height or 1), str(spec.get_string_attribute(word)))
-
-
 def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
     """A function of (first, last) that reads some channels of rows."""
     spec = file.spec()

@@ -49,7 +49,7 @@ def write_picture(photo: LitPhoto, section: PictureOptions, folder: Path,
     in_pixels = PIXELS_A_POINT * int(survey.points.sum() or MAX_CENTRES)
     table_share = in_pixels / (in_pixels + height * width)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plan = plan_spectra(photo, layout, survey, None,
+        plan = plan_spectra(photo, layout, survey,
                             lambda share: progress(table_share * share), pool.map)
     before = table_share if plan.tables else 0.0
     counts = np.zeros(3)        # beyond white, unlike, and the sum of standard deviations

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
@@ -23,7 +23,6 @@ from spectrabox.sampling.prior.local_posteriors import (
     LocalPosteriors,
     local_posteriors,
 )
-from spectrabox.sampling.prior.low_rank import LowRank, stated_errors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
     MapParts,
@@ -38,11 +37,9 @@ from spectrabox.sampling.prior.uplift_table import (
 
 PIXELS_AT_ONCE = 65_536
 PIXELS_IN_CACHE = 16_384    # looked up at a time
-SAMPLED = 65_536            # pixels, evenly over the picture, that tell what a low rank costs
-SAMPLED_DIRECTLY = 2048     # where each takes a millisecond
+SAMPLED = 65_536            # pixels, evenly over the picture, whose signals stand for all
 POINT_IN_PIXELS = 1         # a point of one table takes as long as how many pixels one by one
 CENTRE_IN_PIXELS = 2        # likewise one of the posteriors among many bands, at most
-SUM_ERROR = 1e-5            # of an interpolation in single precision, at most
 GRID_STEP_NM = 5
 DEVIATION_STEPS = 2     # the standard deviation changes slowly: every second wavelength is kept
 
@@ -69,11 +66,6 @@ class KeptWavelengths:
     def nm(self) -> tuple[np.ndarray, np.ndarray]:
         """Wavelengths (P,) of the mean and (Q,) of the standard deviation."""
         return PRIOR_GRID.nm[self.mean], PRIOR_GRID.nm[self.deviation]
-
-    @property
-    def float_type(self) -> Any:
-        """Type of the numbers that are stored."""
-        return np.float32 if self.full else np.float16
 
 
 @dataclass(frozen=True)
@@ -217,8 +209,6 @@ class SpectraPlan:
     kept: KeptWavelengths
     # of each light; none where pixels are computed one by one
     tables: tuple[LightTable | LocalPosteriors, ...]
-    low_rank: LowRank | None = None
-    errors: dict[str, Any] | None = None    # that the low rank costs
 
     def values(self, source: PixelSource, block: PixelBlock) -> np.ndarray:
         """Numbers (n, C) of a block's pixels.
@@ -226,33 +216,25 @@ class SpectraPlan:
         Returns
         -------
         (n, C) array
-            Coefficients of the low rank; without one mean (P), standard deviation (Q) and novelty
-            (1) side by side.
+            Mean (P), standard deviation (Q) and novelty (1) side by side.
         """
         if not self.tables:
-            spectra = _columns(source.direct(block), self.kept, novelty=self.low_rank is None)
-            return spectra if self.low_rank is None else self.low_rank.coefficients(spectra)
-        columns = sum(nm.size for nm in self.kept.nm) + 1 if self.low_rank is None \
-            else len(self.low_rank.basis) - 1
+            return _columns(source.direct(block), self.kept)
+        columns = sum(nm.size for nm in self.kept.nm) + 1
         values = np.empty((len(block.signals), columns), np.float32)
         for light, some in _pieces(block, self.tables[0].at_once):
             table = self.tables[light]
             level = None if block.error_level is None else block.error_level[some]
-            piece = table.values(block.signals[some], level)
-            if self.low_rank is not None and isinstance(table, LocalPosteriors):
-                piece = self.low_rank.coefficients(piece[:, :-1])
-            values[some] = piece
+            values[some] = table.values(block.signals[some], level)
         return values
 
-    def split(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Coefficients, or mean (n, P) and standard deviation (n, Q), as they are written."""
+    def split(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (n, P) and standard deviation (n, Q), as they are written."""
         mean, deviation = (nm.size for nm in self.kept.nm)
-        return (values,) if self.low_rank is not None else (
-            values[:, :mean], values[:, mean:mean + deviation])
+        return values[:, :mean], values[:, mean:mean + deviation]
 
 
 def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
-                 low_rank: LowRank | None = None,
                  progress: Progress = lambda share: None,
                  map_parts: MapParts = map) -> SpectraPlan:
     """The plan of a picture all of whose rows have been surveyed.
@@ -263,8 +245,6 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     kept : KeptWavelengths
     survey : Survey
         Of all rows.
-    low_rank : LowRank, optional
-        Of sources with one light and errors of one level.
     progress : function of the share that is done
     map_parts : function of (function, iterable), optional
         As ``map``; of a pool of threads, the tables are computed on several cores.
@@ -275,9 +255,7 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
                                    else CENTRE_IN_PIXELS * MAX_CENTRES)
     if bands != 3 or one_by_one:
         near = () if one_by_one else tuple(_local_tables(source, kept, survey, progress, map_parts))
-        plan = SpectraPlan(kept, near, low_rank)
-        return plan if low_rank is None else replace(plan, errors=_errors_of_some(
-            source, plan, survey, low_rank))
+        return SpectraPlan(kept, near)
     tables: list[LightTable] = []
     done = 0
     for light, wanted in enumerate(survey.points):
@@ -286,29 +264,17 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
                 (done + share * own) / points), map_parts)
-        smallest, *larger = (_columns(table, kept, novelty=low_rank is None) for table in uplifted)
+        smallest, *larger = (_columns(table, kept) for table in uplifted)
         tables.append(LightTable(uplifted[0].row, smallest,
                                  larger[0] - smallest if larger else None))
         done += own
-    if low_rank is None:
-        return SpectraPlan(kept, tuple(tables))
-    row, spectra = tables[0].row, tables[0].columns
-    coefficients = low_rank.coefficients(spectra)
-    # A pixel's error is a mean of those at the table's points around it.
-    rounding = float(np.finfo(kept.float_type).eps) / 2
-    bound = (np.abs(low_rank.spectra(coefficients) - spectra)
-             + low_rank.rounded(coefficients, rounding)).max(axis=0) + SUM_ERROR
-    weights = interpolation(row, len(spectra), survey.sample.signals)
-    return SpectraPlan(kept, (LightTable(row, coefficients, None),), low_rank, stated_errors(
-        low_rank, weights @ spectra, (weights @ coefficients).astype(kept.float_type),
-        kept.nm[0].size, bound))
+    return SpectraPlan(kept, tuple(tables))
 
 
-def _columns(uplifted: Uplifted | UpliftTable, kept: KeptWavelengths, *,
-             novelty: bool) -> np.ndarray:
-    """Mean and standard deviation side by side, and perhaps the novelty."""
+def _columns(uplifted: Uplifted | UpliftTable, kept: KeptWavelengths) -> np.ndarray:
+    """Mean, standard deviation and novelty side by side."""
     return np.hstack([uplifted.mean[:, kept.mean], uplifted.standard_deviation[:, kept.deviation],
-                      uplifted.novelty[:, None][:, :int(novelty)]])
+                      uplifted.novelty[:, None]])
 
 
 def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey, progress: Progress,
@@ -324,14 +290,3 @@ def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey, pr
             None if sample.error_level is None else sample.error_level[own], kept.mean,
             kept.deviation, lambda share, light=light: progress(    # type: ignore[misc]
                 (light + share) / lights), map_parts)
-
-
-def _errors_of_some(source: PixelSource, plan: SpectraPlan, survey: Survey,
-                    low_rank: LowRank) -> dict[str, Any]:
-    """Errors that a low rank costs where there is no lattice, of some pixels of the sample."""
-    signals = survey.sample.signals
-    some = PixelBlock(signals[::max(1, -(-len(signals) // SAMPLED_DIRECTLY))], None, None)
-    spectra = replace(plan, low_rank=None).values(source, some)[:, :-1]
-    return stated_errors(low_rank, spectra,
-                         low_rank.coefficients(spectra).astype(plan.kept.float_type),
-                         plan.kept.nm[0].size, None)

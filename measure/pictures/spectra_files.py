@@ -123,21 +123,14 @@ def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
         "mean" and "standard_deviation" to their files.
     """
     paths = layout.paths(folder)
-    write_blocks(blocks, size, folder, [layer_rows(name, path, size, layout, responses)
-                                        for name, path in paths.items()], progress)
-    return paths
-
-
-def write_blocks(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]], size: tuple[int, int],
-                 folder: Path, files: list[contextlib.AbstractContextManager[WriteRows]],
-                 progress: Callable[[float], None]) -> None:
-    """Write the parts of each block, one to each of the files."""
     with writable(folder), contextlib.ExitStack() as stack:
-        writers = [stack.enter_context(file) for file in files]
+        writers = [stack.enter_context(layer_rows(name, path, size, layout, responses))
+                   for name, path in paths.items()]
         for first, last, parts in blocks:
             for write, part in zip(writers, parts, strict=True):
                 write(first, part.reshape(last - first, size[1], -1))
             progress(last / size[0])
+    return paths
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""The spectra behind the pixels of an image relative to white: mean, standard deviation, low rank.
+"""The spectra behind the pixels of an image relative to white: mean and standard deviation.
 
 What is in memory does not grow with the image's height, where it is read and its spectra are used
 some rows at a time.
@@ -13,8 +13,6 @@ from spectrabox.capture.photo.image_rows import PictureRows
 from spectrabox.measure.pictures.pixel_spectra import (
     KeptWavelengths,
     PixelBlock,
-    SpectraPlan,
-    Survey,
     merge_surveys,
     plan_spectra,
     row_blocks,
@@ -22,7 +20,6 @@ from spectrabox.measure.pictures.pixel_spectra import (
 )
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.checks import check_bands
-from spectrabox.sampling.prior.low_rank import low_rank
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
     SIDE,
@@ -73,34 +70,6 @@ class ImageSource:
                               relative_errors(signals, self.noise))
 
 
-def plan_image(source: ImageSource, kept: KeptWavelengths, survey: Survey,
-               coefficients: int | None = None, progress: Progress = lambda share: None,
-               map_parts: MapParts = map) -> SpectraPlan:
-    """The plan of an image all of whose rows have been surveyed.
-
-    Parameters
-    ----------
-    source : ImageSource
-    kept : KeptWavelengths
-    survey : Survey
-        Of all rows.
-    coefficients : int, optional
-        Of a low rank, for each pixel in place of its spectra.
-    progress : function of the share that is done
-    map_parts : function of (function, iterable), optional
-        As of ``plan_spectra``.
-
-    Raises
-    ------
-    InputError
-        For a number of coefficients that cannot be.
-    """
-    low = None if coefficients is None else low_rank(
-        source.prior, source.relative_response, source.noise, coefficients, kept.mean,
-        kept.deviation)
-    return plan_spectra(source, kept, survey, low, progress, map_parts)
-
-
 def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitMixture,
                  noise: float = 0.01, *, white: np.ndarray | None = None,
                  kept: KeptWavelengths | None = None, side: int = SIDE,
@@ -145,9 +114,9 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitM
         np.ones(bands, np.float32) if white is None else white.astype(np.float32),
         relative_response, prior, noise, side)
     blocks = row_blocks(height, width)
-    plan = plan_image(source, kept or KeptWavelengths(5, full=True),
-                      merge_surveys(survey_rows(source, *rows) for rows in blocks), None, progress,
-                      map_parts)
+    plan = plan_spectra(source, kept or KeptWavelengths(5, full=True),
+                        merge_surveys(survey_rows(source, *rows) for rows in blocks), progress,
+                        map_parts)
     parts = zip(*(plan.split(plan.values(source, source.block(*rows))) for rows in blocks),
                 strict=True)
     mean, deviation = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)

@@ -51,7 +51,6 @@ class Task:
     order: Order
     check: bool                 # only check it
     needed_bytes: int           # of memory, with the program
-    tries: int = 0              # how often its worker died
 
     def __call__(self) -> Outcome:
         """Check the session, or run it whole and write its report, on a worker.
@@ -67,22 +66,24 @@ class Task:
                                          "run the same command again")
             outcome = _check(self) if self.check else _run(self)
         except BaseException as error:      # a batch goes on, whatever happens to one session
-            if interrupt_behind(error) is not None \
-                    or isinstance(error, SystemExit | GeneratorExit):
+            stop = interrupt_behind(error)
+            if stop is not None:
+                raise stop from None
+            if isinstance(error, SystemExit | GeneratorExit):
                 raise
             outcome = failed(self, *describe_error(error))
         return replace(outcome, seconds=round(time.perf_counter() - start, 3),
                        peak_bytes=memory.peak())
 
 
-def first_task(folder: Path, order: Order) -> Task | Outcome:
-    """The first task of a session, or its failure where its files cannot be read."""
+def first_task(folder: Path, order: Order) -> Task:
+    """The first task of a session. Where its files cannot be read, running it says so."""
     task = Task(folder, order, check=False, needed_bytes=0)
     try:
         config = read_session(folder, order.allow_outside)
         return replace(task, check=not config.flat, needed_bytes=needed_bytes(config))
-    except SpectraboxError as error:
-        return failed(task, str(error), error.exit_code)
+    except SpectraboxError:
+        return task
 
 
 def failed(task: Task, sentence: str, exit_code: int) -> Outcome:

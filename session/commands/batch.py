@@ -52,10 +52,10 @@ def batch(request: BatchRequest) -> Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
     check_device(request.device)
     from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
+    from spectrabox.session.batch.executors import open_workers
     from spectrabox.session.batch.manifest import program_of_batch
     from spectrabox.session.batch.overview import BatchProgress, batch_facts, batch_text, write_page
     from spectrabox.session.batch.tasks import Order
-    from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.store.locks import sole_user
     from spectrabox.session.terminal.progress_display import progress_display
     order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),
@@ -66,13 +66,13 @@ def batch(request: BatchRequest) -> Answer:
         used = 0
         try:
             with progress_display(request.quiet) as show, \
-                    open_workers(request.cluster, request.workers, len(waiting)) as pool:
-                if pool.about and not request.quiet:
-                    tell(pool.about)
-                used = pool.workers
+                    open_workers(request.cluster, request.workers, len(waiting)) as workers:
+                if workers.about and not request.quiet:
+                    tell(workers.about)
+                used = workers.capacity().workers
                 progress = BatchProgress(show, len(order.folders), kept,
                                          not request.quiet and not sys.stderr.isatty())
-                for outcome in run_batch(order, waiting, pool):
+                for outcome in run_batch(order, waiting, workers):
                     outcomes[Path(outcome.folder)] = outcome
                     progress.add(outcome)
         finally:    # also of what is done when Ctrl-C ends it

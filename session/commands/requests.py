@@ -187,10 +187,6 @@ class UpliftRequest(CameraAndLight):
     to: Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
         "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images "
         "of single floats; zarr: OME-Zarr images, as napari opens them.")] = "exr"
-    low_rank: Annotated[int | None, typer.Option(
-        "--low-rank", metavar="N", show_default=False, help="Of each pixel N coefficients and once "
-        "their basis, in place of spectra: half as large with 16, and about 0.001 off "
-        "(rms).")] = None
     workers: Annotated[int | None, typer.Option(
         "--workers", min=1, show_default=False, help="Processes that share the picture, and go on "
         "where a command ended that was stopped; one process on all cores by default. Needs --to "

@@ -6,7 +6,6 @@ the image is stored as arrays, which every worker reads, and a command that resu
 from __future__ import annotations
 
 import functools
-import json
 import threading
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -29,16 +28,12 @@ from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.spectra.formats.zarr_array import (
     CHUNK_PX,
     CHUNKS_A_SHARD,
-    COEFFICIENTS,
-    LEVEL,
     open_region,
 )
 from spectrabox.sampling.prior.local_posteriors import LocalPosteriors
-from spectrabox.sampling.prior.low_rank import LowRank
 from spectrabox.session.commands.requests import UpliftRequest
-from spectrabox.session.pictures.uplift import image_source, uplift_layout, uplift_paths
+from spectrabox.session.pictures.uplift import image_source, uplift_layout
 from spectrabox.session.store.program import program_digest
-from spectrabox.session.terminal.command_line import describe_error, interrupt_behind
 
 DONE = "done"           # folder of one empty file a task
 PLAN = "plan.npz"
@@ -56,14 +51,6 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Refused:
-    """Why a task has no result."""
-
-    message: str
-    exit_code: int
-
-
-@dataclass(frozen=True)
 class RowsTask:
     """Rows ``first`` to ``last``: surveyed, or written."""
 
@@ -72,24 +59,18 @@ class RowsTask:
     last: int
     write: bool
     needed_bytes: int
-    tries: int = 0              # how often a worker died of it
 
-    def __call__(self) -> Survey | Refused | None:
+    def __call__(self) -> Survey | None:
         """Do it, on a worker."""
-        try:
-            if program_digest() != self.order.program:
-                raise EnvironmentProblem("this worker's program or packages are not those of the "
-                                         "command: install the same, then run it again")
-            source = _open_source(self.order, threading.get_ident())
-            if not self.write:
-                return merge_surveys(
-                    survey_rows(source, self.first + start, self.first + end)
-                    for start, end in row_blocks(self.last - self.first, source.size[1]))
-            write_rows(source, _plan_of(self.order), self.order, self.first, self.last)
-        except BaseException as error:
-            if interrupt_behind(error) is not None or isinstance(error, SystemExit | GeneratorExit):
-                raise
-            return Refused(*describe_error(error))
+        if program_digest() != self.order.program:
+            raise EnvironmentProblem("this worker's program or packages are not those of the "
+                                     "command: install the same, then run it again")
+        source = _open_source(self.order, threading.get_ident())
+        if not self.write:
+            return merge_surveys(survey_rows(source, self.first + start, self.first + end)
+                                 for start, end in row_blocks(self.last - self.first,
+                                                              source.size[1]))
+        write_rows(source, _plan_of(self.order), self.order, self.first, self.last)
         return None
 
 
@@ -105,9 +86,8 @@ def write_rows(source: ImageSource, plan: SpectraPlan, order: Order, first: int,
     first, last : int
         From a multiple of ``CHUNK_PX`` to the next, or to the end.
     """
-    arrays = uplift_paths(order.request, order.folder).values()
-    regions = [open_region(path / (LEVEL if plan.low_rank is None else COEFFICIENTS))
-               for path in arrays]
+    arrays = uplift_layout(order.request).paths(order.folder).values()
+    regions = [open_region(path) for path in arrays]
     _, width, bands = source.size
     for row in range(first, last, CHUNK_PX):
         end = min(row + CHUNK_PX, last)
@@ -138,11 +118,9 @@ def store_plan(folder: Path, plan: SpectraPlan, outside: int) -> None:
     plan : SpectraPlan
     outside : int
     """
-    arrays = {"errors": np.array(json.dumps(plan.errors)), "outside": np.array(outside)}
+    arrays = {"outside": np.array(outside)}
     for table in plan.tables:
         arrays |= {name: value for name, value in vars(table).items() if value is not None}
-    if plan.low_rank is not None:
-        arrays["basis"] = plan.low_rank.basis
     with whole_file(folder / PLAN) as unfinished, unfinished.open("wb") as file:
         np.savez(file, **arrays)    # type: ignore[arg-type]
 
@@ -152,9 +130,7 @@ def load_plan(folder: Path, layout: PictureLayout) -> tuple[SpectraPlan, int]:
     with np.load(folder / PLAN, allow_pickle=False) as stored:
         tables = tuple(kind(**{each.name: stored.get(each.name) for each in fields(kind)})
                        for kind in (LightTable, LocalPosteriors) if fields(kind)[0].name in stored)
-        low = LowRank(stored["basis"]) if "basis" in stored else None
-        return (SpectraPlan(layout, tables, low, json.loads(str(stored["errors"]))),
-                int(stored["outside"]))
+        return SpectraPlan(layout, tables), int(stored["outside"])
 
 
 @functools.lru_cache(maxsize=OPEN_IMAGES)

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import os
 import shutil
-from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -19,47 +18,37 @@ from typing import Any
 from spectrabox.measure.pictures.pixel_spectra import (
     PIXELS_AT_ONCE,
     SpectraPlan,
-    Survey,
     merge_surveys,
+    plan_spectra,
 )
 from spectrabox.measure.pictures.spectra_files import zarr_facts
-from spectrabox.measure.pictures.uplift import ImageSource, plan_image
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.measure.pictures.uplift import ImageSource
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import UNFINISHED, require_no_link, sync, writable
 from spectrabox.radiometry.spectra.formats.zarr_array import (
     CHUNK_PX,
     CHUNKS_A_SHARD,
-    create_low_rank,
     create_picture,
 )
-from spectrabox.session.batch.pool import Finished, Pool
-from spectrabox.session.batch.workers import open_workers
+from spectrabox.session.batch.executors import NotRun, Workers, open_workers, run_tasks
 from spectrabox.session.commands.requests import UpliftRequest
-from spectrabox.session.pictures.low_rank_files import low_rank_attributes
 from spectrabox.session.pictures.row_tasks import (
     DONE,
     PLAN,
     PROGRAM_BYTES,
     Order,
-    Refused,
     RowsTask,
     done_mark,
     load_plan,
     store_plan,
 )
-from spectrabox.session.pictures.uplift import (
-    image_source,
-    uplift_layout,
-    uplift_paths,
-    uplift_summary,
-)
+from spectrabox.session.pictures.uplift import image_source, uplift_layout, uplift_summary
 from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint
 from spectrabox.session.terminal.progress_display import StageProgress
 
 TASK_PIXELS = 4_000_000     # a few seconds: the cost of a lost worker, and little to hand out
-MAX_TRIES = 2               # of a task whose worker dies
 
 
 def shared_uplift_answer(request: UpliftRequest,
@@ -83,14 +72,15 @@ def shared_uplift_answer(request: UpliftRequest,
         raise InputError(f"several workers write into Zarr arrays, and --to {request.to} is one "
                          "stream: give --to zarr, or leave --workers and --cluster out")
     request = replace(request, image=request.image.resolve(), out=request.out.resolve())
-    source, code = image_source(request), program_digest()
+    source, layout, code = image_source(request), uplift_layout(request), program_digest()
     height, width, _ = source.size
     rows = rows_of_a_task(source)
     order = Order(request, request.out / f"{UNFINISHED}tiles-{_key(source, request, code, rows)}",
                   code)
-    starts = range(0, height, rows)
     needed = needed_bytes(source, request)
-    paths = uplift_paths(request, request.out)
+    tasks = [RowsTask(order, first, min(first + rows, height), False, needed)
+             for first in range(0, height, rows)]
+    paths = layout.paths(request.out)
     with sole_user(request.out, "uplift"):
         for path in paths.values():
             require_no_link(path)
@@ -101,30 +91,22 @@ def shared_uplift_answer(request: UpliftRequest,
         for unfinished in request.out.glob(f"{UNFINISHED}tiles-*"):
             if unfinished != order.folder and not unfinished.is_symlink():
                 shutil.rmtree(unfinished, ignore_errors=True)
-        with open_workers(request.cluster, request.workers, len(starts)) as pool:
-            def results(stage: str, left: list[int], *, write: bool) -> Iterator[Survey | None]:
-                tasks = (RowsTask(order, first, min(first + rows, height), write, needed)
-                         for first in left)
-                done = len(starts) - len(left)
-                for result in results_in_order(pool, needed, tasks):
-                    done += 1
-                    progress(stage, done / len(starts), "")
-                    yield result
-
+        with open_workers(request.cluster, request.workers, len(tasks)) as workers:
             if not (order.folder / PLAN).exists():
-                survey = merge_surveys(
-                    each for each in results("signals", [*starts], write=False) if each is not None)
+                surveys = _results(tasks, workers, lambda share: progress("signals", share, ""))
+                survey = merge_surveys(surveys[each.first] for each in tasks)
                 with ThreadPoolExecutor(os.cpu_count()) as threads:
-                    plan = plan_image(source, uplift_layout(request), survey, request.low_rank,
-                                      lambda share: progress("table", share, ""), threads.map)
+                    plan = plan_spectra(source, layout, survey,
+                                        lambda share: progress("table", share, ""), threads.map)
                 _create_arrays(order, source, plan, survey.outside)
-            left = [first for first in starts if not done_mark(order.folder, first).exists()]
-            for _ in results("spectra", left, write=True):
-                pass
-        plan, outside = load_plan(order.folder, uplift_layout(request))
+            left = [replace(each, write=True) for each in tasks
+                    if not done_mark(order.folder, each.first).exists()]
+            _results(left, workers, lambda share: progress(
+                "spectra", 1 - (1 - share) * len(left) / len(tasks), ""))
+        plan, outside = load_plan(order.folder, layout)
         _move_arrays(order.folder, [*paths.values()])
     facts, text = uplift_summary(request, plan, paths, height * width, outside)
-    return facts | {"tasks": len(starts), "done_before": len(starts) - len(left)}, text
+    return facts | {"tasks": len(tasks), "done_before": len(tasks) - len(left)}, text
 
 
 def rows_of_a_task(source: ImageSource) -> int:
@@ -137,80 +119,41 @@ def needed_bytes(source: ImageSource, request: UpliftRequest) -> int:
     """Memory that a worker takes at most: rows of tiles as they are read, and a shard's spectra."""
     image = source.image
     read = 3 * 4 * image.bands * image.width * max(image.rows_at_once, CHUNK_PX)
-    numbers = request.low_rank or sum(nm.size for nm in uplift_layout(request).nm)
+    numbers = sum(nm.size for nm in uplift_layout(request).nm)
     return PROGRAM_BYTES + read + 3 * 4 * numbers * (CHUNK_PX**2 * CHUNKS_A_SHARD + PIXELS_AT_ONCE)
 
 
-def results_in_order(pool: Pool, needed: int, tasks: Iterator[RowsTask]
-                     ) -> Iterator[Survey | None]:
-    """Results of tasks in their own order, as many at a time as workers and memory allow.
-
-    Parameters
-    ----------
-    pool : Pool
-    needed : int
-        Bytes of memory that a task takes.
-    tasks : iterator of RowsTask
+def _results(tasks: list[RowsTask], workers: Workers,
+             progress: Callable[[float], None]) -> dict[int, Any]:
+    """Results of tasks, by their first rows; ``progress`` takes the share that has ended.
 
     Raises
     ------
     SpectraboxError
-        Of a task that was refused.
-    EnvironmentProblem
-        If the worker of a task died twice.
+        Of a task that was refused, or whose worker died.
     """
-    at_once = pool.workers if pool.budget_bytes is None \
-        else max(1, min(pool.workers, pool.budget_bytes // needed))
-    again, running = deque[RowsTask](), 0
-    results: dict[int, Survey | None] = {}
-    waiting = deque[int]()
-    while True:
-        while running < at_once:
-            task = again.popleft() if again else next(tasks, None)
-            if task is None:
-                break
-            if not task.tries:
-                waiting.append(task.first)
-            pool.start(task)
-            running += 1
-        if not running:
-            return
-        for ended in pool.wait():
-            running -= 1
-            task = ended.task
-            if not isinstance(ended, Finished):
-                if task.tries + 1 == MAX_TRIES:
-                    raise EnvironmentProblem(
-                        f"the worker of rows {task.first} to {task.last} died twice, the second "
-                        f"time {ended.why}; give the workers more memory, then run the same "
-                        "command again to go on")
-                again.append(replace(task, tries=task.tries + 1))
-            elif isinstance(ended.outcome, Refused):
-                error = SpectraboxError(ended.outcome.message)
-                error.exit_code = ended.outcome.exit_code
-                raise error
-            else:
-                results[task.first] = ended.outcome
-        while waiting and waiting[0] in results:
-            yield results.pop(waiting.popleft())
+    results: dict[int, Any] = {}
+    waiting = iter(tasks)
+    for task, result in run_tasks(workers, lambda: next(waiting, None)):
+        if isinstance(result, NotRun):
+            raise EnvironmentProblem(f"rows {task.first} to {task.last} have no spectra: "
+                                     f"{result.why} to go on")
+        results[task.first] = result
+        progress(len(results) / len(tasks))
+    return results
 
 
 def _create_arrays(order: Order, source: ImageSource, plan: SpectraPlan, outside: int) -> None:
     """Create arrays of zeros, and last store the plan: its presence says that they are whole."""
     request, (height, width, _) = order.request, source.size
-    paths, half = uplift_paths(request, order.folder), not request.full
+    paths, half = uplift_layout(request).paths(order.folder), not request.full
     with writable(order.folder):
         # marks too: an end that was cut short leaves some, of arrays that were moved already
         for path in (order.folder / DONE, *paths.values()):
             if path.exists():
                 shutil.rmtree(path)
-        if plan.low_rank is not None:
-            tables, about = low_rank_attributes(plan)
-            create_low_rank(paths["low_rank"], (height, width, len(plan.low_rank.basis) - 1), half,
-                            tables, about)
-        else:
-            for (name, path), nm in zip(paths.items(), plan.kept.nm, strict=True):
-                create_picture(path, height, width, nm, half, *zarr_facts(name, source.responses))
+        for (name, path), nm in zip(paths.items(), plan.kept.nm, strict=True):
+            create_picture(path, height, width, nm, half, *zarr_facts(name, source.responses))
         store_plan(order.folder, plan, outside)
 
 
@@ -237,4 +180,4 @@ def _key(source: ImageSource, request: UpliftRequest, code: str, rows: int) -> s
         "made by": code, "picture": states, "response": source.relative_response.tolist(),
         "white": source.white.tolist(), "families": sorted(request.family),
         "noise": request.noise, "side": request.side, "step": request.step,
-        "full": request.full, "coefficients": request.low_rank, "rows": rows})[:16]
+        "full": request.full, "rows": rows})[:16]

@@ -15,15 +15,15 @@ from spectrabox.measure.pictures.pixel_spectra import (
     SpectraPlan,
     Survey,
     merge_surveys,
+    plan_spectra,
     row_blocks,
     survey_rows,
 )
 from spectrabox.measure.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
-from spectrabox.measure.pictures.uplift import ImageSource, plan_image, require_bands, require_side
+from spectrabox.measure.pictures.uplift import ImageSource, require_bands, require_side
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import UpliftRequest
-from spectrabox.session.pictures.low_rank_files import low_rank_path, write_low_rank
 from spectrabox.session.signals.signal_options import numbers, response_of_names
 from spectrabox.session.terminal.progress_display import StageProgress
 
@@ -31,13 +31,6 @@ from spectrabox.session.terminal.progress_display import StageProgress
 def uplift_layout(request: UpliftRequest) -> PictureLayout:
     """Wavelengths and format of the files."""
     return PictureLayout(request.step, request.full, request.to)
-
-
-def uplift_paths(request: UpliftRequest, folder: Path) -> dict[str, Path]:
-    """The files or arrays in a folder, by name."""
-    layout = uplift_layout(request)
-    return layout.paths(folder) if request.low_rank is None \
-        else {"low_rank": low_rank_path(folder, layout)}
 
 
 def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict[str, Any], str]:
@@ -62,16 +55,12 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
 
     survey = merge_surveys(surveys())
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plan = plan_image(source, layout, survey, request.low_rank,
-                          lambda share: progress("table", share, ""), pool.map)
+        plan = plan_spectra(source, layout, survey,
+                            lambda share: progress("table", share, ""), pool.map)
     blocks = computed_blocks(height, width, source.block,
                              lambda block: plan.split(plan.values(source, block)))
-    if plan.low_rank is None:
-        paths = write_spectra(blocks, (height, width), request.out, layout,
-                              lambda share: progress("spectra", share, ""), source.responses)
-    else:
-        paths = write_low_rank(blocks, (height, width), request.out, layout, plan,
-                               lambda share: progress("spectra", share, ""))
+    paths = write_spectra(blocks, (height, width), request.out, layout,
+                          lambda share: progress("spectra", share, ""), source.responses)
     return uplift_summary(request, plan, paths, height * width, survey.outside)
 
 
@@ -87,7 +76,6 @@ def image_source(request: UpliftRequest) -> ImageSource:
         raise InputError(f"--step {request.step} does not divide 400-700 nm into steps of "
                          f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
     require_side(request.side)
-    uplift_paths(request, request.out)      # refuses a low rank in ENVI images
     relative_response = response_of_names(request.sensitivity, request.light)
     image = open_rows(request.image)
     require_bands(image.bands, relative_response)
@@ -117,12 +105,6 @@ def uplift_summary(request: UpliftRequest, plan: SpectraPlan, paths: dict[str, P
              "pixels": pixels, "outside_0_to_1": outside / pixels,
              "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": deviation_nm.tolist(),
              "pixel_type": uplift_layout(request).pixel_type}
-    text = f"wrote {' and '.join(str(path) for path in paths.values())}; "
-    if plan.low_rank is not None and plan.errors is not None:
-        facts |= {"coefficients": len(plan.low_rank.basis) - 1, "errors": plan.errors}
-        mean, deviation = plan.errors["mean"], plan.errors["standard_deviation"]
-        text += (f"the low rank costs {mean['rms']} rms of the mean, {mean['largest']} at most, "
-                 f"and {deviation['rms']} and {deviation['largest']} of the standard deviation "
-                 f"(over {plan.errors['pixels']} pixels); ")
-    return facts, text + (f"{100 * outside / pixels:.1f} % of pixels lie outside what a "
-                          "reflectance between 0 and 1 can give and were taken at the edge")
+    return facts, (f"wrote {' and '.join(str(path) for path in paths.values())}; "
+                   f"{100 * outside / pixels:.1f} % of pixels lie outside what a reflectance "
+                   "between 0 and 1 can give and were taken at the edge")

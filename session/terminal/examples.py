@@ -79,7 +79,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "uplift": (f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
                "    --light D65 --side 9 --out uplifted",
                f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
-               "    --light D65 --side 9 --low-rank 16 --out small"),
+               "    --light D65 --side 9 --to zarr --workers 2 --out arrays"),
     "plan": ("spectrabox plan mybox --lamps D65,A",
              f"spectrabox plan --sensitivity {CAMERA} --light D65 \\\n"
              "    --signal 0.47,0.27,0.12 --lamps A,FL11"),

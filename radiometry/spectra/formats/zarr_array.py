@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,8 +31,6 @@ LEVEL = "0"                 # name of the array of an OME-Zarr image: its only r
 AXES = ("c", "y", "x")      # their order in OME-Zarr
 SHOWN_NM = (610.0, 550.0, 450.0)    # what a viewer shows first, as red, green and blue
 WAVELENGTHS = "wavelengths_nm"
-COEFFICIENTS = "coefficients"
-MAX_TABLE = 1_000_000       # values of a small table
 PLAIN_NAME = re.compile(r"\w[\w.-]*")     # of an array: no way out of the folder
 
 
@@ -109,37 +107,7 @@ def zarr_rows(path: Path, height: int, width: int, nm: np.ndarray, half: bool,
     _library()
     with whole_folder(path) as unfinished:
         create_picture(unfinished, height, width, nm, half, attributes, white)
-        with _rows_of(unfinished / LEVEL, (height, width, nm.size)) as take:
-            yield take
-
-
-@contextlib.contextmanager
-def low_rank_rows(path: Path, height: int, width: int, half: bool,
-                  tables: Mapping[str, np.ndarray], about: Mapping[str, Any]
-                  ) -> Iterator[WriteRows]:
-    """The same for a group of ``coefficients`` (H, W, N) and small tables beside them.
-
-    Parameters
-    ----------
-    path : Path
-    height, width : int
-    half : bool
-        Of the coefficients.
-    tables : dict
-        Name to array (1 + N, P) of a basis.
-    about : dict
-        Attributes of the group, JSON.
-
-    Raises
-    ------
-    EnvironmentProblem
-        If it cannot be written, or Zarr is not installed.
-    """
-    shape = height, width, len(next(iter(tables.values()))) - 1
-    _library()
-    with whole_folder(path) as unfinished:
-        create_low_rank(unfinished, shape, half, tables, about)
-        with _rows_of(unfinished / COEFFICIENTS, shape) as take:
+        with _rows_of(unfinished, (height, width, nm.size)) as take:
             yield take
 
 
@@ -152,32 +120,15 @@ def create_picture(folder: Path, height: int, width: int, nm: np.ndarray, half: 
     EnvironmentProblem
         If Zarr is not installed.
     """
-    _library().create_group(str(folder), attributes={
+    zarr = _library()
+    zarr.create_group(str(folder), attributes={
         "ome": _ome_metadata(str(attributes.get(QUANTITY, "picture")), nm, white),
         WAVELENGTHS: nm.tolist(), **attributes})
-    _create_array(folder / LEVEL, (nm.size, height, width), half, AXES)
-
-
-def create_low_rank(folder: Path, shape: tuple[int, int, int], half: bool,
-                    tables: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> None:
-    """A group of ``coefficients`` (H, W, N), zeros until they are written, and of small tables."""
-    zarr = _library()
-    zarr.create_group(str(folder), attributes=dict(about))
-    _create_array(folder / COEFFICIENTS, shape, half, ("y", "x", "component"))
-    for name, values in tables.items():
-        zarr.create_array(str(folder / name), data=values,
-                          dimension_names=("row", f"{name}_wavelength"))
-
-
-def _create_array(folder: Path, shape: tuple[int, int, int], half: bool,
-                  axes: tuple[str, str, str]) -> None:
-    zarr = _library()
-    side = {"y": CHUNK_PX, "x": CHUNK_PX}
-    chunks = [side.get(axis, size) for axis, size in zip(axes, shape, strict=True)]
+    chunks = (nm.size, CHUNK_PX, CHUNK_PX)
     zarr.create_array(
-        str(folder), shape=shape, dtype=np.float16 if half else np.float32, dimension_names=axes,
-        chunks=chunks, shards=[CHUNKS_A_SHARD * size if axis == "x" else size
-                               for axis, size in zip(axes, chunks, strict=True)],
+        str(folder / LEVEL), shape=(nm.size, height, width),
+        dtype=np.float16 if half else np.float32, dimension_names=AXES, chunks=chunks,
+        shards=(nm.size, CHUNK_PX, CHUNKS_A_SHARD * CHUNK_PX),
         # bytes of equal significance together: smaller by a fifth, and packed in half the time
         compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"))
 
@@ -212,59 +163,22 @@ class Region:
 
 
 def open_region(folder: Path) -> Region:
-    """An array that was created, open for writing."""
-    array = _library().open_array(str(folder), mode="r+")
-    bands_first = _axes_of(array) == AXES
+    """The array of an image that was created, open for writing."""
+    array = _library().open_array(str(folder / LEVEL), mode="r+")
 
     def write(row: int, column: int, pixels: np.ndarray) -> None:
         rows, columns = (slice(start, start + count) for start, count in
                          zip((row, column), pixels.shape[:2], strict=True))
-        if bands_first:
-            array[:, rows, columns] = np.moveaxis(pixels, 2, 0)
-        else:
-            array[rows, columns] = pixels
+        array[:, rows, columns] = np.moveaxis(pixels, 2, 0)
 
     def synced(first: int, last: int) -> None:
-        shards = folder / "c" / "0" if bands_first else folder / "c"    # names of the specification
+        shards = folder / LEVEL / "c" / "0"     # names of the specification
         for row in range(first // CHUNK_PX, -(-last // CHUNK_PX)):
             for path in (shards / str(row)).rglob("*"):
                 if path.is_file():
                     sync(path)
 
     return Region(write, synced, array.dtype)
-
-
-def read_group(path: Path, tables: Sequence[str]) -> tuple[dict[str, Any], list[np.ndarray]]:
-    """Attributes of a group, and some of its arrays whole.
-
-    Parameters
-    ----------
-    path : Path
-    tables : sequence of str
-        Names of small arrays (n, P).
-
-    Raises
-    ------
-    InputError
-        If it is no group of version 3, or an array is missing, damaged or large.
-    """
-    try:
-        about = json.loads((path / METADATA).read_text(encoding="utf-8"))
-        if about["node_type"] != "group" or about["zarr_format"] != 3:
-            raise InputError(f"{path.name} is no Zarr group of version 3; name the folder that "
-                             "was written")
-        if not all((path / name).is_dir() for name in tables):
-            raise InputError(f"{path.name} is a Zarr group without the arrays "
-                             f"{', '.join(tables)}; name the folder that was written")
-        arrays = [_opened(path / name) for name in tables]
-        if any(array.ndim != 2 or array.size > MAX_TABLE for array in arrays):
-            raise InputError(f"{path.name} holds no small tables under {', '.join(tables)}")
-        return dict(about["attributes"]), [np.asarray(array[...]) for array in arrays]
-    except FileNotFoundError:
-        raise InputError(f"{path} holds no {METADATA}: it is no Zarr group of version 3; name the "
-                         "folder that was written") from None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, RuntimeError) as error:
-        raise _unreadable(path, error) from None
 
 
 def _ome_level(path: Path) -> tuple[Path, tuple[str, ...] | None]:
