@@ -2,19 +2,18 @@
 (cubes.py).
 
 Nothing in a file is executed (no pickle), and what a header promises is checked against the file
-before any of it is read. ENVI, .npy and MATLAB 7.3 files of any size are read in part; .npz and
-older MATLAB files are held in memory.
+before any of it is read. ENVI and .npy files of any size are read in part; .npz and MATLAB files
+are held in memory.
 """
 from __future__ import annotations
 
-import importlib
 import re
 import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.companion_files import envi_header_of
 from spectrabox.radiometry.spectra.formats.envi import (
     DATA_TYPES,
@@ -56,8 +55,6 @@ def open_cube(path: Path, nm: np.ndarray | None = None, variable: str | None = N
     ------
     InputError
         If the file is missing, damaged, of no known format, or without wavelengths.
-    EnvironmentProblem
-        If a MATLAB 7.3 file is given and h5py is not installed.
     """
     start = _start_of(path)
     if start.startswith(b"\x93NUMPY"):
@@ -65,7 +62,8 @@ def open_cube(path: Path, nm: np.ndarray | None = None, variable: str | None = N
     if start.startswith(b"PK\x03\x04"):
         return _from_npz(path, nm, variable)
     if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        return _from_hdf5(path, nm, variable)
+        raise InputError(f"{path.name} is an HDF5 file, as MATLAB 7.3 writes them; save the "
+                         "picture again with save(..., '-v7') in MATLAB, or with numpy.save")
     if start.startswith(b"MATLAB"):
         return _from_matlab(path, nm, variable)
     header = path if is_envi_header(start) else envi_header_of(path)
@@ -129,40 +127,6 @@ def _from_matlab(path: Path, nm: np.ndarray | None, variable: str | None) -> Cub
                          "it again with save(..., '-v7')") from None
     beside = next((np.asarray(arrays[name], dtype=float).ravel() for name in wanted[1:]), None)
     return cube_of_array(path.name, arrays[chosen], nm if nm is not None else beside)
-
-
-def _from_hdf5(path: Path, nm: np.ndarray | None, variable: str | None) -> Cube:
-    try:
-        h5py = importlib.import_module("h5py")  # optional: no other format needs it
-    except ModuleNotFoundError:
-        raise EnvironmentProblem(f"{path.name} is a MATLAB 7.3 (HDF5) file, for which h5py is "
-                                 "needed: pip install h5py, or save it again in MATLAB with "
-                                 "save(..., '-v7')") from None
-    try:
-        file = h5py.File(path, "r")
-        # Only arrays that lie in this very file: links to other files are not followed.
-        arrays = {name: file[name] for name in file
-                  if isinstance(file.get(name, getlink=True), h5py.HardLink)
-                  and isinstance(file[name], h5py.Dataset) and not file[name].external
-                  and file[name].dtype.kind in "fiu" and not file[name].is_virtual}
-        chosen = _chosen(path.name, {name: array.shape for name, array in arrays.items()}, variable)
-        stated = next((np.asarray(arrays[name][()], dtype=float).ravel()
-                       for name in WAVELENGTH_NAMES
-                       if name in arrays and arrays[name].size <= MAX_BANDS), None)
-    except (*DAMAGE, RuntimeError) as error:
-        raise InputError(
-            f"{path.name} is a damaged MATLAB 7.3 file ({_line(error)}); save it again") from None
-    array = arrays[chosen]
-    wavelengths = stated_wavelengths(path.name, nm if nm is not None else stated)
-    # MATLAB stores the first dimension fastest: (H, W, C) is (C, W, H) in the file.
-    bands, width, height = array.shape
-    if bands != wavelengths.size:
-        raise InputError(f"{path.name}: {chosen} is {height} x {width} x {bands} and "
-                         f"{wavelengths.size} wavelengths are stated; give as many as there are "
-                         "bands")
-    check_sides(path.name, height, width, bands)
-    return cube_of_rows(path.name, wavelengths, height, width,
-                        lambda first, last: np.asarray(array[:, :, first:last]).transpose(2, 1, 0))
 
 
 def _from_envi(header: Path, nm: np.ndarray | None) -> Cube:
