@@ -168,7 +168,7 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
     if not chart.references:
         raise InputError(f"chart reference {reference!r} is of another chart than the "
                          f"{chart.name}; give a file of its {len(chart.names)} measured patches "
-                         "(CSV, CGATS or CxF)")
+                         "(CSV or CGATS)")
     if reference not in chart.references:
         raise InputError(f"chart reference {reference!r} is not known; known are "
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")

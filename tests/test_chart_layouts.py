@@ -17,7 +17,7 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.cgats import sp_text
-from spectrabox.radiometry.spectra.spectrum_files import read_table, table_text
+from spectrabox.radiometry.spectra.spectrum_files import table_text
 
 GRID = visible_grid(10.0)
 COUNTS = {"ColorChecker Classic": 24, "ColorChecker Passport": 24, "ColorChecker Nano": 24,
@@ -198,52 +198,6 @@ def test_a_ti3_says_by_its_locations_which_patch_is_which(tmp_path):
     path = tmp_path / "chart.ti3"
     path.write_text("\n".join(lines), encoding="utf-8")
     np.testing.assert_allclose(measured_chart(path, GRID, chart), truth, rtol=1e-8)
-
-
-CXF = """<?xml version="1.0" encoding="UTF-8"?>
-<cc:CxF xmlns:cc="http://colorexchangeformat.com/CxF3-core"><cc:FileInformation>
-<cc:Description>our chart</cc:Description></cc:FileInformation><cc:Resources>
-<cc:ObjectCollection>{objects}</cc:ObjectCollection><cc:ColorSpecificationCollection>
-<cc:ColorSpecification Id="CS1"><cc:MeasurementSpec><cc:WavelengthRange StartWL="400"
- Increment="10"/></cc:MeasurementSpec></cc:ColorSpecification>
-</cc:ColorSpecificationCollection></cc:Resources></cc:CxF>"""
-CXF_OBJECT = """<cc:Object ObjectType="Target" Name="{name}" Id="{name}"><cc:ColorValues>
-<cc:ReflectanceSpectrum ColorSpecification="CS1">{values}</cc:ReflectanceSpectrum>
-</cc:ColorValues></cc:Object>"""
-
-
-def cxf(folder, names, reflectances, text=CXF):
-    objects = "".join(CXF_OBJECT.format(name=name, values=" ".join(f"{value:.9g}" for value in row))
-                      for name, row in zip(names, reflectances, strict=True))
-    path = folder / "chart.cxf"
-    path.write_text(text.format(objects=objects), encoding="utf-8")
-    return path
-
-
-def test_a_cxf_of_a_chart_comes_back_whole(tmp_path):
-    chart = LAYOUTS["SpyderCheckr 48"]
-    truth = np.random.default_rng(4).uniform(0.05, 0.9, (48, GRID.nm.size))
-    # As measuring software lists it: column by column.
-    order = np.arange(48).reshape(6, 8).T.ravel()
-    path = cxf(tmp_path, [chart.names[index] for index in order], truth[order])
-    np.testing.assert_allclose(measured_chart(path, GRID, chart), truth, rtol=1e-8)
-    table = read_table(path)
-    assert table.facts["format"] == "CxF" and table.facts["source"] == "our chart"
-
-
-@pytest.mark.parametrize("change, sentence", [
-    (lambda text: text.replace("ReflectanceSpectrum", "TransmittanceSpectrum"),
-     "holds no ReflectanceSpectrum"),
-    (lambda text: text.replace(' Increment="10"', ""), "different wavelengths, or state none"),
-    (lambda text: text[:-30], "damaged XML"),
-    (lambda text: text.replace("<cc:CxF", '<!DOCTYPE a [<!ENTITY b "c">]><cc:CxF'),
-     "declares XML entities"),
-])
-def test_a_cxf_that_cannot_be_read_is_refused(tmp_path, change, sentence):
-    path = cxf(tmp_path, ["A1", "A2"], np.full((2, GRID.nm.size), 0.5))
-    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
-    with pytest.raises(InputError, match=f"chart.cxf.*{sentence}"):
-        read_table(path)
 
 
 def test_a_chart_without_published_spectra_asks_for_a_file():

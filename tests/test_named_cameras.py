@@ -126,11 +126,11 @@ def test_check_offers_the_curves_of_a_known_camera(tmp_path):
 def test_what_is_no_camera_is_left_out_with_its_reason(tmp_path):
     rawtoaces_file(tmp_path, "D950", three(1))
     rawtoaces_file(tmp_path, "dark", np.zeros((3, NM.size)))
-    (tmp_path / "notes.txt").write_text("not a camera", encoding="utf-8")
+    (tmp_path / "notes.csv").write_text("not a camera", encoding="utf-8")
     facts = json.loads(call("camera", "add", tmp_path, "--json").stdout)
     assert facts["cameras"] == ["Nikon D950"]
     assert sorted(reason.split(" ")[0] for reason in facts["skipped"]) == ["dark.json,",
-                                                                          "notes.txt:"]
+                                                                          "notes.csv"]
 
 
 def test_a_camera_that_was_not_measured_to_700_nm_says_so():

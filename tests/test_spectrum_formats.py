@@ -13,11 +13,8 @@ from spectrabox.fixtures.spectral_files import (
     NM,
     REFLECTANCE,
     asd_bytes,
-    csmf_bytes,
-    ocean_text,
     rawtoaces_text,
     spectral_exr_bytes,
-    svc_text,
     ti3_text,
     write_examples,
 )
@@ -34,13 +31,10 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 
 WRITERS = {".csv": table_text, ".sp": sp_text, ".spdx": spdx_text}
-FORMATS = ("CSV", "ASD", "CGATS", "TM-27", "ENVI", "SVC", "Spectral Evolution", "Ocean Optics",
-           "rawtoaces", "spectral EXR", "CSMF")
-# Relative rounding: nine significant digits, six decimals of a percentage of at least 10, single or
-# double precision.
-PRECISION = {"CSV": 5e-9, "ASD": 1e-15, "CGATS": 5e-9, "TM-27": 5e-9, "ENVI": 0, "SVC": 5e-8,
-             "Spectral Evolution": 5e-8, "Ocean Optics": 5e-9,
-             "rawtoaces": 0, "spectral EXR": 6e-8, "CSMF": 0}
+FORMATS = ("CSV", "ASD", "CGATS", "TM-27", "ENVI", "rawtoaces", "spectral EXR")
+# Relative rounding: nine significant digits, single or double precision.
+PRECISION = {"CSV": 5e-9, "ASD": 1e-15, "CGATS": 5e-9, "TM-27": 5e-9, "ENVI": 0,
+             "rawtoaces": 0, "spectral EXR": 6e-8}
 
 
 def write(tmp_path, content, name):
@@ -65,28 +59,6 @@ def test_every_format_is_read_as_the_reflectance_it_holds(tmp_path, name):
     # wavelengths are written with nine digits or more
     np.testing.assert_allclose(spectrum.grid.nm, NM, rtol=1e-9)
     np.testing.assert_allclose(spectrum.values, REFLECTANCE, rtol=PRECISION[name])
-
-
-def test_a_spectrum_of_ocean_optics_over_raman_shifts_is_refused(tmp_path):
-    text = ocean_text().replace("Wavelengths", "Raman Shifts")
-    with pytest.raises(InputError, match="'Raman Shifts' for its x axis"):
-        read_table(write(tmp_path, text, "a.txt"))
-    processed = ocean_text().replace("Begin Spectral", "Begin Processed Spectral") \
-        + ">>>>>End Processed Spectral Data<<<<<\n"
-    assert read_table(write(tmp_path, processed, "b.txt")).nm.size == NM.size
-
-
-def test_measurements_of_colour_specio_are_columns_and_a_cut_file_is_refused(tmp_path):
-    content = csmf_bytes(REFLECTANCE, REFLECTANCE / 2, singles=True)
-    table = read_table(write(tmp_path, content, "a.csmf"))
-    assert table.names == ("measurement 1", "measurement 2")
-    assert table.facts["source"] == "CR300 - synthetic, a.csmf"
-    np.testing.assert_allclose(table.values[1], REFLECTANCE / 2, rtol=2.0**-24)
-    for number, damaged in enumerate((content[:-30], content[:-2], content + b"\x2a\x00")):
-        with pytest.raises(InputError, match=r"csmf is cut or damaged as a file of colour-specio"):
-            read_table(write(tmp_path, damaged, f"{number}.csmf"))
-    with pytest.raises(InputError, match=r"only colours; measure with a spectroradiometer"):
-        read_table(write(tmp_path, b"\x22\x00\x82\x01\x01\x00", "colours.csmf"))
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -290,20 +262,11 @@ def test_camera_curves_are_read_from_rawtoaces(tmp_path):
     np.testing.assert_array_equal(nm, NM)
 
 
-def test_svc_radiance_without_a_unit_says_so(tmp_path):
-    path = write(tmp_path, svc_text(), "s.sig")
-    assert any("no unit" in note for note in read_table(path).notes)
-    assert read_spectrum(path, role=Quantity.RADIANCE,
-                         column="target").quantity is Quantity.RELATIVE
-
-
 @pytest.mark.parametrize("content, name, message", [
                              (b"PK\x03\x04rest", "s.csv",
                               "spreadsheet or zip archive: export the sheet as CSV"),
                              (b"%PDF-1.4", "s.csv", "a PDF"),
                              (b"\x89PNG\r\n\x1a\n", "s.csv", "a picture"),
-                             (svc_text()[:-12], "s.sig",
-                              "4 columns in every row, but row 41 has 3"),
                              (ti3_text().replace("END_DATA\n", ""), "s.ti3",
                               "ends before END_DATA|do not fill"),
                              (ti3_text().replace("NUMBER_OF_SETS 2", "NUMBER_OF_SETS 3"), "s.ti3",

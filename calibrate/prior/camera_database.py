@@ -1,4 +1,4 @@
-"""Measured camera curves from a folder: rawtoaces JSON, camspec text, CSV."""
+"""Measured camera curves from a folder: rawtoaces JSON, CSV."""
 from __future__ import annotations
 
 import difflib
@@ -17,9 +17,8 @@ from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 
 STEP_NM = 5.0
 GRID = grid_from_nm(np.arange(400.0, 700.0 + STEP_NM, STEP_NM))
-CAMSPEC_NM = np.arange(400.0, 721.0, 10.0)      # of three lines of 33 values below each name
 NEGATIVE = 0.05                                 # of the largest value: more is not a sensitivity
-SUFFIXES = (".json", ".txt", ".csv")
+SUFFIXES = (".json", ".csv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +37,7 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     Parameters
     ----------
     folder : Path
-        Of files *.json (rawtoaces), *.txt (camspec) and *.csv (one column per band).
+        Of files *.json (rawtoaces) and *.csv (one column per band).
     leave_out : tuple of str
         Names of cameras to leave out.
 
@@ -70,7 +69,7 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
     if not kept:
         raise InputError(f"{folder} holds no camera that can be read"
                          + (f"; the first problem: {skipped[0]}" if skipped
-                            else "; JSON, TXT or CSV files are needed"))
+                            else "; JSON or CSV files are needed"))
     bands = len(next(iter(kept.values())))
     skipped += [f"{name} has {len(curves)} bands, the others {bands}"
                 for name, curves in kept.items() if len(curves) != bands]
@@ -84,17 +83,17 @@ def cameras_of_file(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     Parameters
     ----------
     path : Path
-        .json (rawtoaces), .txt (camspec) or .csv.
+        .json (rawtoaces) or .csv.
 
     Raises
     ------
     InputError
         If it cannot be read, or is of no known kind.
     """
-    readers = {".json": _read_rawtoaces, ".txt": _read_camspec, ".csv": _read_csv}
+    readers = {".json": _read_rawtoaces, ".csv": _read_csv}
     if path.suffix.lower() not in readers:
-        raise InputError(f"{path.name} is no file of camera curves; .json (rawtoaces), .txt "
-                         "(camspec) or .csv is needed")
+        raise InputError(f"{path.name} is no file of camera curves; .json (rawtoaces) or "
+                         ".csv is needed")
     cameras = readers[path.suffix.lower()](path)
     for name, (nm, curves) in cameras.items():
         _checked(nm, curves, f"{path.name}, {name}")
@@ -126,23 +125,6 @@ def _read_rawtoaces(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     if curves.ndim != 2 or nm.size < 2 or np.any(np.diff(nm) <= 0):
         raise InputError(f"{path.name} holds no table of ascending wavelengths; it is left out")
     return {name: (nm, curves)}
-
-
-def _read_camspec(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    try:
-        lines = [line.strip() for line in read_text(path, "utf-8").splitlines()
-                 if line.strip()]
-        rows = {lines[start]: np.array([[float(cell) for cell in line.split()]
-                                        for line in lines[start + 1:start + 4]])
-                for start in range(0, len(lines), 4)}
-    except (ValueError, UnicodeDecodeError):
-        raise InputError(f"{path.name} is not a camspec file (a name, then three lines of 33 "
-                         "values); it is left out") from None
-    for name, curves in rows.items():
-        if curves.shape != (3, CAMSPEC_NM.size):
-            raise InputError(f"{path.name}: {name} has {curves.shape} values; (3, 33) are needed; "
-                             "the file is left out")
-    return {name: (CAMSPEC_NM, curves) for name, curves in rows.items()}
 
 
 def _read_csv(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -1,4 +1,4 @@
-"""Reflectances of a chart, published or from a file: CSV, CGATS, CxF or any other spectral format.
+"""Reflectances of a chart, published or from a file: CSV, CGATS or any other spectral format.
 """
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def reference_reflectances(reference: str | None, chart: Chart, grid: Wavelength
     if reference is None and not chart.references:
         raise InputError(f"no reflectances of a {chart.name} are published that may ship with "
                          f"spectrabox; measure its {len(chart.names)} patches, or ask its maker "
-                         "for their spectra, and give that file as reference (CSV, CGATS or CxF)")
+                         "for their spectra, and give that file as reference (CSV or CGATS)")
     return chart_reflectances(reference or chart.references[0], grid, chart)
 
 

@@ -17,18 +17,8 @@ from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.companion_files import envi_header_of
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
-from spectrabox.radiometry.spectra.formats.csmf import is_csmf, read_csmf
-from spectrabox.radiometry.spectra.formats.cxf import is_cxf, read_cxf
 from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
 from spectrabox.radiometry.spectra.formats.envi import is_envi_header, read_envi
-from spectrabox.radiometry.spectra.formats.field_text import (
-    is_ocean,
-    is_sed,
-    is_svc,
-    read_ocean,
-    read_sed,
-    read_svc,
-)
 from spectrabox.radiometry.spectra.formats.light_meters import (
     is_sekonic,
     is_uprtek,
@@ -59,14 +49,12 @@ SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 s
               "uw cm-2 nm-1": 0.01, "µw cm-2 nm-1": 0.01, "μw cm-2 nm-1": 0.01,
               "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01, "%": 0.01}
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
-    "ASD": read_asd, "CGATS": read_cgats, "CxF": read_cxf, "TM-27": read_tm27, "ENVI": read_envi,
-    "Sekonic": read_sekonic, "UPRTek": read_uprtek, "SVC": read_svc,
-    "Spectral Evolution": read_sed, "Ocean Optics": read_ocean, "rawtoaces": read_rawtoaces,
-    "spectral EXR": read_spectral_exr, "CSMF": read_csmf}
-SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS", ".cxf": "CxF",
-            ".spdx": "TM-27", ".sli": "ENVI",
-            ".hdr": "ENVI", ".sig": "SVC", ".sed": "Spectral Evolution", ".exr": "spectral EXR",
-            ".csv": "CSV", ".csmf": "CSMF"}
+    "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi,
+    "Sekonic": read_sekonic, "UPRTek": read_uprtek, "rawtoaces": read_rawtoaces,
+    "spectral EXR": read_spectral_exr}
+SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS",
+            ".spdx": "TM-27", ".sli": "ENVI", ".hdr": "ENVI", ".exr": "spectral EXR",
+            ".csv": "CSV"}
 FOREIGN = {
     b"PK\x03\x04": "a spreadsheet or zip archive: export the sheet as CSV",
     b"\xd0\xcf\x11\xe0": "an Excel workbook: export the sheet as CSV",
@@ -130,16 +118,12 @@ def format_of(content: bytes, path: Path) -> str:
         raise InputError(f"{path.name} is {foreign}; a file of spectra is needed")
     if is_envi_header(content):
         return "ENVI"
-    if b"\x00" in content and (path.suffix.lower() == ".csmf" or is_csmf(content)):
-        return "CSMF"
     if path.suffix.lower() in (".sli", ".slb") or (b"\x00" in content and envi_header_of(path)
                                                    is not None):
         return "ENVI"
     text = text_of(content, path.name)
-    tests = (("Sekonic", is_sekonic), ("UPRTek", is_uprtek), ("CGATS", is_cgats), ("CxF", is_cxf),
-             ("TM-27", is_tm27), ("SVC", is_svc),
-             ("Spectral Evolution", is_sed), ("Ocean Optics", is_ocean),
-             ("rawtoaces", is_rawtoaces))
+    tests = (("Sekonic", is_sekonic), ("UPRTek", is_uprtek), ("CGATS", is_cgats),
+             ("TM-27", is_tm27), ("rawtoaces", is_rawtoaces))
     return next((kind for kind, test in tests if test(text)), "CSV")
 
 

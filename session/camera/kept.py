@@ -43,7 +43,7 @@ def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:
             skipped.append(str(error))
     if not kept:
         raise InputError(skipped[0] if skipped else "there are no files of camera curves there; "
-                         ".json (rawtoaces), .txt (camspec) or .csv are needed")
+                         ".json (rawtoaces) or .csv are needed")
     return kept, skipped, cameras_folder()
 
 

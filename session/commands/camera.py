@@ -67,7 +67,7 @@ class CameraPriorRequest(CommonOptions):
     """Options of ``spectrabox camera prior``."""
 
     folder: Annotated[Path, typer.Argument(
-        metavar="FOLDER", show_default=False, help="Curves: rawtoaces JSON, camspec TXT, CSV.")]
+        metavar="FOLDER", show_default=False, help="Curves: rawtoaces JSON, CSV.")]
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="NPZ", show_default=False, help="Where to write the prior.")]
     leave_out: Annotated[tuple[str, ...], typer.Option(
@@ -128,7 +128,7 @@ class CameraAddRequest(CommonOptions):
 
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="FILE|FOLDER...", show_default=False, help="Measured curves: rawtoaces JSON, "
-        "camspec TXT, CSV; folders of them.")]
+        "CSV; folders of them.")]
 
 
 @command

@@ -3,16 +3,16 @@ left out.
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ParseError, XMLParser, fromstring
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, number, text_of
-from spectrabox.radiometry.spectra.formats.xml_elements import elements, parse_xml
 from spectrabox.radiometry.system.words import plain
 
 NAMESPACE = "http://www.ies.org/iestm2714"
@@ -46,8 +46,8 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
     ------
     InputError
     """
-    root = parse_xml(text_of(content, path.name), path.name)
-    distributions = list(elements(root, "SpectralDistribution"))
+    root = _parsed(text_of(content, path.name), path.name)
+    distributions = list(_elements(root, "SpectralDistribution"))
     if not distributions:
         raise InputError(f"{path.name} holds no SpectralDistribution; a TM-27 document is needed")
     pairs = [_pairs(element, path.name) for element in distributions]
@@ -55,7 +55,7 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
         raise InputError(f"{path.name}: its {len(distributions)} distributions have different "
                          "wavelengths; split the file")
     header = {key: (element.text or "").strip()
-              for key in HEADER_KEYS for element in elements(root, key)}
+              for key in HEADER_KEYS for element in _elements(root, key)}
     facts = {"source": header.get("Description") or path.name, **_quantity(distributions[0]),
              **{key.lower(): value for key, value in header.items() if value}}
     names = ("value",) if len(distributions) == 1 else tuple(f"distribution {index}"
@@ -88,6 +88,22 @@ def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quant
                   for wavelength, value in zip(nm, values, strict=True)]
         lines.append("  </SpectralDistribution>")
     return "\n".join([*lines, "</IESTM2714>", ""])
+
+
+def _parsed(text: str, name: str) -> Element:
+    """The root of a document without entities: a few bytes of these can expand to gigabytes."""
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(f"{name} declares XML entities, which no spectral file needs; it is not "
+                         "read")
+    try:
+        return fromstring(text.encode("utf-8"), XMLParser(encoding="utf-8"))
+    except (ParseError, ValueError) as error:
+        raise InputError(f"{name} is damaged XML ({error}); export it again") from None
+
+
+def _elements(root: Element, tag: str) -> Iterator[Element]:
+    """The element itself and those below it that have a name, whatever its namespace."""
+    return (element for element in root.iter() if element.tag.rpartition("}")[2] == tag)
 
 
 def _quantity(distribution: Element) -> dict[str, str]:
