@@ -194,25 +194,17 @@ def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
                    clipped=None if photo.clipped is None else photo.clipped[chosen])
 
 
-def field_terms(positions: np.ndarray, patches: np.ndarray | None = None) -> np.ndarray:
-    """Linear and quadratic terms (n, 5) of positions, of zero mean and unit spread over a chart.
+def field_terms(positions: np.ndarray) -> np.ndarray:
+    """Linear and quadratic terms (I, 5) of patches, of zero mean and unit spread over a chart.
 
     Parameters
     ----------
-    positions : (n, 2) array
-        On the chart, any unit; beyond it the terms grow.
-    patches : (I, 2) array or None
-        Positions of the patches, which set mean and spread; None: ``positions`` are the patches.
+    positions : (I, 2) array
+        On the chart, any unit.
     """
-    patches = positions if patches is None else patches
-    centre, spread = patches.mean(axis=0), patches.std(axis=0)
-
-    def terms(at: np.ndarray) -> np.ndarray:
-        x, y = ((at - centre) / spread).T
-        return np.column_stack([x, y, x**2, y**2, x * y])
-
-    of_patches = terms(patches)
-    return (terms(positions) - of_patches.mean(axis=0)) / of_patches.std(axis=0)
+    x, y = ((positions - positions.mean(axis=0)) / positions.std(axis=0)).T
+    terms = np.column_stack([x, y, x**2, y**2, x * y])
+    return np.asarray((terms - terms.mean(axis=0)) / terms.std(axis=0))
 
 
 def unlit_design(photo: ChartEquations, basis: np.ndarray) -> np.ndarray:

@@ -51,11 +51,6 @@ class ColourTransform(Record):
         """L*, a*, b* (..., 3) under D50, as ``xyz``."""
         return lab_from_xyz(self.xyz(signals), D50)
 
-    @property
-    def is_matrix(self) -> bool:
-        """Whether it has no terms but R, G and B."""
-        return len(self.exponents) == 3
-
 
 def d50_weights(grid: WavelengthGrid) -> np.ndarray:
     """Weights (3, P) that give X, Y, Z under D50 of reflectances; of white that of ICC profiles.

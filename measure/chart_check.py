@@ -28,8 +28,8 @@ DARK = 0.12             # mean reflectance below which glare may be what changes
 NEAR = 1.0              # standard errors: a level that is nearer explains nothing
 
 
-def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
-                     prior: LogitMixture | None = None) -> HeldOutPatches:
+def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray
+                     ) -> HeldOutPatches:
     """Reflectance of each patch by the learnt prior, its calibration being that without it.
 
     Beside it stands how much of each band would hold if photo and calibration had not erred at all:
@@ -41,11 +41,9 @@ def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray,
     calibrated : ChartCalibration
     reflectances : (I, P) array
         Of the chart, on the grid of the calibration.
-    prior : LogitMixture or None
-        The shipped one by default.
     """
     patches = patches_without(calibrated.without, calibrated.calibration.sensitivity.grid,
-                              reflectances, calibrated.excluded, prior, calibrated.saturated)
+                              reflectances, calibrated.excluded, None, calibrated.saturated)
     brighter, error, chance = calibrated.cleaned.deviations(reflectances)
     return dataclasses.replace(patches, brighter=brighter, brighter_error=error,
                                colour_chance=chance)

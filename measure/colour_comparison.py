@@ -23,6 +23,7 @@ from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 DRAWS = 1000            # of each colour
+SEED = 1                    # of the draws
 PAIRS = 2000            # of draws; the error of a standard deviation is 2 % of it
 BY_CHANCE = 0.01        # how often two areas of one colour are told apart
 
@@ -61,8 +62,8 @@ class ColourComparison:
                 "another light they may still look different.")
 
 
-def compare_colours(first: RegionSignal, second: RegionSignal, families: Sequence[Sequence[str]],
-                    seed: int = 1) -> ColourComparison:
+def compare_colours(first: RegionSignal, second: RegionSignal, families: Sequence[Sequence[str]]
+                    ) -> ColourComparison:
     """Compare the colours of two regions of the same photos.
 
     Parameters
@@ -70,8 +71,6 @@ def compare_colours(first: RegionSignal, second: RegionSignal, families: Sequenc
     first, second : RegionSignal
     families : two sequences of str
         That each is said to be of; none for any.
-    seed : int
-        Of the draws.
 
     Raises
     ------
@@ -84,11 +83,11 @@ def compare_colours(first: RegionSignal, second: RegionSignal, families: Sequenc
     difference, limit = signal_difference(first, second)
     seen, covariance = _joint_covariance(regions)
     posteriors = [region.posterior(own) for region, own in zip(regions, families, strict=True)]
-    spectra = [posterior.draws(DRAWS, seed + number) for number, posterior in enumerate(posteriors)]
+    spectra = [posterior.draws(DRAWS, SEED + number) for number, posterior in enumerate(posteriors)]
     coarse = interpolation_matrix(PRIOR_GRID.nm, first.signals.grid.nm)
     errors = [region.signals.signal[0, seen] - draws @ (region.signals.response[seen] @ coarse).T
               for draws, region in zip(spectra, regions, strict=True)]
-    pairs = _pairs(errors[0], errors[1], covariance, np.random.default_rng(seed))
+    pairs = _pairs(errors[0], errors[1], covariance, np.random.default_rng(SEED))
     drawn = [own[chosen] for own, chosen in zip(spectra, pairs, strict=True)]
     srgb, delta, spread = [], [], []
     for light in LIGHTS:

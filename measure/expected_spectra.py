@@ -136,7 +136,7 @@ class Expectation:
 
 
 def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
-                     surfaces: int = SURFACES, seed: int = SEED) -> Expectation:
+                     surfaces: int = SURFACES) -> Expectation:
     """Errors and widths of bands to expect of surfaces of every family.
 
     Parameters
@@ -146,9 +146,8 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
         For a second photo.
     photos, surfaces : int
         Photos that are simulated, and surfaces of each family in each.
-    seed : int
     """
-    rng, known = np.random.default_rng(seed), load_prior()
+    rng, known = np.random.default_rng(SEED), load_prior()
     cameras = draw_cameras(shoot.cameras, photos, rng) @ interpolation_matrix(shoot.cameras.nm,
                                                                              FINE_GRID.nm).T
     lamps = _lamps(shoot.light, photos, rng)

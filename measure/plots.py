@@ -64,10 +64,9 @@ def plot_estimate(axes: Axes, summary: SpectrumSummary, draws: np.ndarray | None
     frame_reflectance(axes, nm, summary.bound_upper)
 
 
-def plot_given(axes: Axes, nm: np.ndarray, reflectance: np.ndarray,
-               label: str = "given spectrum") -> None:
+def plot_given(axes: Axes, nm: np.ndarray, reflectance: np.ndarray) -> None:
     """Draw a reflectance (P,) that is known."""
-    axes.plot(nm, reflectance, color=MEAN, lw=1.8, label=label)
+    axes.plot(nm, reflectance, color=MEAN, lw=1.8, label="given spectrum")
     frame_reflectance(axes, nm, reflectance)
 
 

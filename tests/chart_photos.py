@@ -64,7 +64,7 @@ def layout_named(name: str, folder) -> Chart:
     if name != "three rows of five":
         return chart_layout(name)
     (folder / "chart.toml").write_text(LAYOUT_TEXT, encoding="utf-8")
-    return chart_layout("chart.toml", folder)
+    return chart_layout(str(folder / "chart.toml"))
 
 
 def true_reflectances(chart: Chart, seed: int = 0) -> np.ndarray:

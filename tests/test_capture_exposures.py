@@ -176,7 +176,7 @@ def test_hot_pixels_are_filled_without_cutting_off_digits():
     hot = np.zeros(mosaic.shape, bool)
     hot[::2, 4:476:8] = True  # red ones, whose red neighbours stand two columns away
     dark = DarkFrame(np.full(mosaic.shape, BLACK, np.float32), np.zeros(mosaic.shape, np.float32),
-                     hot, 1, 0.01, 100.0, "Body 1", "dark.dng")
+                     hot, 0.01, 100.0, "Body 1", "dark.dng")
     raw = dataclasses.replace(frame(np.zeros(mosaic.shape)), mosaic=mosaic)
     red = (subtract_dark(raw, dark, PhotonTransfer(np.zeros(3), np.zeros(3))).signal[..., 0]
            * (WHITE - BLACK) + BLACK)

@@ -197,7 +197,7 @@ def test_a_pixel_is_hot_by_the_noise_of_the_mean_of_dark_frames(frames):
 def test_a_mean_errs_by_its_scatter_and_by_its_calibration_independently(spread, shared):
     grid = grid_from_nm(np.array([500.0, 510.0, 520.0]))
     ones = np.ones(3)
-    series = ReadingSeries(grid, 5 * ones, spread * ones, 0 * ones, 0.0, 0.1, 9,
+    series = ReadingSeries(grid, 5 * ones, spread * ones, 0.0, 0.1, 9,
                            Quantity.RADIANCE, (), shared * ones)
     estimate = series_spectrum(series, "lamp").standard_error
     np.testing.assert_allclose(estimate**2, spread**2 / 9 + shared**2, rtol=1e-12)

@@ -82,7 +82,7 @@ GOOD = 'name = "ours"\nrows = 2\ncolumns = 3\npatch = [10.0, 8.0]\n'
 
 def written(folder, text):
     (folder / "ours.toml").write_text(text, encoding="utf-8")
-    return chart_layout("ours.toml", folder)
+    return chart_layout(str(folder / "ours.toml"))
 
 
 def test_a_written_layout_lies_where_it_says(tmp_path):

@@ -16,6 +16,7 @@ from spectrabox.capture.photo import image_files
 from spectrabox.capture.photo.image_files import read_linear_file, write_exr
 from spectrabox.fixtures.mutations import mutated, rewritten
 from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry.system import archives
 from spectrabox.radiometry.system.archives import (
     DamagedArchiveError,
     opened_npz,
@@ -55,26 +56,31 @@ def test_damaged_files_of_every_kind_end_in_a_result_or_a_sentence(kinds):
 
 
 @pytest.mark.parametrize("pack", [bz2.compress, gzip.compress, lzma.compress])
-def test_what_unpacks_beyond_the_limit_is_not_unpacked(pack):
+def test_what_unpacks_beyond_the_limit_is_not_unpacked(pack, monkeypatch):
     content = pack(bytes(3_000_000))
-    assert unpacked(content, limit=3_000_000) == bytes(3_000_000)
+    monkeypatch.setattr(archives, "MAX_UNPACKED", 3_000_000)
+    assert unpacked(content) == bytes(3_000_000)
+    monkeypatch.setattr(archives, "MAX_UNPACKED", 2_999_999)
     with pytest.raises(DamagedArchiveError, match="unpacks to more than"):
-        unpacked(content, limit=2_999_999)
+        unpacked(content)
     with pytest.raises(DamagedArchiveError):
         unpacked(content[:len(content) // 2])
 
 
-def test_a_zip_states_its_size_before_it_is_read(tmp_path):
+def test_a_zip_states_its_size_before_it_is_read(tmp_path, monkeypatch):
     with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.csv", bytes(2_000_000))
-    with opened_zip(tmp_path / "a.zip", limit=2_000_000) as archive:
+    monkeypatch.setattr(archives, "MAX_UNPACKED", 2_000_000)
+    with opened_zip(tmp_path / "a.zip") as archive:
         assert archive.namelist() == ["a.csv"]
+    monkeypatch.setattr(archives, "MAX_UNPACKED", 1_999_999)
     with pytest.raises(DamagedArchiveError, match=r"unpacks to 0\.0 GB"), \
-            opened_zip(tmp_path / "a.zip", limit=1_999_999):
+            opened_zip(tmp_path / "a.zip"):
         pass
 
 
-def test_a_zip_that_lies_about_its_size_gives_no_more_than_it_stated(tmp_path):
+def test_a_zip_that_lies_about_its_size_gives_no_more_than_it_stated(tmp_path, monkeypatch):
+    monkeypatch.setattr(archives, "MAX_UNPACKED", 2000)
     np.savez_compressed(tmp_path / "a.npz", big=np.zeros(1_000_000))
     content = (tmp_path / "a.npz").read_bytes()
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -83,7 +89,7 @@ def test_a_zip_that_lies_about_its_size_gives_no_more_than_it_stated(tmp_path):
     for form in ("<I", "<Q"):
         content = content.replace(struct.pack(form, size), struct.pack(form, 1000))
     (tmp_path / "a.npz").write_bytes(content)
-    with pytest.raises(DamagedArchiveError), opened_npz(tmp_path / "a.npz", limit=2000) as arrays:
+    with pytest.raises(DamagedArchiveError), opened_npz(tmp_path / "a.npz") as arrays:
         arrays["big"]
 
 

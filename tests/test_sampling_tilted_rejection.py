@@ -46,14 +46,13 @@ def draws_from_bounding_box(operator, draws, rng):
     """Uniform draws of {A c = y, 0 <= c <= 1}: uniform in the bounding box of the null coordinates,
     then filtered.
     """
-    space = null_space(operator, max_entropy_tilt(operator).c)
-    Z = space.directions
+    start, Z = max_entropy_tilt(operator).c, null_space(operator)
     low, high = ([sign * linprog(sign * z, A_eq=operator.A, b_eq=operator.y, bounds=(0, 1)).fun
-                  - z @ space.c0
+                  - z @ start
                   for z in Z.T] for sign in (1, -1))
     kept = np.empty((0, len(Z)))
     while len(kept) < draws:
-        c = space.c0 + rng.uniform(low, high, (20_000, Z.shape[1])) @ Z.T
+        c = start + rng.uniform(low, high, (20_000, Z.shape[1])) @ Z.T
         kept = np.vstack([kept, c[np.all((c >= 0) & (c <= 1), axis=1)]])
     return kept[:draws]
 
@@ -221,9 +220,9 @@ def test_the_published_sampler_keeps_the_signal_but_understates_the_spread():
 
 def test_the_published_intervals_end_where_a_coefficient_reaches_zero_or_one():
     operator = grey(7)
-    space = null_space(operator, max_entropy_tilt(operator).c)
-    for ends in axis_intervals(space.c0, space.directions):
-        at_ends = space.c0[:, None] + space.directions * ends
+    start, directions = max_entropy_tilt(operator).c, null_space(operator)
+    for ends in axis_intervals(start, directions):
+        at_ends = start[:, None] + directions * ends
         distance = np.minimum(np.abs(at_ends), np.abs(1 - at_ends)).min(axis=0)
         # one product and one sum of numbers of order 1
         np.testing.assert_allclose(distance, 0, atol=1e-14)

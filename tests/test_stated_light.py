@@ -3,8 +3,6 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID
 
-from spectrabox.calibrate.chart_equations import field_terms
-from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import HeldOutPatches, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
@@ -39,16 +37,6 @@ def test_a_cie_name_states_a_spectrum():
 def test_what_is_no_light_is_refused(word, said):
     with pytest.raises(InputError, match=said):
         stated_light(word, GRID)
-
-
-def test_field_terms_anywhere_are_those_of_the_patches_at_the_patches():
-    positions = CLASSIC.centres_uv
-    np.testing.assert_array_equal(field_terms(positions, positions), field_terms(positions))
-    # A quadratic has constant second differences, beyond the chart as within it.
-    line = np.column_stack([np.linspace(-1, 2, 7), np.full(7, 0.4)])
-    second = np.diff(field_terms(line, positions), 2, axis=0)
-    # Round-off of terms of size 10.
-    np.testing.assert_allclose(second, second[:1].repeat(5, axis=0), atol=1e-12)
 
 
 def test_a_left_out_patch_is_scored_over_wavelengths():

@@ -49,7 +49,6 @@ class BeamProfile(Record):
     standard_error: Annotated[np.ndarray, "J"]
     axis_mm: Annotated[np.ndarray, "2"]     # where the axis meets the wall
     off_axis_deg: float                     # between it and the stated aim of the lamp
-    spacing_deg: float                      # of the spline's knots
     residual_rms: float                     # relative, over readings that are not dark
     asymmetry: float                        # largest relative difference of a sector
     band_difference: float                  # largest of a band's own profile, of 1 ahead
@@ -100,7 +99,7 @@ def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
     own = [_Fit.of(places, band, deviation, lamp, axis, top, fit.spacing).profile(table)
            for band in (cells.signal[kept] / level).T]
     return BeamProfile(
-        table, profile, np.sqrt(variance), axis, lamp.angle_between(axis, aimed), fit.spacing,
+        table, profile, np.sqrt(variance), axis, lamp.angle_between(axis, aimed),
         float(np.sqrt(np.mean((ratio[bright] - 1) ** 2))),
         float(np.max(np.abs(np.array(by_sector) - 1))),
         float(np.max(np.abs(np.array(own) - profile))))

@@ -32,7 +32,6 @@ from spectrabox.calibrate.chart_equations import (
     passed_slope,
 )
 from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
-from spectrabox.calibrate.prior.curve_posterior import mixture_moments
 from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, GAINS, LINEARISED_AT
 from spectrabox.calibrate.products.product_prior import ProductPrior
 from spectrabox.radiometry.covariance import block_diagonal
@@ -89,15 +88,8 @@ class ProductPosterior(Record):
 
     prior: ProductPrior
     chart: LinearChart
-    residuals: Annotated[np.ndarray, "C Y"]         # innovation of each component
     hypotheses: tuple[Hypothesis, ...]              # those that are not negligible
     log_evidence: float                             # up to a constant of the photos
-
-    def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (Z,) and covariance (Z, Z) over all hypotheses."""
-        return mixture_moments(np.array([each.share for each in self.hypotheses]),
-                               *zip(*(hypothesis_moments(self, each) for each in self.hypotheses),
-                                    strict=True))
 
 
 def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> ProductPosterior:
@@ -293,7 +285,7 @@ def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
             width, gain, error, float(share), log_weights, innovation @ inverse, inverse, projected,
             kalman, before - kalman @ projected.T,
             float(np.exp(log_weights) @ square / weighed.readable)))
-    return ProductPosterior(prior, chart, innovation, tuple(hypotheses), log_evidence)
+    return ProductPosterior(prior, chart, tuple(hypotheses), log_evidence)
 
 
 def hypothesis_moments(posterior: ProductPosterior, hypothesis: Hypothesis,

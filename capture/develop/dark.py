@@ -30,7 +30,6 @@ class DarkFrame:
     level: np.ndarray        # (H, W) float32 DN
     variance: np.ndarray     # (H, W) float32 DN squared, of the mean
     hot: np.ndarray          # (H, W) bool
-    frames: int
     exposure_s: float | None
     iso: float | None
     camera: str
@@ -75,7 +74,7 @@ def mean_dark(frames: Sequence[RawFrame], cut_off_dn: float = 0.0) -> DarkFrame:
                          f"at most {MAX_HOT_SHARE:.0%} may; it is not dark: put the cap on and "
                          "cover the viewfinder")
     variance = np.full(level.shape, scatter / len(frames), np.float32)
-    return DarkFrame(level - np.float32(cut_off_dn), variance, hot, len(frames),
+    return DarkFrame(level - np.float32(cut_off_dn), variance, hot,
                      first.exposure_s, first.iso, first.camera,
                      ", ".join(frame.file for frame in frames))
 

@@ -9,28 +9,27 @@ from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Spectrum
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
+WIDTH, HEIGHT = 72, 12      # characters
 
 
-def text_plot(spectrum: Spectrum, width: int = 72, height: int = 12) -> str:
+def text_plot(spectrum: Spectrum) -> str:
     """A spectrum as columns of block characters; negative values stay empty.
 
     Parameters
     ----------
     spectrum : Spectrum
         Its largest value fills the height.
-    width, height : int
-        Characters.
     """
     nm, values = spectrum.grid.nm, spectrum.values
-    at = np.linspace(nm[0], nm[-1], width)
+    at = np.linspace(nm[0], nm[-1], WIDTH)
     top = float(values.max())
-    levels = np.clip(np.interp(at, nm, values) / top, 0, 1) * height if top > 0 else np.zeros(width)
+    levels = np.clip(np.interp(at, nm, values) / top, 0, 1) * HEIGHT if top > 0 else np.zeros(WIDTH)
     rows = []
-    for row in range(height - 1, -1, -1):
+    for row in range(HEIGHT - 1, -1, -1):
         filled = np.clip(np.round((levels - row) * 8), 0, 8).astype(int)
-        label = f"{top:9.3g} " if row == height - 1 else f"{0:9.3g} " if row == 0 else " " * 10
+        label = f"{top:9.3g} " if row == HEIGHT - 1 else f"{0:9.3g} " if row == 0 else " " * 10
         rows.append(label + "".join(BLOCKS[level] for level in filled))
-    rows.append(f"{'':10}{nm[0]:<8g}{f'{nm[-1]:g} nm':>{width - 8}}")
+    rows.append(f"{'':10}{nm[0]:<8g}{f'{nm[-1]:g} nm':>{WIDTH - 8}}")
     return "\n".join(rows) + f"\n{'':10}{spectrum.quantity.name.lower()}, {spectrum.quantity.value}"
 
 

@@ -80,11 +80,9 @@ def series_of(readings: Sequence[SpectralReading], name: str,
     shared = {number: [other == number for _, other in makers] for _, number in makers}
     calibration_error = np.sqrt(sum((raw * factor_error)[of].sum(axis=0) ** 2
                                     for of in shared.values())) / count
-    order = np.arange(count) - (count - 1) / 2
-    slope = order @ values / (order @ order) if count > 1 else np.full(values.shape[1], np.nan)
     drift, drift_error = _relative_drift(values @ first.grid.weights_nm)
     spread = values.std(axis=0, ddof=1) if count > 1 else np.full(values.shape[1], np.nan)
-    return ReadingSeries(first.grid, values.mean(axis=0), spread, slope, drift, drift_error, count,
+    return ReadingSeries(first.grid, values.mean(axis=0), spread, drift, drift_error, count,
                          first.quantity, _flags(readings, drift, drift_error), calibration_error)
 
 

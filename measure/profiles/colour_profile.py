@@ -100,7 +100,7 @@ def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
                          0 if draws is None else len(cameras))
 
 
-def response_of_calibration(calibration: Calibration, seed: int = 0
+def response_of_calibration(calibration: Calibration
                             ) -> tuple[np.ndarray, np.ndarray | None]:
     """A calibrated camera's response (3, 61) on ``PRIOR_GRID``, and draws (T, 3, 61) of it by the
     calibration's errors; None where it states no errors of curves and light.
@@ -108,8 +108,6 @@ def response_of_calibration(calibration: Calibration, seed: int = 0
     Parameters
     ----------
     calibration : Calibration
-    seed : int
-        Of the draws.
     """
     response = relative_response(calibration, FINE_GRID)
     errors = curve_errors(calibration, FINE_GRID).together_with(
@@ -118,7 +116,7 @@ def response_of_calibration(calibration: Calibration, seed: int = 0
     count = errors.by_spectrum.shape[2]
     if count == 0:
         return on_prior, None
-    parts = np.random.default_rng(seed).standard_normal((JUDGED_DRAWS, count))
+    parts = np.random.default_rng(0).standard_normal((JUDGED_DRAWS, count))
     return on_prior, _relative(on_prior + np.einsum("kpe,te->tkp", errors.by_spectrum, parts))
 
 

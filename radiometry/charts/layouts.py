@@ -54,20 +54,18 @@ LAYOUTS = {chart.name: chart for chart in (CLASSIC, PASSPORT, NANO, DIGITAL_SG, 
                                            SPYDERCHECKR_48)}
 
 
-def chart_layout(layout: str, folder: Path = Path()) -> Chart:
+def chart_layout(layout: str) -> Chart:
     """The layout of a chart by its name, or from a file.
 
     Parameters
     ----------
     layout : str
         One of ``LAYOUTS``, in any case, with or without the first word; or a file ``NAME.toml``.
-    folder : Path
-        That the file's name is seen from.
 
     Raises
     ------
     InputError
         If the name is not known, or the file is no layout.
     """
-    return read_layout(folder / layout) if is_layout_file(layout) \
+    return read_layout(Path(layout)) if is_layout_file(layout) \
         else LAYOUTS[layout_name(layout)]

@@ -54,18 +54,13 @@ def stated_filter(name: str, transmittance: np.ndarray,
     return Filter(name, passed, np.column_stack([shift, _smooth_modes(deviation, LENGTH_NM)]))
 
 
-def unknown_filter(name: str = UNKNOWN) -> Filter:
-    """A filter whose transmittance nobody measured: smooth, of any level.
-
-    Parameters
-    ----------
-    name : str
-    """
-    return Filter(name, np.full(FINE_GRID.nm.size, UNKNOWN_LEVEL),
+def unknown_filter() -> Filter:
+    """A filter whose transmittance nobody measured: smooth, of any level."""
+    return Filter(UNKNOWN, np.full(FINE_GRID.nm.size, UNKNOWN_LEVEL),
                   _smooth_modes(np.full(FINE_GRID.nm.size, UNKNOWN_SD), UNKNOWN_LENGTH_NM))
 
 
-def read_filters(path: Path, wavelength_column: int = 1) -> dict[str, Filter]:
+def read_filters(path: Path) -> dict[str, Filter]:
     """Every filter of a file of spectra, by the name of its column; of its only one, of the file.
 
     Values beyond 1.5 are taken for per cent. A column ``standard_error`` states the error.
@@ -73,15 +68,13 @@ def read_filters(path: Path, wavelength_column: int = 1) -> dict[str, Filter]:
     Parameters
     ----------
     path : Path
-    wavelength_column : int
-        Number of the column of wavelengths, from 1.
 
     Raises
     ------
     InputError
         If the file cannot be read, does not cover 400-700 nm, or is no transmittance.
     """
-    return _filters_of(read_table(path, wavelength_column), path)
+    return _filters_of(read_table(path), path)
 
 
 def read_filter(path: Path, column: str | int | None = None,

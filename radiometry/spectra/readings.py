@@ -59,7 +59,6 @@ class ReadingSeries(Record):
     grid: WavelengthGrid
     mean: Annotated[np.ndarray, "P"]
     spread: Annotated[np.ndarray, "P"]  # standard deviation of one reading; NaN for a single one
-    drift_per_reading: Annotated[np.ndarray, "P"]   # slope of a line through the repeats
     relative_drift: float                           # of the integral, over the whole series
     relative_drift_error: float                     # its standard error; NaN below three readings
     readings: int

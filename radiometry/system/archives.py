@@ -31,25 +31,20 @@ class DamagedArchiveError(Exception):
 
 
 @contextlib.contextmanager
-def opened_npz(path: Path, limit: int = MAX_UNPACKED) -> Iterator[Mapping[str, np.ndarray]]:
+def opened_npz(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
     """Arrays of a .npz by name, each read from disk when it is asked for; no pickle.
-
-    Parameters
-    ----------
-    limit : int
-        Bytes that all arrays together may need.
 
     Raises
     ------
     DamagedArchiveError
-        If the file is damaged, unpacks to more, or what is done with the arrays in the block fails
-        as it does on damaged ones.
+        If the file is damaged, unpacks to more than ``MAX_UNPACKED`` bytes, or what is done with
+        the arrays in the block fails as it does on damaged ones.
     FileNotFoundError
         If there is no such file.
     """
     with _damage_reported(), path.open("rb") as file:
         with zipfile.ZipFile(file) as archive:
-            require_small(archive, limit)
+            _require_small(archive)
         file.seek(0)
         with np.load(file, allow_pickle=False) as stored:
             if not isinstance(stored, np.lib.npyio.NpzFile):
@@ -58,8 +53,8 @@ def opened_npz(path: Path, limit: int = MAX_UNPACKED) -> Iterator[Mapping[str, n
 
 
 @contextlib.contextmanager
-def opened_zip(path: Path, limit: int = MAX_UNPACKED) -> Iterator[zipfile.ZipFile]:
-    """A zip archive whose members together unpack to no more than ``limit`` bytes.
+def opened_zip(path: Path) -> Iterator[zipfile.ZipFile]:
+    """A zip archive whose members together unpack to no more than ``MAX_UNPACKED`` bytes.
 
     Raises
     ------
@@ -67,31 +62,25 @@ def opened_zip(path: Path, limit: int = MAX_UNPACKED) -> Iterator[zipfile.ZipFil
         As ``opened_npz``.
     """
     with _damage_reported(), zipfile.ZipFile(path) as archive:
-        require_small(archive, limit)
+        _require_small(archive)
         yield archive
 
 
-def require_small(archive: zipfile.ZipFile, limit: int = MAX_UNPACKED) -> None:
-    """Refuse an archive whose members state more than ``limit`` bytes; none can hold more than it
-    states.
-
-    Raises
-    ------
-    ValueError
-        With the size.
-    """
+def _require_small(archive: zipfile.ZipFile) -> None:
+    """Refuse an archive whose members state too many bytes; none can hold more than it states."""
     size = sum(member.file_size for member in archive.infolist())
-    if size > limit:
-        raise ValueError(f"it unpacks to {size / 1e9:.1f} GB; {limit / 1e9:.1f} GB is the limit")
+    if size > MAX_UNPACKED:
+        raise ValueError(f"it unpacks to {size / 1e9:.1f} GB; {MAX_UNPACKED / 1e9:.1f} GB is the "
+                         "limit")
 
 
-def unpacked(content: bytes, limit: int = MAX_UNPACKED) -> bytes:
+def unpacked(content: bytes) -> bytes:
     """Unpack gzip, bzip2 or xz; anything else is returned as it is.
 
     Raises
     ------
     DamagedArchiveError
-        If it is damaged, or unpacks to more than ``limit`` bytes.
+        If it is damaged, or unpacks to more than ``MAX_UNPACKED`` bytes.
     """
     opening: dict[bytes, Any] = {b"BZh": bz2.open, b"\x1f\x8b": gzip.open, b"\xfd7zXZ": lzma.open}
     opened = next((each for magic, each in opening.items() if content.startswith(magic)), None)
@@ -101,8 +90,8 @@ def unpacked(content: bytes, limit: int = MAX_UNPACKED) -> bytes:
     with _damage_reported(), opened(io.BytesIO(content)) as source:
         while part := source.read(CHUNK):
             size += len(part)
-            if size > limit:
-                raise ValueError(f"it unpacks to more than {limit / 1e9:.1f} GB")
+            if size > MAX_UNPACKED:
+                raise ValueError(f"it unpacks to more than {MAX_UNPACKED / 1e9:.1f} GB")
             parts.append(part)
     return b"".join(parts)
 

@@ -24,8 +24,8 @@ class Identifiability:
     by_colour: int  # of these, as many as the camera has bands at most: read off the surface itself
     by_interreflection: int  # the others: only light from other surfaces determines them
     by_prior: int            # left to the prior
-    directions: np.ndarray   # (N, N) columns, the best determined first
-    ratio: np.ndarray        # (N,) information of the photo / of the prior along each
+    # (N,) information of the photo / of the prior along each direction, the best determined first
+    ratio: np.ndarray
 
 
 def band_signals(fit: TransportFit, operator: np.ndarray,
@@ -106,13 +106,11 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...],
         root = np.linalg.cholesky(prior)
         information = np.linalg.inv(posterior[own, own]) - prior
         whitened = np.linalg.solve(root, np.linalg.solve(root, information).T)
-        ratio, vectors = np.linalg.eigh((whitened + whitened.T) / 2)
-        ratio, vectors = ratio[::-1], vectors[:, ::-1]
+        ratio = np.linalg.eigvalsh((whitened + whitened.T) / 2)[::-1]
         by_photo = int(np.count_nonzero(ratio > MIN_RATIO))
         colour = min(by_photo, np.linalg.matrix_rank(operator))
         answers.append(Identifiability(name, by_photo, int(colour), by_photo - int(colour),
-                                       count - by_photo, np.linalg.solve(root.T, vectors),
-                                       np.maximum(ratio, 0.0)))
+                                       count - by_photo, np.maximum(ratio, 0.0)))
     return tuple(answers)
 
 

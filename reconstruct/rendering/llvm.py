@@ -182,16 +182,12 @@ def _home_for_kernels(home: str | None) -> Path:
     return Path(scratch)
 
 
-def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:
-    """Unpack Debian's libLLVM, and the libraries that it and the renderer need.
+def fetch_llvm() -> None:
+    """Unpack Debian's libLLVM, and the libraries that it and the renderer need, into the
+    environment.
 
     Needs apt-get and dpkg-deb, without which it does nothing, but no root: package lists are kept
     in a scratch folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the libraries come to lie; the environment's own by default.
     """
     if not (shutil.which("apt-get") and shutil.which("dpkg-deb")):
         return
@@ -211,11 +207,12 @@ def fetch_llvm(folder: Path = ENVIRONMENT_FOLDER) -> None:
                 continue
             copied = copies.setdefault(library.resolve(), library.name)
             if copied == library.name:
-                with whole_file(folder / copied) as unfinished:
+                with whole_file(ENVIRONMENT_FOLDER / copied) as unfinished:
                     shutil.copyfile(library, unfinished)
             else:       # each name must be found, but 130 MB need not lie there twice
-                (folder / library.name).unlink(missing_ok=True)
-                os.link(folder / copied, folder / library.name)
+                linked = ENVIRONMENT_FOLDER / library.name
+                linked.unlink(missing_ok=True)
+                os.link(ENVIRONMENT_FOLDER / copied, linked)
 
 
 def _private_apt(scratch: Path) -> list[str]:

@@ -15,6 +15,7 @@ from spectrabox.radiometry.records import WavelengthGrid
 
 READING_MINUTES, PHOTO_MINUTES = 2.0, 5.0
 READING_ERROR, PHOTO_ERROR = 0.005, 0.005
+STEP_NM = 10.0              # between spot readings
 NORMAL_95 = 1.959964
 
 
@@ -47,29 +48,25 @@ class PlannedStep:
         return (self.width_before - self.width_after) / self.minutes
 
 
-def wavelength_candidates(grid: WavelengthGrid, step_nm: float = 10.0,
-                          minutes: float = READING_MINUTES,
-                          standard_error: float = READING_ERROR) -> list[Candidate]:
-    """Spot readings every ``step_nm``.
+def wavelength_candidates(grid: WavelengthGrid,
+                          minutes: float = READING_MINUTES) -> list[Candidate]:
+    """Spot readings every 10 nm.
 
     Parameters
     ----------
     grid : WavelengthGrid
         Of P wavelengths.
-    step_nm : float
     minutes : float
         That a reading takes the operator.
-    standard_error : float
-        Of a reading, in reflectance.
     """
-    wanted = np.arange(grid.nm[0], grid.nm[-1] + 1e-9, step_nm)
+    wanted = np.arange(grid.nm[0], grid.nm[-1] + 1e-9, STEP_NM)
     return [Candidate(f"reading at {nm:.0f} nm",
-                      np.eye(grid.nm.size)[[int(np.argmin(np.abs(grid.nm - nm)))]], standard_error,
+                      np.eye(grid.nm.size)[[int(np.argmin(np.abs(grid.nm - nm)))]], READING_ERROR,
                       minutes) for nm in wanted]
 
 
-def photo_candidate(name: str, relative_response: np.ndarray, minutes: float = PHOTO_MINUTES,
-                    standard_error: float = PHOTO_ERROR) -> Candidate:
+def photo_candidate(name: str, relative_response: np.ndarray, minutes: float = PHOTO_MINUTES
+                    ) -> Candidate:
     """Another photo, such as one under another light, by its relative response (K, P).
 
     Rows sum to 1.
@@ -81,10 +78,8 @@ def photo_candidate(name: str, relative_response: np.ndarray, minutes: float = P
         Of camera and light; rows summing to 1.
     minutes : float
         That the photo takes the operator.
-    standard_error : float
-        Of each band, relative to white.
     """
-    return Candidate(name, relative_response, standard_error, minutes)
+    return Candidate(name, relative_response, PHOTO_ERROR, minutes)
 
 
 def plan(spectra: np.ndarray, candidates: list[Candidate], steps: int = 3) -> list[PlannedStep]:

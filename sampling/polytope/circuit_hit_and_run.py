@@ -28,8 +28,7 @@ STARTS = 1024
 CHAINS = 4096           # at a time: the coefficients of more would leave the processor's cache
 
 
-def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int,
-                   steps: int | None = None) -> CoefficientDraws:
+def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int) -> CoefficientDraws:
     """Draw from {A c = y, 0 <= c <= 1} uniformly, many at a time.
 
     Parameters
@@ -38,8 +37,6 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int,
         Without noise.
     draws, seed : int
         T; the same seed gives the same draws bit for bit.
-    steps : int, optional
-        Of every chain; by default enough to forget the start.
 
     Raises
     ------
@@ -53,7 +50,7 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int,
                          "rejection for this one")
     rng = np.random.default_rng(seed)
     tilt = max_entropy_tilt(operator)
-    order, circuits = plan_moves(operator, tilt, rng, steps)
+    order, circuits = plan_moves(operator, tilt, rng)
     starts = collect(tilted_proposals(operator, tilt, rng), min(STARTS, draws))[0]
     coefficients = run_chains(starts, circuits, order, draws, rng)
     diagnosis = diagnose(starts, coefficients)
@@ -62,8 +59,8 @@ def sample_in_bulk(operator: MeasurementOperator, draws: int, seed: int,
     return CoefficientDraws(coefficients, 1.0, diagnosis.effective_samples, Outcome.EXACT)
 
 
-def plan_moves(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generator,
-               steps: int | None = None) -> tuple[np.ndarray, Circuits]:
+def plan_moves(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generator
+               ) -> tuple[np.ndarray, Circuits]:
     """The schedule of one measurement and the circuits it refers to.
 
     Parameters
@@ -72,14 +69,12 @@ def plan_moves(operator: MeasurementOperator, tilt: Tilt, rng: np.random.Generat
         ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
     tilt : Tilt
     rng : numpy.random.Generator
-    steps : int, optional
-        Moves of every chain; by default enough to forget the start.
     """
     circuits = find_circuits(operator.A, rng)
     bands, coefficients = operator.A.shape
     probabilities = design(circuits, operator.A, tilt.h, rng)
-    count = steps if steps is not None else steps_for(coefficients, bands)
-    return schedule(circuits, probabilities, count, coefficients, rng), circuits
+    steps = steps_for(coefficients, bands)
+    return schedule(circuits, probabilities, steps, coefficients, rng), circuits
 
 
 def run_chains(starts: np.ndarray, circuits: Circuits, order: np.ndarray, draws: int,

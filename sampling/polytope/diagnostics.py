@@ -8,6 +8,9 @@ import numpy as np
 from spectrabox.radiometry.errors import ConvergenceError
 
 RHAT_LIMIT, SHARE_LIMIT = 1.01, 0.5
+# Parts of the chains for the split R-hat (Gelman and Rubin 1992, with halves in time replaced by
+# groups of chains, as every chain gives one draw).
+GROUPS = 8
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class Diagnosis:
     worst_coordinate: int
 
 
-def diagnose(starts: np.ndarray, ends: np.ndarray, groups: int = 8) -> Diagnosis:
+def diagnose(starts: np.ndarray, ends: np.ndarray) -> Diagnosis:
     """Diagnosis of many short chains from where they started and ended.
 
     Parameters
@@ -30,9 +33,6 @@ def diagnose(starts: np.ndarray, ends: np.ndarray, groups: int = 8) -> Diagnosis
         Chains with the same start are correlated through it: with n0 different starts that each
         serve T / n0 chains and a correlation rho of start and end, the variance of the mean is that
         of T / (1 + rho^2 (T / n0 - 1)) independent draws.
-    groups : int
-        Number of parts of the chains for the split R-hat (Gelman and Rubin 1992, with halves in
-        time replaced by groups of chains, as every chain gives one draw).
     """
     count, different = len(ends), len(np.unique(starts, axis=0))
     starts = starts[np.arange(count) % len(starts)]
@@ -40,7 +40,7 @@ def diagnose(starts: np.ndarray, ends: np.ndarray, groups: int = 8) -> Diagnosis
     covariance = np.mean((starts - starts.mean(axis=0)) * (ends - ends.mean(axis=0)), axis=0)
     rho = np.divide(covariance, spread, out=np.zeros_like(spread), where=spread > 1e-12)
     effective = count / (1 + rho**2 * max(count / different - 1, 0))
-    parts = ends[:count - count % groups].reshape(groups, -1, ends.shape[1])
+    parts = ends[:count - count % GROUPS].reshape(GROUPS, -1, ends.shape[1])
     within = parts.var(axis=1, ddof=1).mean(axis=0)
     between = parts.mean(axis=1).var(axis=0, ddof=1)
     size = parts.shape[1]

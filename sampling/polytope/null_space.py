@@ -4,42 +4,22 @@ Bounds on the coefficients are not handled here; see tilted_rejection.py.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
-
 import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError
-from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.spline_measurement import MeasurementOperator
 
 # about sqrt(float64 eps): smaller singular values are round-off in A, not information
 RANK_RTOL = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
-class NullSpace(Record):
-    """Orthonormal directions in coefficient space that the camera cannot see (Eq. 5)."""
-
-    c0: Annotated[np.ndarray, "N"]
-    directions: Annotated[np.ndarray, "N D"]
-    singular_values: Annotated[np.ndarray, "K"]
-
-
-def null_space(operator: MeasurementOperator, c0: np.ndarray) -> NullSpace:
-    """Find an orthonormal basis of the null space of ``operator.A``.
+def null_space(operator: MeasurementOperator) -> np.ndarray:
+    """Orthonormal directions (N, D) in coefficient space that the camera cannot see (Eq. 5).
 
     Parameters
     ----------
     operator : MeasurementOperator
-        ``A`` (K, N) maps coefficients to camera signal.
-    c0 : (N,) array
-        Coefficients that reproduce the measurement, from inverse rendering or least squares.
-
-    Returns
-    -------
-    NullSpace
-        With D = N - min(K, N) directions.
+        ``A`` (K, N) maps coefficients to camera signal; D = N - min(K, N).
 
     Raises
     ------
@@ -55,4 +35,4 @@ def null_space(operator: MeasurementOperator, c0: np.ndarray) -> NullSpace:
             f"the {operator.A.shape[0]} camera channels carry only {rank} independent responses "
             f"(smallest / largest singular value {weakest:.1e}); "
             "refit the sensitivities or check that the light covers 400-700 nm")
-    return NullSpace(c0=c0, directions=vt[rank:].T, singular_values=singular_values)
+    return np.asarray(vt[rank:].T)

@@ -143,7 +143,7 @@ def check_operator(operator: MeasurementOperator) -> None:
         raise InputError(f"{bands} bands over-determine {coefficients} coefficients: nothing is "
                          f"left to sample; use at least {bands} coefficients")
     check_noise(operator.noise_covariance)
-    null_space(operator, np.full(coefficients, 0.5))
+    null_space(operator)
 
 
 def _newton(A: np.ndarray, y: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, float]:

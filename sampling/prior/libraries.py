@@ -30,6 +30,7 @@ from spectrabox.sampling.prior.r_data import read_r_columns
 END_GAP_NM = 6.0
 # of most curves, over a tenth of their wavelengths: no reflectance, whatever the file says
 FAR_ABOVE_ONE = 1.2
+DISTINCT = 0.004        # root mean square difference of curves that both count
 # Data sets that hold absorbance log10(1 / reflectance) although they are called reflectance. Ikeogu
 # et al. (2017): the values reach 1.95 in the water band at 1930 nm, and those at 450 nm grow with
 # the carotenoids (correlation 0.88).
@@ -118,24 +119,17 @@ def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, in
     return at_grid[inside], {"gaps": int(np.sum(~whole)), "outside 0 to 1": int(np.sum(~inside))}
 
 
-def without_near_duplicates(reflectances: np.ndarray, distance: float = 0.004,
-                            others: np.ndarray | None = None) -> np.ndarray:
-    """Rows (n, P) with a root-mean-square distance of at least ``distance`` to every row kept
-    before and to others.
+def without_near_duplicates(reflectances: np.ndarray) -> np.ndarray:
+    """Rows (n, P) that differ by 0.004 (root mean square) or more from every row kept before.
 
     Parameters
     ----------
     reflectances : (n, 61) array
-    distance : float
-        Root mean square, in reflectance.
-    others : (m, P) array, optional
-        That rows must differ from too.
     """
     kept = np.empty_like(reflectances)
     count = 0
     for row in reflectances:
-        against = kept[:count] if others is None else np.concatenate([kept[:count], others])
-        if not len(against) or np.min(np.mean((against - row)**2, axis=1)) >= distance**2:
+        if not count or np.min(np.mean((kept[:count] - row)**2, axis=1)) >= DISTINCT**2:
             kept[count] = row
             count += 1
     return kept[:count].copy()

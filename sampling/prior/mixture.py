@@ -186,17 +186,14 @@ def reflectance(logits: np.ndarray) -> np.ndarray:
     return 0.5 * (1 + np.tanh(0.5 * logits))
 
 
-def reflectance_moments(prior: LogitMixture,
-                        draws: int = MOMENT_DRAWS) -> tuple[np.ndarray, np.ndarray]:
+def reflectance_moments(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (P,) and covariance (P, P) of a prior's reflectances, from draws at a fixed seed.
 
     Parameters
     ----------
     prior : LogitMixture
-    draws : int
-        That the moments are estimated from.
     """
-    spectra = drawn_reflectances(prior, draws)
+    spectra = drawn_reflectances(prior, MOMENT_DRAWS)
     return spectra.mean(axis=0), np.cov(spectra, rowvar=False)
 
 

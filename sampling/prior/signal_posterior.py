@@ -18,7 +18,7 @@ from spectrabox.radiometry.records import Outcome, SpectralMeasurement, Spectrum
 from spectrabox.sampling.checks import check_draw_count, check_measurement
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.polytope.tilt import is_reachable
-from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
+from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.mixture_posterior import (
     MixturePosterior,
@@ -110,11 +110,6 @@ class SignalPosterior:
         """Lower and upper reflectance (61,) of the calibrated central band of a level, 0 to 1."""
         lower, upper = central_band(self._marginals[0], level)
         return lower[0], upper[0]
-
-    @property
-    def next_measurement_nm(self) -> float:
-        """Wavelength whose reading would take most off the total variance."""
-        return float(next_readings_nm(self._marginals[1], self._mean_and_deviation[1])[0])
 
     def variances_by_cause(self, causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Variance (61,) of the reflectance by cause, at the most probable component.

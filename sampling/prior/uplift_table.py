@@ -59,11 +59,6 @@ class UpliftTable:
     row: np.ndarray             # (side, side, side) of each point, -1 where it was left out
     relative_response: np.ndarray
 
-    @property
-    def side(self) -> int:
-        """Points of the lattice along each axis."""
-        return len(self.row)
-
 
 def build_table(prior: LogitMixture, relative_response: np.ndarray,
                 noise: float | Errors = 0.01, side: int = SIDE, wanted: np.ndarray | None = None,
@@ -136,8 +131,7 @@ def lattice(side: int) -> np.ndarray:
 
 
 def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                    noise: float = 0.01,
-                    progress: Progress = lambda share: None) -> tuple[np.ndarray, np.ndarray]:
+                    noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (n, 61) of signals (n, K), each by itself.
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
@@ -151,10 +145,8 @@ def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals:
         Relative to white.
     noise : float
         Relative standard error of the signals.
-    progress : function of the share that is done
     """
-    uplifted = uplift_signals(prior, relative_response, signals, relative_errors(signals, noise),
-                          progress)
+    uplifted = uplift_signals(prior, relative_response, signals, relative_errors(signals, noise))
     return uplifted.mean, uplifted.standard_deviation
 
 

@@ -64,8 +64,7 @@ def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.nda
     return np.clip(signals @ matrix, 0, None)
 
 
-def greedy_draws(operator: MeasurementOperator, draws: int, seed: int,
-                 attempts: int = ATTEMPTS) -> tuple[np.ndarray, float]:
+def greedy_draws(operator: MeasurementOperator, draws: int, seed: int) -> tuple[np.ndarray, float]:
     """Draws (<= T, N) in the manner of Belcour et al. (2023) and the share of attempts that gave
     one.
 
@@ -82,15 +81,14 @@ def greedy_draws(operator: MeasurementOperator, draws: int, seed: int,
         T, at least 1.
     seed : int
         Of the random generator; the same seed gives the same draws bit for bit.
-    attempts : int
     """
     rng = np.random.default_rng(seed)
     bands, count = operator.A.shape
     # the K in the middle are solved for
     order = np.argsort(np.abs(np.arange(count) - (count - 1) / 2))
     solved, free = order[:bands], order[bands:]
-    c = np.empty((attempts, count))
-    remaining = np.tile(operator.y, (attempts, 1))
+    c = np.empty((ATTEMPTS, count))
+    remaining = np.tile(operator.y, (ATTEMPTS, 1))
     for position, j in enumerate(free):
         later = np.r_[free[position + 1:], solved]
         most = operator.A[:, later].sum(axis=1)
@@ -100,8 +98,8 @@ def greedy_draws(operator: MeasurementOperator, draws: int, seed: int,
             high = np.nanmin(np.where(seen, remaining / column, np.inf), axis=1)
             low = np.nanmax(np.where(seen, (remaining - most) / column, -np.inf), axis=1)
         low, high = np.clip(low, 0, 1), np.clip(high, 0, 1)
-        c[:, j] = low + np.maximum(high - low, 0) * rng.random(attempts)
+        c[:, j] = low + np.maximum(high - low, 0) * rng.random(ATTEMPTS)
         remaining -= c[:, j, None] * operator.A[:, j]
     c[:, solved] = np.linalg.solve(operator.A[:, solved], remaining.T).T
     kept = c[np.all((c >= 0) & (c <= 1), axis=1)]
-    return kept[:draws], len(kept) / attempts
+    return kept[:draws], len(kept) / ATTEMPTS

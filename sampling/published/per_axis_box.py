@@ -120,7 +120,7 @@ def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,
         raise InputError(f"c0 runs from {c0.min():.3g} to {c0.max():.3g}; the method needs a start "
                          "within 0 to 1, as bounded least squares gives")
     start = np.clip(c0, 0, 1)
-    directions = null_space(operator, start).directions
+    directions = null_space(operator)
     coefficients, acceptance = draw_in_box(start, directions, draws, seed)
     # 1e-6 of white: the accuracy to which a least-squares start reproduces a signal that is within
     # reach.

@@ -52,16 +52,6 @@ class JointSamples(Record):
     spectra: Annotated[np.ndarray, "T M P"]
     effective_samples: float    # effective number of the weighted proposals
     tail: float  # shape of the weights' tail: below 0.7 the effective number can be trusted
-    proposals: int
-    unsolved: float             # share of proposals without a solution: left out
-    seed: int
-
-    @property
-    def converged(self) -> bool:
-        """Whether 400 draws are effective and the weights' tail is light enough to trust that
-        number.
-        """
-        return self.effective_samples >= MIN_EFFECTIVE and self.tail < TAIL_LIMIT
 
 
 @dataclass(frozen=True)
@@ -80,7 +70,7 @@ class _Proposer:
 
 
 def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, kept: int = 4000,
-                 effective_wanted: float = MIN_EFFECTIVE, refuse: bool = True) -> JointSamples:
+                 effective_wanted: float = MIN_EFFECTIVE) -> JointSamples:
     """Draw from the joint posterior until enough draws are effective.
 
     Parameters
@@ -99,7 +89,7 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
     InputError
         If fewer than 100 draws are to be kept.
     ConvergenceError
-        If 16000 proposals do not suffice and ``refuse`` is set.
+        If 16000 proposals do not suffice.
     """
     if kept < 100:
         raise InputError(f"{kept} draws were asked for; ask for at least 100")
@@ -133,18 +123,15 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
         # what Laplace thought of the labels is corrected
         belief = np.bincount(owner, weights, len(counts))
     else:
-        if refuse:
-            raise ConvergenceError(f"the joint posterior has not converged after {MAX_PROPOSALS} "
-                                   f"proposals: {effective:.0f} effective draws, tail of the "
-                                   f"weights {tail:.2f}; state a larger noise, or use each "
-                                   "material's own signal")
+        raise ConvergenceError(f"the joint posterior has not converged after {MAX_PROPOSALS} "
+                               f"proposals: {effective:.0f} effective draws, tail of the "
+                               f"weights {tail:.2f}; state a larger noise, or use each "
+                               "material's own signal")
     cumulative = np.cumsum(weights) / weights.sum()
     chosen = np.searchsorted(cumulative, (np.arange(kept) + rng.random())
                              / kept).clip(max=len(weights) - 1)
     spectra = reflectance(np.concatenate(logits)[rng.permutation(chosen)])  # else mode after mode
-    total = int(counts.sum())
-    return JointSamples(problem.materials, spectra, effective, tail, total,
-                        1 - len(weights) / total, seed)
+    return JointSamples(problem.materials, spectra, effective, tail)
 
 
 def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Proposer:

@@ -31,17 +31,18 @@ from spectrabox.sampling.spline_measurement import nearest_splines
 METHOD = "learnt prior through the light transport"
 # chance of a picture as unlike the model as this one, below which the outcome says so
 SURPRISING = 1e-3
+EFFECTIVE = 1000.0      # number of the weighted draws, for a 95 % band
 
 
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
                response: np.ndarray, draws: int, seed: int, prior: LogitMixture | None = None, *,
                common: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
-               families: Mapping[str, Sequence[str]] | None = None, coefficients: int = 13,
-               effective_wanted: float = 1000.0) -> dict[str, SpectrumSamples]:
+               families: Mapping[str, Sequence[str]] | None = None, coefficients: int = 13
+               ) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
 
-    Eleven parameters: the four before ``draws`` are the likelihood, the others have the defaults of
+    Ten parameters: the four before ``draws`` are the likelihood, the others have the defaults of
     a session.
 
     Parameters
@@ -65,8 +66,6 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
         Families of surfaces stated for a material, by name.
     coefficients : int
         N of the splines that are fitted to the draws.
-    effective_wanted : float
-        Effective number of the weighted draws: 1000 for a 95 % band.
 
     Raises
     ------
@@ -87,7 +86,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     with threadpool_limits(1, "blas"):
         modes = find_modes(problem, SAMPLED, None if common is None else joint_problem(
             *scene, None, known, families))
-        draws_of_all = sample_joint(problem, seed, modes, draws, effective_wanted)
+        draws_of_all = sample_joint(problem, seed, modes, draws, EFFECTIVE)
     likely = surprise(problem, modes) >= SURPRISING
     outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
     basis = basis_matrix(PRIOR_GRID.nm, coefficients)

@@ -20,8 +20,8 @@ HEADER_BYTES = 484
 TYPES = ("raw", "reflectance", "radiance", "no units", "irradiance", "quality index",
          "transmittance", "unknown", "absorbance")
 SAMPLE_FORMATS = {0: "<f4", 1: "<i2", 2: "<f8"}
-# instruments with SWIR detectors; only the full-range one is handled
-FULL_RANGE, NEAR_INFRARED = 4, 10_000
+# an instrument with SWIR detectors: of the kinds with gains the only one handled
+FULL_RANGE = 4
 COSINE_RECEPTOR_DEGREES = 180           # fore-optic from here: irradiance
 BASE, LAMP, FIBRE = 1, 2, 3             # kinds of calibration spectra
 
