@@ -2,37 +2,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
 from spectrabox.radiometry.records import SpectralMeasurement
-from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.judge.identification import Identification, identify
+from spectrabox.sampling.judge.spectral_library import SpectralLibrary
 from spectrabox.sampling.prior.mixture import LogitMixture
 
 LIKELY_NONE = 0.95      # probability from which another surface is called more likely
-
-
-@dataclass(frozen=True, eq=False)
-class SpectralLibrary(Record):
-    """Reflectances of n materials by name, on one grid.
-
-    Attributes
-    ----------
-    names, libraries : tuples of n str
-        Of the material, and of the library it is from.
-    spectra, standard_error : (n, P) arrays
-        The error is 0 where nobody stated it.
-    left_out : tuple of str
-        Sentences on spectra that could not be used.
-    """
-
-    names: tuple[str, ...]
-    libraries: tuple[str, ...]
-    spectra: Annotated[np.ndarray, "n P"]
-    standard_error: Annotated[np.ndarray, "n P"]
-    left_out: tuple[str, ...]
 
 
 @dataclass(frozen=True)

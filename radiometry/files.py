@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import hashlib
 import io
 import os
@@ -73,6 +74,24 @@ def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
         If it is in another encoding.
     """
     return io.StringIO(read_bytes_of_text(path).decode(encoding), newline=None).read()
+
+
+def csv_rows(path: Path, what: str) -> list[list[str]]:
+    """The rows of a CSV that hold anything.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read as text; ``what`` says what it should hold.
+    """
+    try:
+        lines = read_text(path).splitlines()
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); give a CSV of {what}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name} is not a text file; give a CSV of {what}") from None
+    return [row for row in csv.reader(lines) if any(map(str.strip, row))]
 
 
 def read_bytes_of_text(path: Path) -> bytes:

@@ -22,6 +22,7 @@ from spectrabox.fixtures.paints import chart_truth
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.sampling.further.swatch_files import read_swatches
 from spectrabox.sampling.further.swatches import (
     FEWEST,
     Swatches,
@@ -30,7 +31,6 @@ from spectrabox.sampling.further.swatches import (
     learn_correction,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.signals.swatch_files import read_swatches
 
 SIGMAS = stats.norm.isf(0.5e-4)
 NM, BANDS, OWN = np.linspace(400, 700, 61), 6, 0.01

@@ -30,9 +30,9 @@ from spectrabox.radiometry.files import (
 )
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.names import file_stem
+from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
-from spectrabox.session.signals.swatch_files import read_swatch_spectra
 
 MARK = "# as 'spectrabox flat' wrote it: "
 SUFFIX = "-flat"

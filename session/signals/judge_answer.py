@@ -3,21 +3,18 @@ and a table out.
 """
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import open_channels, read_plane
-from spectrabox.measure.judgement import JudgeOptions, judge_picture
+from spectrabox.capture.photo.image_files import read_plane
+from spectrabox.measure.judgement import JudgeOptions, judge_picture, open_picture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC
 from spectrabox.radiometry.spectra.spectrum_files import read_table
-from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.sampling.judge.cube_regions import RegionSpectra, point_region, read_regions
-from spectrabox.sampling.judge.cubes import Cube, cube_of_channels, parse_wavelengths
+from spectrabox.sampling.judge.cubes import Cube, parse_wavelengths
 from spectrabox.sampling.judge.judgement import judgement_text
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.commands.requests import JudgeRequest
@@ -63,15 +60,6 @@ def judge_answer(request: JudgeRequest) -> tuple[dict[str, Any], str, dict[str, 
         name = region.region.name
         columns |= {name: region.mean, f"{name} standard deviation": region.standard_deviation}
     return facts, _text(cube, judgement.regions, rows, request), columns
-
-
-def open_picture(path: Path, wavelengths: np.ndarray | None, variable: str | None) -> Cube:
-    """A hyperspectral picture of any known format, an EXR being one by what it begins with."""
-    if path.is_file():
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) == MAGIC:
-                return cube_of_channels(path.name, *open_channels(path))
-    return open_cube(path, wavelengths, variable)
 
 
 def _measures(row: dict[str, Any]) -> dict[str, Any]:

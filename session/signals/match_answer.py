@@ -8,11 +8,11 @@ import numpy as np
 from spectrabox.measure.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.surface_signals import measurement
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.session.commands.requests import MatchRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import load_finished
-from spectrabox.session.signals.spectral_library import read_spectral_libraries
 from spectrabox.session.terminal.json_values import to_json
 from spectrabox.session.terminal.tables import text_table
 

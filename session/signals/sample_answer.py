@@ -24,6 +24,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_of,
     spectrum_on_grid,
 )
+from spectrabox.sampling.further.swatch_files import read_swatches
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import OBSERVER, SampleRequest
 from spectrabox.session.signals.measurement_file import further_measurements
@@ -35,7 +36,6 @@ from spectrabox.session.signals.signal_options import (
     signal_and_noise,
     srgb_signal,
 )
-from spectrabox.session.signals.swatch_files import read_swatches
 from spectrabox.session.terminal.json_values import to_json
 
 SRGB_CAVEAT = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "

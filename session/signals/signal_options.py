@@ -1,7 +1,6 @@
 """Signals and measurements as written on the command line or in small files."""
 from __future__ import annotations
 
-import csv
 import re
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 from spectrabox.measure.signals import READING_ERROR, listed, reading_at
 from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_text
+from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.system.words import is_number
@@ -138,24 +137,6 @@ def read_named_signals(path: Path, bands: int) -> dict[str, np.ndarray]:
         signals[name] = _signal_of(row[1:] if named else row, bands,
                                    f"signals {path.name} row {number + 1}")
     return signals
-
-
-def csv_rows(path: Path, what: str) -> list[list[str]]:
-    """The rows of a CSV that hold anything.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read as text; ``what`` says what it should hold.
-    """
-    try:
-        lines = read_text(path).splitlines()
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be read ({error.strerror}); give a CSV of {what}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path.name} is not a text file; give a CSV of {what}") from None
-    return [row for row in csv.reader(lines) if any(map(str.strip, row))]
 
 
 def _signal_of(row: list[str], bands: int, name: str) -> np.ndarray:

@@ -60,7 +60,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.session.signals.swatch_files import read_swatch_spectra
+from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 
 SAME_LAMP = "same"
 # what is done of the whole when a step begins

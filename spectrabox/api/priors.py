@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.inputs import CameraLike, LightLike, as_prior, families_of, relative_response
-from spectrabox.measure.judgement import JudgeOptions, PictureJudgement, judge_picture
+from spectrabox.measure.judgement import (
+    JudgeOptions,
+    PictureJudgement,
+    judge_picture,
+    open_picture,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
@@ -20,7 +25,6 @@ from spectrabox.sampling.judge.cubes import Cube
 from spectrabox.sampling.prior.band_calibration import train
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library, usable
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.session.signals.judge_answer import open_picture
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands

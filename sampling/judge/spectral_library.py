@@ -3,14 +3,16 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from spectrabox.measure.matching import SpectralLibrary
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.records import Quantity, WavelengthGrid
+from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.formats.measurement_table import distinct
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import (
@@ -29,6 +31,27 @@ UNNAMED = ("", "value", "reflectance")  # names of a column that say nothing: th
 
 
 Row = tuple[str, np.ndarray, np.ndarray]    # name, spectrum (P,), standard error (P,)
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralLibrary(Record):
+    """Reflectances of n materials by name, on one grid.
+
+    Attributes
+    ----------
+    names, libraries : tuples of n str
+        Of the material, and of the library it is from.
+    spectra, standard_error : (n, P) arrays
+        The error is 0 where nobody stated it.
+    left_out : tuple of str
+        Sentences on spectra that could not be used.
+    """
+
+    names: tuple[str, ...]
+    libraries: tuple[str, ...]
+    spectra: Annotated[np.ndarray, "n P"]
+    standard_error: Annotated[np.ndarray, "n P"]
+    left_out: tuple[str, ...]
 
 
 def read_spectral_libraries(words: Sequence[str], grid: WavelengthGrid) -> SpectralLibrary:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table, spectrum_of
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.signals.signal_options import csv_rows
 
 
 def read_swatches(path: Path, bands: int) -> tuple[np.ndarray, np.ndarray]:
