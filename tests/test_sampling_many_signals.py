@@ -3,10 +3,12 @@ import numpy as np
 import pytest
 from sampling_cameras import surface
 
+from spectrabox.measure.signals.estimate import SampleOptions, SignalCapture
+from spectrabox.measure.signals.sample import sample_signals
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.session.commands.requests import SampleRequest
-from spectrabox.session.signals.sample_answer import sample_answer
 from spectrabox.session.signals.signal_options import response_of_names
 
 CAMERA, LIGHT = "Nikon 5100 (NPL)", "D65"
@@ -35,19 +37,18 @@ def test_a_signal_among_many_is_answered_as_alone():
                                        atol=1e-6)
 
 
-def asked(folder, signals, keep_draws):
-    path = folder / "signals.csv"
-    path.write_text("R,G,B\n" + "".join(f"{r},{g},{b}\n" for r, g, b in signals))
-    return sample_answer(SampleRequest(
-        sensitivity=CAMERA, light=LIGHT, signals=path, noise="0.003,0.003,0.003", samples=4000,
-        light_error=0.01, out=folder / "draws.npz" if keep_draws else None))[0]["results"]
+def asked(signals, with_draws):
+    capture = SignalCapture(relative_response(CAMERA, LIGHT, FINE_GRID), np.asarray(signals),
+                            tuple(str(number) for number in range(len(signals))),
+                            noise=np.full(3, 0.003), light_error=0.01)
+    return [estimate.facts() for estimate in sample_signals(
+        capture, SampleOptions(samples=4000), with_draws=with_draws)]
 
 
 @pytest.fixture(scope="module")
-def both_ways(tmp_path_factory):
+def both_ways():
     _, signals, _ = problem(8)
-    folder = tmp_path_factory.mktemp("signals")
-    return asked(folder, signals, False), asked(folder, signals, True)
+    return asked(signals, False), asked(signals, True)
 
 
 def test_answers_without_draws_agree_with_those_of_draws(both_ways):
@@ -71,7 +72,7 @@ def test_what_needs_no_draws_is_the_same_either_way(both_ways):
             assert without["error_budget"][cause] == pytest.approx(share, abs=1e-6)
 
 
-def test_a_signal_that_nothing_gives_falls_back_to_draws(tmp_path):
-    facts = asked(tmp_path, [[0.9, 0.05, 0.9], [0.3, 0.3, 0.3]], False)
+def test_a_signal_that_nothing_gives_falls_back_to_draws():
+    facts = asked([[0.9, 0.05, 0.9], [0.3, 0.3, 0.3]], False)
     assert facts[0]["samples"] == 4000
     assert facts[1]["samples"] == 0

@@ -8,7 +8,8 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
-from spectrabox.measure.signals import SampleOptions, measurement_of_signal, sample_signals
+from spectrabox.measure.signals.estimate import SampleOptions, SignalCapture
+from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
@@ -283,7 +284,8 @@ def test_refining_as_published_keeps_the_signal_and_is_narrower():
     # bounded least squares'.
     np.testing.assert_allclose(literal.coefficients @ fitted.A.T - fitted.y, 0, atol=1e-6)
     options = SampleOptions("uniform", samples=1000, seed=1, coefficients=7, refine=15)
-    each = sample_signals(response(), (response() @ TRUTH)[None], options)[0].draws
+    capture = SignalCapture(response(), (response() @ TRUTH)[None], ("",))
+    each = sample_signals(capture, options)[0].draws
     assert each.coefficients.shape == (1000, 15)
     assert each.spectra.std(axis=0).mean() > literal.coefficients.std(axis=0).mean()
 

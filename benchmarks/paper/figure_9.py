@@ -21,7 +21,7 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from spectrabox.measure.judgement import JudgeOptions, PictureJudgement, judge_picture
+from spectrabox.measure.signals.judgement import JudgeOptions, PictureJudgement, judge_picture
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
@@ -145,7 +145,7 @@ def filter_wheel(data: Path) -> str:
                                lambda path: np.asarray(cv2.imread(str(path), -1)))
     judgement = judge_picture(cube, regions, truths, fine_response(), load_prior(),
                               replace(OPTIONS, white_region=names[18]))
-    return judgement_text(judgement.rows + judgement.means, OPTIONS.lights)
+    return judgement_text(judgement.scored + judgement.averages)
 
 
 def main() -> None:
@@ -179,7 +179,7 @@ def main() -> None:
         judgement = judge_picture(open_cube(Path(scratch) / "network.npy", NM), regions,
                                   read_table(truth), fine_response(), load_prior(), OPTIONS,
                                   signals=signals, noise=np.full(3, NOISE / SIDE))
-    text = judgement_text(judgement.rows + judgement.means, OPTIONS.lights)
+    text = judgement_text(judgement.scored + judgement.averages)
     picture(judgement, chart, signals, arguments.out)
     if arguments.json:
         print(json.dumps({"means": {row["method"]: {key: value for key, value in row.items()

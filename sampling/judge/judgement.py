@@ -1,7 +1,8 @@
 """Recovered spectra judged against the truth by the same measures, whoever recovered them."""
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,14 +30,55 @@ LEVEL = 0.95
 BAND_DRAWS = round(2 * TAIL_DRAWS / (1 - LEVEL))        # fewer give no band, for us as for others
 GREEDY = "Belcour-style greedy"
 Estimate = tuple[np.ndarray, np.ndarray | None]      # mean (61,) and draws (T, 61), if any
-POINT_MEASURES = (("rmse", "RMSE"), ("rmse_best_scale", "scaled"), ("spectral_angle", "angle"))
-BAND_MEASURES = (("coverage", "95 % holds"), ("whole_curve", "whole"), ("width", "width"),
+POINT_SCORES = (("rmse", "RMSE"), ("rmse_best_scale", "scaled"), ("spectral_angle", "angle"))
+BAND_SCORES = (("coverage", "95 % holds"), ("whole_curve", "whole"), ("width", "width"),
                  ("sharpness", "50 % w."), ("winkler", "Winkler"))
 
 
+@dataclass(frozen=True)
+class SpectrumScores:
+    """How near one recovered spectrum is to the truth; those of a band are None without one.
+
+    Attributes
+    ----------
+    rmse, rmse_best_scale : float
+        The second after the one best factor.
+    spectral_angle : float
+        In radians.
+    delta_e00 : dict of float
+        CIEDE2000 by light.
+    coverage : float, optional
+        Share of wavelengths in the 95 % band.
+    whole_curve : bool, optional
+        Whether the widened band that holds 95 % of whole draws holds the whole truth; a share in
+        means.
+    width, sharpness, winkler : float, optional
+        Of the 95 % band; width of the 50 % band; interval score.
+    """
+
+    rmse: float
+    spectral_angle: float
+    rmse_best_scale: float
+    delta_e00: dict[str, float]
+    coverage: float | None = None
+    whole_curve: bool | float | None = None
+    width: float | None = None
+    sharpness: float | None = None
+    winkler: float | None = None
+
+
+@dataclass(frozen=True)
+class ScoredSpectrum:
+    """The scores of a method in a region, or their means over regions."""
+
+    region: str
+    method: str
+    scores: SpectrumScores
+
+
 def judged(nm: np.ndarray, truth: np.ndarray, estimate: np.ndarray, lights: tuple[str, ...],
-           draws: np.ndarray | None = None) -> dict[str, Any]:
-    """Measures of one recovered spectrum.
+           draws: np.ndarray | None = None) -> SpectrumScores:
+    """Scores of one recovered spectrum.
 
     Parameters
     ----------
@@ -45,31 +87,21 @@ def judged(nm: np.ndarray, truth: np.ndarray, estimate: np.ndarray, lights: tupl
     lights : names
         Of the colour differences.
     draws : (T, P), optional
-        What the estimate is the mean of. The measures of a band are None for fewer than 1000.
-
-    Returns
-    -------
-    dict
-        ``rmse``, ``rmse_best_scale`` (after the one best factor), ``spectral_angle`` (radians),
-        ``delta_e00`` by light; ``coverage`` (share of wavelengths in the 95 % band),
-        ``whole_curve`` (whether the widened band that holds 95 % of whole draws holds the whole
-        truth), ``width``, ``sharpness`` (of the 50 % band), ``winkler``.
+        What the estimate is the mean of. Fewer than 1000 give no band.
     """
     differences = delta_e00_under(lights, grid_from_nm(nm), estimate[None], truth[None])
-    measures: dict[str, Any] = {
-        "rmse": float(rmse(estimate, truth)),
-        "spectral_angle": float(spectral_angle(estimate, truth)),
-        "rmse_best_scale": float(rmse(best_scale(estimate, truth) * estimate, truth)),
-        "delta_e00": {light: float(values[0]) for light, values in differences.items()},
-        **dict.fromkeys(key for key, _ in BAND_MEASURES)}
-    if draws is not None and len(draws) >= BAND_DRAWS:
-        lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
-        widest = curve_band(draws, LEVEL)
-        measures |= {
-            "coverage": coverage(lower, upper, truth), "width": float(np.mean(upper - lower)),
-            "whole_curve": bool(np.all((truth >= widest[0]) & (truth <= widest[1]))),
-            "sharpness": sharpness(draws), "winkler": winkler_score(lower, upper, truth, LEVEL)}
-    return measures
+    scores = SpectrumScores(
+        float(rmse(estimate, truth)), float(spectral_angle(estimate, truth)),
+        float(rmse(best_scale(estimate, truth) * estimate, truth)),
+        {light: float(values[0]) for light, values in differences.items()})
+    if draws is None or len(draws) < BAND_DRAWS:
+        return scores
+    lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
+    widest = curve_band(draws, LEVEL)
+    return replace(scores, coverage=coverage(lower, upper, truth),
+                   whole_curve=bool(np.all((truth >= widest[0]) & (truth <= widest[1]))),
+                   width=float(np.mean(upper - lower)), sharpness=sharpness(draws),
+                   winkler=winkler_score(lower, upper, truth, LEVEL))
 
 
 def estimates(measurement: SpectralMeasurement, methods: tuple[str, ...], draws: int, seed: int,
@@ -98,7 +130,7 @@ def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
 
 def beside(measurement: SpectralMeasurement, nm: np.ndarray, truth: np.ndarray,
            lights: tuple[str, ...], draws: int, seed: int, coefficients: int, prior: LogitMixture,
-           with_baselines: bool) -> dict[str, dict[str, Any]]:
+           with_baselines: bool) -> dict[str, SpectrumScores]:
     """Our methods, and other authors', on one signal, judged against the truth.
 
     Nine parameters: what is judged, by what measures, and how to draw.
@@ -117,8 +149,8 @@ def beside(measurement: SpectralMeasurement, nm: np.ndarray, truth: np.ndarray,
 
     Returns
     -------
-    dict
-        The measures of `judged`, by method.
+    dict of SpectrumScores
+        By method.
     """
     by_method: dict[str, Estimate | None] = {
         **estimates(measurement, tuple(METHODS)[::-1], draws, seed, coefficients, prior)}
@@ -130,36 +162,39 @@ def beside(measurement: SpectralMeasurement, nm: np.ndarray, truth: np.ndarray,
             for name, estimate in by_method.items() if estimate is not None}
 
 
-def means(rows: list[dict[str, Any]], lights: tuple[str, ...]) -> list[dict[str, Any]]:
-    """One row a method: its measures averaged over the regions of ``rows``, those of a band where
+def means(rows: Sequence[ScoredSpectrum]) -> list[ScoredSpectrum]:
+    """One row a method: its scores averaged over the regions of ``rows``, those of a band where
     there is one.
     """
     averages = []
-    for method in dict.fromkeys(row["method"] for row in rows):
-        mine = [row for row in rows if row["method"] == method]
-        values = {key: [float(row[key]) for row in mine if row[key] is not None]
-                  for key, _ in (*POINT_MEASURES, *BAND_MEASURES)}
-        averages.append({
-            "region": f"mean of {len(mine)}", "method": method,
-            **{key: float(np.mean(some)) if some else None for key, some in values.items()},
-            "delta_e00": {light: float(np.mean([row["delta_e00"][light] for row in mine]))
-                          for light in lights}})
+    for method in dict.fromkeys(row.method for row in rows):
+        mine = [row.scores for row in rows if row.method == method]
+        angle, plain, scaled = (float(np.mean([getattr(one, name) for one in mine]))
+                                for name in ("spectral_angle", "rmse", "rmse_best_scale"))
+        banded = [one for one in mine if one.coverage is not None]
+        of_band = {name: float(np.mean([getattr(one, name) for one in banded]))
+                   for name, _ in BAND_SCORES} if banded else {}
+        differences = {light: float(np.mean([one.delta_e00[light] for one in mine]))
+                       for light in mine[0].delta_e00}
+        averages.append(ScoredSpectrum(f"mean of {len(mine)}", method, SpectrumScores(
+            plain, angle, scaled, differences, **of_band)))
     return averages
 
 
-def judgement_text(rows: list[dict[str, Any]], lights: tuple[str, ...]) -> str:
-    """A table of judged spectra, one a row: keys ``region``, ``method`` and those of ``judged``."""
-    widths = [max(6, *(len(row[key]) for row in rows)) for key in ("region", "method")]
-    head = (f"{'region':<{widths[0]}} {'method':<{widths[1]}} "
-            + " ".join(f"{label:>7}" for _, label in POINT_MEASURES)
-            + "".join(f" {'dE ' + light:>9}" for light in lights)
-            + "".join(f" {label:>10}" for _, label in BAND_MEASURES))
-    lines = [head]
+def judgement_text(rows: Sequence[ScoredSpectrum]) -> str:
+    """A table of judged spectra, one a row."""
+    widths = [max(6, *(len(row.region) for row in rows)), max(6, *(len(row.method)
+                                                                   for row in rows))]
+    lights = tuple(rows[0].scores.delta_e00)
+    lines = [f"{'region':<{widths[0]}} {'method':<{widths[1]}} "
+             + " ".join(f"{label:>7}" for _, label in POINT_SCORES)
+             + "".join(f" {'dE ' + light:>9}" for light in lights)
+             + "".join(f" {label:>10}" for _, label in BAND_SCORES)]
     for row in rows:
-        cells = [f"{row['region']:<{widths[0]}} {row['method']:<{widths[1]}}",
-                 *(f"{row[key]:7.4f}" for key, _ in POINT_MEASURES),
-                 *(f"{row['delta_e00'][light]:9.2f}" for light in lights),
-                 *(f"{_cell(row[key]):>10}" for key, _ in BAND_MEASURES)]
+        cells = [f"{row.region:<{widths[0]}} {row.method:<{widths[1]}}",
+                 *(f"{getattr(row.scores, name):7.4f}" for name, _ in POINT_SCORES),
+                 *(f"{row.scores.delta_e00[light]:9.2f}" for light in lights),
+                 *(f"{_cell(getattr(row.scores, name)):>10}" for name, _ in BAND_SCORES)]
         lines.append(" ".join(cells))
     return "\n".join(lines)
 

@@ -3,6 +3,7 @@ prior train.
 """
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,20 +52,35 @@ def sample(request: SampleRequest) -> Answer:
     if request.srgb is not None and (request.sensitivity or request.light or request.white):
         raise UsageProblem("--srgb is a colour under D65; leave --sensitivity, --light and --white "
                            "out")
-    from spectrabox.session.signals.sample_answer import sample_answer, sample_columns, sample_text
-    facts, arrays = sample_answer(request)
-    text = "" if request.as_json else sample_text(facts, request)
+    from spectrabox.measure.signals.estimate import SampleOptions, columns_of, draws_of
+    from spectrabox.measure.signals.judgement import compared
+    from spectrabox.measure.signals.sample import sample_signals
+    from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
+    capture, truth = signal_capture(request), stated_truth(request)
+    options = SampleOptions(**{each.name: getattr(request, each.name)
+                               for each in fields(SampleOptions)})
+    one, as_table = request.signals is None, _ends_in(request.out, ".csv")
+    estimates = sample_signals(capture, options, with_draws=one or request.baseline
+                               or _ends_in(request.out, ".npz"))
+    if request.baseline or truth is not None:
+        estimates = [compared(estimate, options, truth, request.delta_light, request.baseline)
+                     for estimate in estimates]
+    written: dict[str, Path] = {}
     if request.out is not None:
-        if request.out.suffix.lower() == ".csv":
-            _write_columns(request.out, *sample_columns(facts))
+        written["file"] = request.out
+        if as_table:
+            _write_columns(request.out, estimates[0].wavelengths_nm, columns_of(estimates))
         else:
-            write_arrays(request.out, arrays)
-        facts["file"] = request.out
+            write_arrays(request.out, draws_of(estimates))
     if request.plot is not None:
         from spectrabox.session.signals.sample_plot import write_plot
-        write_plot(request.plot, facts)
-        facts["plot"] = request.plot
-    return Answer(facts, text)
+        written["plot"] = request.plot
+        write_plot(request.plot, estimates)
+    if one:
+        return Answer(estimates[0].facts() | written, estimates[0].text())
+    text = "" if request.as_json else "\n\n".join(      # of thousands of signals it takes a while
+        f"signal {estimate.name}\n{estimate.text()}" for estimate in estimates)
+    return Answer({"results": [estimate.facts() for estimate in estimates], **written}, text)
 
 
 @command
@@ -109,19 +125,45 @@ def certify(request: CertifyRequest) -> Answer:
 def judge(request: JudgeRequest) -> Answer:
     """Score another method's hyperspectral picture next to ours, by the same measures."""
     check_ending(request.out, {".csv": "the regions' spectra"})
-    from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.radiometry.records import Quantity
-    from spectrabox.radiometry.spectra.companion_files import metadata_path
-    from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
-    from spectrabox.session.signals.judge_answer import judge_answer
-    facts, text, columns = judge_answer(request)
+    from spectrabox.capture.photo.image_files import read_plane
+    from spectrabox.measure.signals.judgement import JudgeOptions, judge_picture, open_picture
+    from spectrabox.radiometry.errors import InputError
+    from spectrabox.radiometry.grid import FINE_GRID
+    from spectrabox.radiometry.spectra.named_spectra import relative_response
+    from spectrabox.radiometry.spectra.spectrum_files import read_table
+    from spectrabox.sampling.judge.cube_regions import point_region, read_regions
+    from spectrabox.sampling.judge.cubes import parse_wavelengths
+    from spectrabox.sampling.prior.mixture import load_prior, of_families
+    from spectrabox.session.signals.signal_options import (
+        optional_noise,
+        optional_numbers,
+        read_signals,
+    )
+    cube = open_picture(request.cube, None if request.wavelengths is None
+                        else parse_wavelengths(request.wavelengths), request.variable)
+    regions = [point_region(text, cube.width, cube.height) for text in request.point]
+    if request.regions is not None:
+        regions += read_regions(request.regions, cube.width, cube.height,
+                                lambda path: read_plane(path)[0])
+    if not regions:
+        raise InputError("no region was given; give --regions FILE.toml or --point x,y")
+    response = relative_response(request.sensitivity, request.light, FINE_GRID)
+    bands = len(response)
+    options = JudgeOptions(
+        request.delta_light, request.samples, request.seed, request.coefficients, request.baseline,
+        request.column, request.full_scale, request.white_region,
+        f"{request.sensitivity} under {request.light}")
+    judgement = judge_picture(
+        cube, regions, None if request.truth is None else read_table(request.truth), response,
+        of_families(load_prior(request.prior), request.family), options,
+        signals=None if request.signals is None else read_signals(request.signals, bands),
+        white=optional_numbers(request.white, bands, "white"),
+        noise=optional_noise(request.noise, bands))
+    facts = judgement.facts()
     if request.out is not None:
-        write_text_whole(request.out, plain_text(facts["wavelengths_nm"], columns))
-        write_text_whole(metadata_path(request.out), metadata_text(
-            request.out.name, columns, quantity=Quantity.REFLECTANCE,
-            source=f"regions of {request.cube.name}"))
+        _write_regions(request.out, cube.nm, judgement.columns(), request.cube.name)
         facts["file"] = request.out
-    return Answer(facts, text)
+    return Answer(facts, judgement.text())
 
 
 @command
@@ -146,12 +188,26 @@ def prior_train(request: TrainRequest) -> Answer:
     return Answer({**facts, "prior": request.out}, f"{text}\nwrote {request.out}")
 
 
+def _ends_in(path: Path | None, ending: str) -> bool:
+    return path is not None and path.suffix.lower() == ending
+
+
 def _write_columns(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray]) -> None:
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.records import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import table_text
     write_text_whole(path, table_text(nm, columns, quantity=Quantity.REFLECTANCE,
                                       source="spectrabox sample"))
+
+
+def _write_regions(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray], cube: str) -> None:
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.spectra.companion_files import metadata_path
+    from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
+    write_text_whole(path, plain_text(nm, columns))
+    write_text_whole(metadata_path(path), metadata_text(
+        path.name, columns, quantity=Quantity.REFLECTANCE, source=f"regions of {cube}"))
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.matching import SpectralLibrary, SurfaceMatch, match_signal
+from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.surface_signals import measurement
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.judge.spectral_library import read_spectral_libraries

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals import READING_ERROR, measurement_of_signal, reading_at
+from spectrabox.measure.signals.sample import READING_ERROR, measurement_of_signal, reading_at
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there

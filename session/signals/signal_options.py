@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals import READING_ERROR, listed, reading_at
+from spectrabox.measure.signals.sample import READING_ERROR, listed, reading_at
 from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import csv_rows

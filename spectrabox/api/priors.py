@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.inputs import CameraLike, LightLike, as_prior, families_of, relative_response
-from spectrabox.measure.judgement import (
+from spectrabox.measure.signals.judgement import (
     JudgeOptions,
     PictureJudgement,
     judge_picture,

@@ -17,8 +17,9 @@ from spectrabox.api.inputs import (
     one_blas_thread,
     relative_response,
 )
-from spectrabox.measure.matching import SpectralLibrary, SurfaceMatch, match_signal
-from spectrabox.measure.signals import SampleOptions, SignalEstimate, sample_signals
+from spectrabox.measure.signals.estimate import SampleOptions, SignalCapture, SignalEstimate
+from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
+from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
@@ -110,12 +111,12 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
         raise InputError(f"{len(labels)} names were given for {len(rows)} signals; give one name "
                          "of its own for each")
     learnt = as_prior(prior, families_of(families))
-    each = sample_signals(
-        response, rows, SampleOptions(method, draws, seed, coefficients, level),
-        white=None if white is None else np.asarray(white, dtype=float),
-        noise=np.broadcast_to(errors, bands).copy(), light_error=light_error,
-        sensitivity_error=sensitivity_error, prior=learnt, with_draws=given.ndim == 1,
+    capture = SignalCapture(
+        response, rows, tuple(labels), None if white is None else np.asarray(white, dtype=float),
+        np.broadcast_to(errors, bands).copy(), light_error, sensitivity_error, learnt,
         swatches=None if swatches is None else _swatches(swatches, bands))
+    each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients, level),
+                          with_draws=given.ndim == 1)
     estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None)
                  for name, one in zip(labels, each, strict=True)]
     return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)

@@ -4,12 +4,13 @@ The posterior of a signal is solved once; draws, families and shares of variance
 """
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+import time
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from spectrabox.measure.signals.estimate import SampleOptions, SignalCapture, SignalEstimate
 from spectrabox.measure.swatches import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import stated_causes
@@ -20,14 +21,14 @@ from spectrabox.sampling.checks import check_measurement
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.error_budget import FLOOR, METAMERISM
 from spectrabox.sampling.further.conditioning import Reading
-from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful, joined
+from spectrabox.sampling.further.more_measurements import doubtful, joined
 from spectrabox.sampling.further.self_reflection import given_reflected_twice, proposals_for
 from spectrabox.sampling.further.swatches import SwatchCorrection
 from spectrabox.sampling.polytope.bounds import bounds_of_many
 from spectrabox.sampling.polytope.refinement import sample_refined
 from spectrabox.sampling.prior.family_coverage import (
+    FamilyCoverage,
     certified_sentence,
-    coverage_facts,
     family_coverages,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
@@ -45,121 +46,14 @@ FWHM_TO_SD = 1 / (2 * np.sqrt(2 * np.log(2)))
 CURVE_DIGITS = 7    # of curves that are known to 1e-6, so that thousands are written quickly
 
 
-@dataclass(frozen=True)
-class SampleOptions:
-    """How to draw spectra.
-
-    Attributes
-    ----------
-    method : {"prior", "uniform", "paper"}
-    samples : int
-        T, draws per signal; a 95 % band needs 1000 or more.
-    seed : int
-    coefficients : int
-        N of the B-spline class: bounds, and the methods uniform and paper.
-    level : float
-        Of the band, 0 to 1.
-    start : {"bounded", "unbounded"}
-        c0 of the method paper.
-    keep : int, optional
-        Method paper: rank by the further measurements and keep so many (Eqs. 9, 10).
-    refine : int, optional
-        Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. 11-16).
-    """
-
-    method: str = "prior"
-    samples: int = 2000
-    seed: int = 0
-    coefficients: int = 13
-    level: float = 0.95
-    start: str = "bounded"
-    keep: int | None = None
-    refine: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class SignalEstimate:
-    """The reflectance behind one signal at P wavelengths; fields are named as in ``--json``.
-
-    Attributes
-    ----------
-    wavelengths_nm, mean, standard_deviation, lower, upper : (P,) arrays
-        The band is central, with equal tails.
-    bound_lower, bound_upper : (P,) arrays
-        Exact bounds of all splines that give the signal.
-    effective_samples, samples : float or None, int
-        None and 0 where no draws were needed.
-    outcome, conditional_on : str
-    next_measurement_nm : float
-        Where one more reading would take most off the variance.
-    doubtful : list of str, optional
-        Further measurements that contradict the others.
-    error_budget, families : dict of float, optional
-        Shares of the variance by cause, and of the families that the signal allows.
-    certified, certificate : list, str, optional
-        What 95 % bands of those families held on unseen surfaces.
-    draws : SpectrumSamples, optional
-    measurement : SpectralMeasurement
-        The signal alone, with the errors of all causes.
-    causes : mapping of (K, K) arrays
-        Their covariances, which add up to that of the measurement.
-    """
-
-    wavelengths_nm: np.ndarray
-    mean: np.ndarray
-    standard_deviation: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    bound_lower: np.ndarray
-    bound_upper: np.ndarray
-    effective_samples: float | None
-    samples: int
-    level: float
-    method: str
-    seed: int
-    outcome: str
-    conditional_on: str
-    next_measurement_nm: float
-    bounds_from: str
-    doubtful: list[str] | None
-    error_budget: dict[str, float] | None
-    families: dict[str, float] | None
-    certified: list[dict[str, Any]] | None
-    certificate: str | None
-    draws: SpectrumSamples | None
-    measurement: SpectralMeasurement
-    causes: Mapping[str, np.ndarray]
-
-
-def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: SampleOptions, *,
-                   white: np.ndarray | None = None, noise: np.ndarray | None = None,
-                   light_error: float = 0.0, sensitivity_error: float = 0.0,
-                   prior: LogitMixture | None = None, more: Sequence[MoreMeasurement] = (),
-                   twice: SpectralMeasurement | None = None,
-                   swatches: tuple[np.ndarray, np.ndarray] | None = None,
+def sample_signals(capture: SignalCapture, options: SampleOptions, *,
                    with_draws: bool = True) -> list[SignalEstimate]:
     """Estimate the reflectance behind each of some signals.
 
     Parameters
     ----------
-    relative_response : (K, 301) array
-        At every nm, rows summing to 1.
-    signals : (S, K) array
+    capture : SignalCapture
     options : SampleOptions
-    white : (K,) array, optional
-        What a perfect white reads, in the signals' unit; 1 by default.
-    noise : (K,) array, optional
-        Standard errors in the signals' unit; 0 by default.
-    light_error, sensitivity_error : float
-        Relative standard errors of the light scale and of each curve.
-    prior : LogitMixture, optional
-        The one shipped by default.
-    more : sequence of MoreMeasurement
-        Of the same surface as each signal.
-    twice : SpectralMeasurement, optional
-        Light reflected twice off the surface.
-    swatches : signals (n, K) and reflectances (n, 61), optional
-        Measured samples of the material, which correct the learnt prior; draws are then made.
     with_draws : bool
         Without, signals that the learnt prior explains get none, which is far faster.
 
@@ -169,28 +63,39 @@ def sample_signals(relative_response: np.ndarray, signals: np.ndarray, options: 
         With what to change; contradictory measurements are named.
     """
     check_options(options)
-    for name, error in (("light", light_error), ("sensitivity", sensitivity_error)):
+    started = time.perf_counter()
+    for name, error in (("light", capture.light_error), ("sensitivity", capture.sensitivity_error)):
         if not 0 <= error < 0.5:
             raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
-    if swatches is not None and (options.method != "prior" or more or twice is not None):
+    alone = not capture.more and capture.twice is None
+    if capture.swatches is not None and (options.method != "prior" or not alone):
         raise InputError("swatches correct what the learnt prior says of a signal alone; leave out "
                          "further measurements, and take --method prior")
-    if not with_draws and options.method == "prior" and not more and twice is None \
-            and swatches is None:
-        return _estimate_without_draws(relative_response, signals, options, white, noise,
-                                       light_error, sensitivity_error, prior or load_prior())
-    def measured(signal: np.ndarray) -> tuple[SpectralMeasurement, dict[str, np.ndarray]]:
-        base = measurement_of_signal(relative_response, signal, white, noise)
-        return base, stated_causes(base.signal, base.noise_covariance, light_error,
-                                   sensitivity_error)
+    if not with_draws and options.method == "prior" and alone and capture.swatches is None:
+        estimates = _estimate_without_draws(capture, options)
+    else:
+        correction = _correction(capture)
+        estimates = [_estimate_from_draws(*_measured(capture, signal), options, capture, correction)
+                     for signal in capture.signals]
+    seconds = (time.perf_counter() - started) / len(estimates)
+    return [replace(estimate, name=name or None, caveat=capture.caveat, seconds=seconds)
+            for name, estimate in zip(capture.names, estimates, strict=True)]
 
-    correction = None
-    if swatches is not None:
-        known = [_with_all_errors(*measured(signal)) for signal in swatches[0]]
-        correction = correction_by_swatches(known, swatches[1],
-                                            [prior or load_prior()] * len(known))
-    return [_estimate_from_draws(*measured(signal), options, prior, list(more), twice, correction)
-            for signal in signals]
+
+def _measured(capture: SignalCapture,
+              signal: np.ndarray) -> tuple[SpectralMeasurement, dict[str, np.ndarray]]:
+    """The measurement with the photo's noise alone, and the covariances (K, K) of all errors."""
+    base = measurement_of_signal(capture.relative_response, signal, capture.white, capture.noise)
+    return base, stated_causes(base.signal, base.noise_covariance, capture.light_error,
+                               capture.sensitivity_error)
+
+
+def _correction(capture: SignalCapture) -> SwatchCorrection | None:
+    if capture.swatches is None:
+        return None
+    signals, reflectances = capture.swatches
+    known = [_with_all_errors(*_measured(capture, signal)) for signal in signals]
+    return correction_by_swatches(known, reflectances, [capture.prior or load_prior()] * len(known))
 
 
 def check_options(options: SampleOptions) -> None:
@@ -217,17 +122,17 @@ def check_options(options: SampleOptions) -> None:
 
 
 def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
-                         options: SampleOptions, prior: LogitMixture | None,
-                         more: list[MoreMeasurement], twice: SpectralMeasurement | None,
-                         correction: SwatchCorrection | None = None) -> SignalEstimate:
+                         options: SampleOptions, capture: SignalCapture,
+                         correction: SwatchCorrection | None) -> SignalEstimate:
     """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
     base = _with_all_errors(base, causes)
+    more, twice = list(capture.more), capture.twice
     measurement = base if options.keep is not None else joined(base, more)
     count = options.samples if twice is None or options.keep is not None \
         else proposals_for(options.samples)
     budget = families = certified = certificate = None
     if options.method == "prior":
-        prior = prior or load_prior()
+        prior = capture.prior or load_prior()
         posterior = solve_posterior(prior, measurement)
         draws = posterior.samples(count, options.seed, options.coefficients)
         families = posterior.family_shares
@@ -259,8 +164,9 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
         summary.level, draws.method, draws.seed, draws.sentence, summary.conditional_on,
         summary.next_measurement_nm,
         "the signal alone" if over_determined or options.keep else "all measurements",
-        doubtful(base, more, prior or load_prior(), options.seed) if more else None,
-        budget, families, certified, certificate, draws, base, causes)
+        base, causes, draws,
+        doubtful(base, more, capture.prior or load_prior(), options.seed) if more else None,
+        budget, families, certified, certificate)
 
 
 def _with_all_errors(base: SpectralMeasurement,
@@ -282,17 +188,17 @@ def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasur
     return as_spectra(refined, method, seed, refined.outcome, refined.outcome.value)
 
 
-def _estimate_without_draws(relative_response: np.ndarray, signals: np.ndarray,
-                            options: SampleOptions, white: np.ndarray | None,
-                            noise: np.ndarray | None, light_error: float,
-                            sensitivity_error: float, prior: LogitMixture) -> list[SignalEstimate]:
+def _estimate_without_draws(capture: SignalCapture,
+                            options: SampleOptions) -> list[SignalEstimate]:
     """Estimates of many signals at once, with draws only where no spectrum of the prior fits."""
     check_level(options.level)
-    first = measurement_of_signal(relative_response, signals[0], white, noise)
+    prior = capture.prior or load_prior()
+    first = measurement_of_signal(capture.relative_response, capture.signals[0], capture.white,
+                                  capture.noise)
     check_measurement(first)
-    y = relative_to_white(np.asarray(signals), white)
+    y = relative_to_white(np.asarray(capture.signals), capture.white)
     photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
-    causes = stated_causes(y, photo_noise, light_error, sensitivity_error)
+    causes = stated_causes(y, photo_noise, capture.light_error, capture.sensitivity_error)
     total = np.sum(list(causes.values()), axis=0)
     bound_lower, bound_upper = bounds_of_many(
         spline_operator(first, options.coefficients).A, y, total,
@@ -303,31 +209,32 @@ def _estimate_without_draws(relative_response: np.ndarray, signals: np.ndarray,
         base = replace(first, signal=y[row])
         own = {name: covariance[row] for name, covariance in causes.items()}
         if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
-            estimates.append(_estimate_from_draws(base, own, options, prior, [], None))
+            estimates.append(_estimate_from_draws(base, own, options, capture, None))
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
         method = "learnt prior" if outcome is Outcome.FAMILIAR else "smoothness prior"
         sentence = describe_outcome(outcome, prior.stated, shares)
         mean, deviation, lower, upper = (curves[row].round(CURVE_DIGITS) for curves in (
             summary.mean, summary.standard_deviation, summary.lower, summary.upper))
+        certified, certificate = _certificate(prior, shares, outcome)
         estimates.append(SignalEstimate(
             PRIOR_GRID.nm, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
             None, 0, options.level, method, options.seed, sentence,
             f"Conditional on the prior {method}, computed in closed form. {sentence}",
-            float(summary.next_measurement_nm[row]), "all measurements", None,
-            dict(zip((METAMERISM, *causes, FLOOR), summary.budget[row].tolist(), strict=True)),
-            shares, *_certificate(prior, shares, outcome), None,
-            replace(base, noise_covariance=total[row]), own))
+            float(summary.next_measurement_nm[row]), "all measurements",
+            replace(base, noise_covariance=total[row]), own, error_budget=dict(zip(
+                (METAMERISM, *causes, FLOOR), summary.budget[row].tolist(), strict=True)),
+            families=shares, certified=certified, certificate=certificate))
     return estimates
 
 
 def _certificate(prior: LogitMixture, shares: dict[str, float],
-                 outcome: Outcome) -> tuple[list[dict[str, Any]], str]:
-    """What 95 % bands held of the families that a signal allows, as facts and as a sentence."""
+                 outcome: Outcome) -> tuple[tuple[FamilyCoverage, ...], str]:
+    """What 95 % bands held of the families that a signal allows, and a sentence on it."""
     if outcome is not Outcome.FAMILIAR:
-        return [], "No certificate: bands of unfamiliar signals were never judged."
+        return (), "No certificate: bands of unfamiliar signals were never judged."
     families = family_coverages(shares, prior.stated, prior.certificates)
-    return coverage_facts(families), certified_sentence(families)
+    return families, certified_sentence(families)
 
 
 def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,

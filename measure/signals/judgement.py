@@ -4,14 +4,15 @@ beside our methods.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from spectrabox.capture.photo.image_files import open_channels
-from spectrabox.measure.signals import SampleOptions, SignalEstimate, measurement_of_signal
+from spectrabox.measure.signals.estimate import SampleOptions, SignalEstimate
+from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
@@ -25,7 +26,15 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
 from spectrabox.sampling.judge.cubes import Cube, cube_of_channels
-from spectrabox.sampling.judge.judgement import baselines, beside, judged, means
+from spectrabox.sampling.judge.judgement import (
+    ScoredSpectrum,
+    SpectrumScores,
+    baselines,
+    beside,
+    judged,
+    judgement_text,
+    means,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 IMPORTED = "imported picture"
@@ -52,6 +61,8 @@ class JudgeOptions:
         What reflectance 1 reads in the picture.
     white_region : str, optional
         Region of known reflectance to divide by.
+    camera : str
+        That our methods see with, and its light, in words.
     """
 
     lights: tuple[str, ...]
@@ -62,36 +73,93 @@ class JudgeOptions:
     column: str | None = None
     full_scale: float = 1.0
     white_region: str | None = None
+    camera: str = "the camera"
 
 
 @dataclass(frozen=True, repr=False)
 class PictureJudgement:
-    """Spectra of R regions, and measures by region and method.
+    """Spectra of R regions of a picture, and how near they and ours are to the truth.
 
     Attributes
     ----------
+    cube : Cube
     regions : list of RegionSpectra
         Relative to white.
-    rows : list of dict
-        Keys ``region``, ``method`` and the measures of `sampling.judge.judgement.judged`; none
-        without truths.
-    means : list of dict
-        One row a method, averaged over the regions.
+    scored, averages : lists of ScoredSpectrum
+        By region and method, and averaged over the regions by method; none without truths.
+    options : JudgeOptions
+    given : bool
+        Whether the signals that our methods saw were given.
     """
 
+    cube: Cube
     regions: list[RegionSpectra]
-    rows: list[dict[str, Any]]
-    means: list[dict[str, Any]]
+    scored: list[ScoredSpectrum]
+    averages: list[ScoredSpectrum]
+    options: JudgeOptions
+    given: bool
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Keys ``region``, ``method`` and the fields of SpectrumScores, for a table."""
+        return [_row(one) for one in self.scored]
+
+    @property
+    def means(self) -> list[dict[str, Any]]:
+        """One row a method, averaged over the regions."""
+        return [_row(one) for one in self.averages]
+
+    def facts(self) -> dict[str, object]:
+        """As ``spectrabox judge --json`` names them."""
+        return {"cube": self.cube.file, "wavelengths_nm": self.cube.nm,
+                "regions": [{"name": one.region.name, "pixels": one.pixels,
+                             "left_out": one.left_out, "mean": one.mean,
+                             "standard_deviation": one.standard_deviation,
+                             "judged": {row.method: row.scores for row in self.scored
+                                        if row.region == one.region.name}}
+                            for one in self.regions],
+                "lights": self.options.lights,
+                "means": {row.method: row.scores for row in self.averages}}
+
+    def text(self) -> str:
+        """Size, regions and scores, for a person."""
+        cube = self.cube
+        lines = [f"{cube.file}: {cube.width} x {cube.height} pixels, {cube.nm.size} wavelengths "
+                 f"{cube.nm[0]:g}-{cube.nm[-1]:g} nm"]
+        for one in self.regions:
+            left_out = f", {one.left_out} left out" if one.left_out else ""
+            lines.append(f"{one.region.name}: {one.pixels} pixels, mean {one.mean.mean():.3f}, "
+                         f"spread over pixels {one.standard_deviation.mean():.3f}{left_out}")
+        if self.scored:
+            rows = self.scored + (self.averages if len(self.regions) > 1 else [])
+            seen = "the signals that were given" if self.given else \
+                f"the signal that the truth gives {self.options.camera}, without noise"
+            lines += ["", judgement_text(rows), "",
+                      f"prior, uniform and paper saw {seen}. The band of the picture is the "
+                      "scatter of its pixels (1000 at least). scaled: RMSE after the one best "
+                      "factor."]
+        return "\n".join(lines)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Mean and standard deviation over the pixels of each region, as columns of a table."""
+        columns: dict[str, np.ndarray] = {}
+        for one in self.regions:
+            name = one.region.name
+            columns |= {name: one.mean, f"{name} standard deviation": one.standard_deviation}
+        return columns
 
     def __repr__(self) -> str:
-        lines = [f"  {row['method']}: RMSE {row['rmse']:.4f}" for row in self.means]
+        lines = [f"  {one.method}: RMSE {one.scores.rmse:.4f}" for one in self.averages]
         return "\n".join([f"<PictureJudgement of {len(self.regions)} regions>", *lines])
 
 
-def compare_methods(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray | None,
-                    lights: tuple[str, ...], with_baselines: bool
-                    ) -> tuple[dict[str, np.ndarray | None], dict[str, dict[str, Any]]]:
-    """Other authors' spectra for a signal, and all of them judged where the truth is known.
+def _row(one: ScoredSpectrum) -> dict[str, Any]:
+    return {"region": one.region, "method": one.method} | asdict(one.scores)
+
+
+def compared(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray | None,
+             lights: tuple[str, ...], with_baselines: bool) -> SignalEstimate:
+    """The estimate beside other authors' spectra, and all of them judged where the truth is known.
 
     Parameters
     ----------
@@ -104,25 +172,19 @@ def compare_methods(estimate: SignalEstimate, options: SampleOptions, truth: np.
     lights : names
         Of the colour differences.
     with_baselines : bool
-
-    Returns
-    -------
-    spectra : dict of (61,) arrays
-        By author; None where the greedy sampler has no draws, as for some signals that can be
-        reached.
-    measures : dict
-        Those of `sampling.judge.judgement.judged`, by method; empty without a truth.
+        The greedy sampler has no draws for some signals that can be reached.
     """
     others = baselines(estimate.measurement, options.samples, options.seed, options.coefficients) \
         if with_baselines else {}
-    measures = {}
+    scores = None
     if truth is not None:
         assert estimate.draws is not None
         spectra = estimate.draws.spectra
         ours = {options.method: (spectra.mean(axis=0), spectra)}
-        measures = {name: judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
-                    for name, other in (ours | others).items() if other is not None}
-    return {name: None if other is None else other[0] for name, other in others.items()}, measures
+        scores = {name: judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
+                  for name, other in (ours | others).items() if other is not None}
+    singles = {name: None if other is None else other[0] for name, other in others.items()}
+    return replace(estimate, baselines=singles if with_baselines else None, judged=scores)
 
 
 def open_picture(path: Path, wavelengths: np.ndarray | None, variable: str | None) -> Cube:
@@ -171,7 +233,7 @@ def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable |
                          "give what reflectance 1 reads (full scale), or a region of known "
                          "reflectance (white region)")
     if truths is None:
-        return PictureJudgement(spectra, [], [])
+        return PictureJudgement(cube, spectra, [], [], options, signals is not None)
     if signals is not None and len(signals) != len(spectra):
         raise InputError(f"{len(signals)} signals were given for {len(spectra)} regions; give one "
                          "row a region, in their order")
@@ -185,17 +247,16 @@ def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable |
                 relative_response @ hold_ends(truth_nm, truth, FINE_GRID.nm))
         else:
             measurement = measurement_of_signal(relative_response, signals[index], white, noise)
-        measures = _judge_region(cube, region, measurement, nm,
-                                 on_grid(truth_nm, truth, grid_from_nm(nm), truths.file), prior,
-                                 options)
-        rows += [{"region": region.region.name, "method": method, **values}
-                 for method, values in measures.items()]
-    return PictureJudgement(spectra, rows, means(rows, options.lights))
+        scores = _judge_region(cube, region, measurement, nm,
+                               on_grid(truth_nm, truth, grid_from_nm(nm), truths.file), prior,
+                               options)
+        rows += [ScoredSpectrum(region.region.name, method, one) for method, one in scores.items()]
+    return PictureJudgement(cube, spectra, rows, means(rows), options, signals is not None)
 
 
 def _judge_region(cube: Cube, region: RegionSpectra, measurement: SpectralMeasurement,
                   nm: np.ndarray, truth: np.ndarray, prior: LogitMixture,
-                  options: JudgeOptions) -> dict[str, dict[str, Any]]:
+                  options: JudgeOptions) -> dict[str, SpectrumScores]:
     imported = on_grid(cube.nm, np.vstack([region.mean[None], region.spectra]), grid_from_nm(nm),
                        cube.file)
     return {IMPORTED: judged(nm, truth, imported[0], options.lights, imported[1:]),
