@@ -1,16 +1,19 @@
 """Which measured spectra of a library could give a signal, and what that says of the surface."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.judge.identification import Identification, identify
 from spectrabox.sampling.judge.spectral_library import SpectralLibrary
 from spectrabox.sampling.prior.mixture import LogitMixture
 
 LIKELY_NONE = 0.95      # probability from which another surface is called more likely
+MAX_VARIATION = 0.5     # of white
+HEADINGS = ("spectrum", "library", "evidence", "misfit", "by chance", "")
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,40 @@ class SurfaceMatch:
     none_fits: bool
     says: str
 
+    def rows(self, most: int) -> list[tuple[str, ...]]:
+        """The best matches as words of a table, under HEADINGS; the evidence is over the best's."""
+        best = self.matches[0].log_evidence
+        return [(match.name, match.library, f"{np.exp(match.log_evidence - best):.2g}",
+                 f"{match.misfit:.1f}", f"{match.p_value:.2g}",
+                 "may be it" if match.indistinguishable else "") for match in self.matches[:most]]
+
     def __repr__(self) -> str:
         return f"<SurfaceMatch {self.surface!r}: {self.says}>"
+
+
+@dataclass(frozen=True)
+class LibraryMatches:
+    """Matches of several surfaces with the spectra of one library."""
+
+    surfaces: list[SurfaceMatch]
+    library: SpectralLibrary
+    variation: float
+
+    def facts(self) -> dict[str, object]:
+        """As ``spectrabox match --json`` names them."""
+        return {"matches": [{"surface": one.surface, **asdict(match)}
+                            for one in self.surfaces for match in one.matches],
+                "indistinguishable": sum(one.indistinguishable for one in self.surfaces),
+                "surfaces": self.surfaces, "variation": self.variation,
+                "spectra": len(self.library.names), "left_out": self.library.left_out}
+
+    def left_out(self, most: int) -> list[str]:
+        """Sentences on the first spectra that could not be used, and how many more there are."""
+        sentences = [f"left out: {sentence}" for sentence in self.library.left_out[:most]]
+        if len(self.library.left_out) > most:
+            sentences.append(f"left out: {len(self.library.left_out) - most} more (--json lists "
+                             "all)")
+        return sentences
 
 
 def match_signal(surface: str, measurement: SpectralMeasurement, library: SpectralLibrary,
@@ -56,7 +91,18 @@ def match_signal(surface: str, measurement: SpectralMeasurement, library: Spectr
         On the measurement's wavelengths.
     prior, variation, evidence_ratio
         As in `sampling.judge.identification.identify`.
+
+    Raises
+    ------
+    InputError
+        For a variation or a ratio that cannot be.
     """
+    if not 0 <= variation <= MAX_VARIATION:
+        raise InputError(f"a variation of {variation:g} was given; 0 to {MAX_VARIATION:g} of white "
+                         "is needed, such as 0.01")
+    if evidence_ratio is not None and not 1 < evidence_ratio < np.inf:
+        raise InputError(f"an evidence ratio of {evidence_ratio:g} was given; a number above 1 is "
+                         "needed, such as 100")
     identification = identify(measurement, library.spectra, prior,
                               standard_error=library.standard_error, variation=variation,
                               evidence_ratio=evidence_ratio)

@@ -5,7 +5,7 @@ its curves are also told apart by the family that their signals speak for most.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -33,6 +33,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 FEWEST = 10
+MAX_NOISE = 0.5             # relative
 BATCH = 200
 TENTHS = 10                 # of wavelengths
 BRIGHT = 0.6                # reflectances above it are reported apart
@@ -68,6 +69,13 @@ class Certificate:
     def __repr__(self) -> str:
         return f"<Certificate {self.name}: {self.curves} curves. {self.verdict}>"
 
+    def facts(self) -> dict[str, object]:
+        """As ``spectrabox certify --json`` names them."""
+        values: dict[str, object] = {each.name: getattr(self, each.name) for each in fields(self)
+                                     if each.name not in ("noise", "coverage_error")}
+        return values | {"coverage": {f"{level:g}": self.coverage[level] for level in LEVELS},
+                         "coverage_standard_error": self.coverage_error, "verdict": self.verdict}
+
     @property
     def verdict(self) -> str:
         """One sentence."""
@@ -99,8 +107,10 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
     Raises
     ------
     InputError
-        For fewer than ten curves.
+        For fewer than ten curves, or a noise that cannot be.
     """
+    if not 0 <= noise < MAX_NOISE:
+        raise InputError(f"a relative noise of {noise:g} was given; 0 to {MAX_NOISE:g} is needed")
     truth = library.reflectances
     if len(truth) < FEWEST:
         raise InputError(f"{library.name} holds {len(truth)} usable curves; a certificate needs at "

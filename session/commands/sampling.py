@@ -29,6 +29,9 @@ from spectrabox.session.terminal.command_line import (
 if TYPE_CHECKING:
     import numpy as np
 
+    from spectrabox.measure.signals.matching import SurfaceMatch
+
+MATCHES_SHOWN, LEFT_OUT_NAMED = 10, 3       # rows of a table, and sentences on spectra left out
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
@@ -113,8 +116,18 @@ def certify(request: CertifyRequest) -> Answer:
     """Test on your own measured spectra whether the bands hold the truth, as a certificate."""
     check_ending(request.out, {".md": "the certificate as a page"})
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.session.signals.prior_answers import certify_answer
-    facts, page = certify_answer(request)
+    from spectrabox.sampling.judge.certificate import certificate_page
+    from spectrabox.sampling.judge.certificate import certify as certify_library
+    from spectrabox.sampling.prior.libraries import read_library
+    from spectrabox.sampling.prior.mixture import load_prior, of_families
+    from spectrabox.session.signals.signal_options import response_of_names
+    prior = of_families(load_prior(request.prior), request.family)
+    response = response_of_names(request.sensitivity, request.light)
+    certificates = [certify_library(prior, read_library(folder), response, request.noise,
+                                    lights=request.delta_light) for folder in request.folders]
+    page = certificate_page(certificates, prior, f"{request.sensitivity} under {request.light}")
+    facts = {"libraries": [certificate.facts() for certificate in certificates],
+             "prior": prior.source, "noise": request.noise}
     if request.out is not None:
         write_text_whole(request.out, page)
         facts["page"] = request.out
@@ -171,8 +184,44 @@ def match(request: MatchRequest) -> Answer:
     """List the measured spectra of a library that could be each surface, and how many of them the
     camera cannot tell apart.
     """
-    from spectrabox.session.signals.match_answer import match_answer
-    return Answer(*match_answer(request))
+    from spectrabox.measure.signals.matching import LibraryMatches, match_signal
+    from spectrabox.measure.surface_signals import measurement
+    from spectrabox.radiometry.errors import InputError
+    from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
+    from spectrabox.sampling.prior.mixture import load_prior, of_families
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import load_finished
+    config = read_session(request.folder, request.allow_outside)
+    signals = load_finished(config).records.signals
+    unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]
+    for name in request.only:
+        if name not in unknown:
+            raise InputError(f"{name!r} is no surface of unknown spectrum in this session; these "
+                             f"are {', '.join(unknown) or 'none'}")
+    if not unknown:
+        raise InputError("every surface of this session has a known spectrum: there is nothing to "
+                         "identify")
+    library = read_spectral_libraries(request.library, signals.grid)
+    matches = LibraryMatches([match_signal(
+        name, measurement(signals, signals.names.index(name)), library,
+        of_families(load_prior(), config.surfaces[name].families), variation=request.variation,
+        evidence_ratio=request.ratio) for name in request.only or unknown],
+        library, request.variation)
+    texts = [_match_text(match) for match in matches.surfaces]
+    if left_out := matches.left_out(LEFT_OUT_NAMED):
+        texts.append("\n".join(left_out))
+    return Answer(matches.facts(), "\n\n".join(texts))
+
+
+def _match_text(match: SurfaceMatch) -> str:
+    from spectrabox.measure.signals.matching import HEADINGS
+    from spectrabox.session.terminal.tables import text_table
+    lines = [text_table(HEADINGS, match.rows(MATCHES_SHOWN), text=("spectrum", "library", ""),
+                        title=match.surface), match.says]
+    hidden = sum(each.indistinguishable for each in match.matches[MATCHES_SHOWN:])
+    if hidden:
+        lines.insert(1, f"and {hidden} more that may be it (--json lists all)")
+    return "\n".join(lines)
 
 
 @command
@@ -181,11 +230,30 @@ def prior_train(request: TrainRequest) -> Answer:
     turn.
     """
     check_ending(request.out, {".npz": "the prior"})
+    from spectrabox.measure.signals.prior_training import train_prior
+    from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
     from spectrabox.sampling.prior.mixture import save_prior
-    from spectrabox.session.signals.prior_answers import train_answer
-    facts, text, prior = train_answer(request)
-    save_prior(request.out, prior)
-    return Answer({**facts, "prior": request.out}, f"{text}\nwrote {request.out}")
+    from spectrabox.session.signals.signal_options import response_of_names
+    libraries: dict[str, list[ReflectanceLibrary]] = {}
+    for text in request.folders:
+        family, folder = _family_and_folder(text)
+        libraries.setdefault(family, []).append(read_library(folder))
+    trained = train_prior(libraries, response_of_names(request.sensitivity, request.light),
+                          request.seed, models=request.models)
+    save_prior(request.out, trained.prior)
+    return Answer(trained.facts() | {"prior": request.out},
+                  f"{trained.text()}\nwrote {request.out}")
+
+
+def _family_and_folder(text: str) -> tuple[str, Path]:
+    """The family and the folder of FAMILY=FOLDER; paint where a folder stands alone."""
+    from spectrabox.sampling.prior.families.family_models import FAMILIES
+    from spectrabox.sampling.prior.families.family_names import WORDS
+    from spectrabox.sampling.prior.training import MIXED
+    family, separator, folder = text.partition("=")
+    word = WORDS.get(family, family)
+    named = bool(separator) and word in (*FAMILIES, MIXED)
+    return (word, Path(folder)) if named else ("paint", Path(text))
 
 
 def _ends_in(path: Path | None, ending: str) -> bool:

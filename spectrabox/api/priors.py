@@ -14,6 +14,7 @@ from spectrabox.measure.signals.judgement import (
     judge_picture,
     open_picture,
 )
+from spectrabox.measure.signals.prior_training import train_prior as learn_prior
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
@@ -22,7 +23,6 @@ from spectrabox.sampling.judge.certificate import Certificate
 from spectrabox.sampling.judge.certificate import certify as certify_library
 from spectrabox.sampling.judge.cube_regions import Region
 from spectrabox.sampling.judge.cubes import Cube
-from spectrabox.sampling.prior.band_calibration import train
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library, usable
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
@@ -79,8 +79,7 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     read = {family: [_library(one, nm, f"{family} {number}")
                      for number, one in enumerate(_parts(value, seed), start=1)]
             for family, value in libraries.items()}
-    prior, _ = train(read, _coarse(camera, light), seed)
-    return prior
+    return learn_prior(read, _coarse(camera, light), seed).prior
 
 
 def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,

@@ -24,11 +24,11 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.further.swatch_files import read_swatches, swatch_reflectances
+from spectrabox.sampling.judge.identification import VARIATION
 from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 SwatchesLike = str | Path | tuple[ArrayLike, ArrayLike, ArrayLike]
-VARIATION = 0.01        # of white: how much surfaces of one material differ
 
 
 @one_blas_thread
