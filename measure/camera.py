@@ -1,18 +1,19 @@
 """A camera from photos of a chart and the spectrum of its light.
 
-``measure_chart`` takes the patches from a photo, ``fit_camera`` fits the curves with their band and
-checks them on patches that no fit saw, ``camera_profile`` gives the matrices that other programs
-take. Files are read and written by the callers.
+``measure_chart`` takes the patches from a photo; ``measure_camera`` fits the curves of a capture
+with their band, and checks them on patches that no fit saw. Files are read and written by the
+callers.
 """
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
 from spectrabox.calibrate.chart_calibration import (
+    LEVEL,
     CalibrationOptions,
     ChartCalibration,
     ChartPhoto,
@@ -26,24 +27,40 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
-from spectrabox.measure.chart_check import held_out_patches
-from spectrabox.radiometry.chart import Chart, typical_camera_signals
-from spectrabox.radiometry.charts.references import published_signals
-from spectrabox.radiometry.colour_science import aces_idt
+from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
+from spectrabox.measure.chart_check import (
+    held_out_facts,
+    held_out_patches,
+    held_out_sentence,
+    posterior_facts,
+)
+from spectrabox.radiometry.chart import (
+    CLASSIC,
+    Chart,
+    chart_reflectances,
+    typical_camera_signals,
+)
+from spectrabox.radiometry.charts.references import published_signals, reference_reflectances
+from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
+    ChartDetection,
     HeldOutPatches,
     LinearImage,
     PatchSamples,
     SensitivityFit,
+    Spectrum,
+    UnknownLight,
     WavelengthGrid,
+    default_band_names,
 )
-from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 
-FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never seen by the fit
 # nats, for another generation of a chart than the usual: charts that are of neither, and photos of
 # one chart, scatter by 4 to 6 (docs/results/calibration.md)
 DECISIVE = 7.0
-MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
+Stated = TypeVar("Stated")
+ERROR_PREFIX = "standard_error"   # before a band's name, of a column of errors
 
 
 def chart_signals(chart: Chart, reflectances: np.ndarray | None,
@@ -90,6 +107,112 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, gr
     return samples
 
 
+@dataclass(frozen=True, eq=False)
+class ChartSignals:
+    """The patches of a chart, as a photo of it or a table of signals gives them."""
+
+    source: str
+    samples: PatchSamples
+    bands: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+def chart_in_photo(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
+                   corners_px: np.ndarray | None = None) -> ChartSignals:
+    """The patches of a chart in a photo, as `measure_chart` takes them on FINE_GRID."""
+    samples = measure_chart(photo, chart, reflectances, FINE_GRID, corners_px)
+    return ChartSignals(photo.source, samples, default_band_names(photo.signal.shape[2]))
+
+
+def judged_chart(photo: LinearImage, chart: Chart, reference: str | None,
+                 corners_px: np.ndarray | None = None) -> tuple[ChartDetection, ChartVerdict]:
+    """The chart in a photo, and whether the photo is good enough.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    chart : Chart
+    reference : str or None
+        Of its reflectances, by name or file; None for the layout's own.
+    corners_px : (4, 2) array or None
+        Of the chart, in pixels of the photo; None to search for it.
+
+    Raises
+    ------
+    ChartNotFoundError, CheckError
+        As ``find_chart``.
+    InputError
+        If the reference cannot be read.
+    """
+    reflectances = None if chart.has_known_colours and reference is None else \
+        reference_reflectances(reference, chart, FINE_GRID)
+    signals = chart_signals(chart, reflectances, FINE_GRID)
+    detection = find_chart(photo, signals, corners_px, chart)
+    return detection, judge_chart(photo, detection, signals, chart)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCapture:
+    """Photos of a chart by one camera, and what is stated of them.
+
+    Attributes
+    ----------
+    shown : tuple of ChartSignals
+        One for each photo.
+    lights : tuple of Spectrum or UnknownLight
+        One for each photo, or one for all.
+    reflectances : tuple of (I, P) arrays
+        Of the chart on FINE_GRID, likewise.
+    chart : Chart
+    measured : bool
+        Whether the reflectances were stated. If not, the photos tell of which generation the chart
+        is.
+    excluded : (I,) array of bool, optional
+        Patches that no fit uses.
+    irradiance : (I,) array, optional
+        On each patch for a light spectrum of 1: then the strength of the light is known.
+    lamp_position_error : float
+        Relative standard error of that irradiance.
+    """
+
+    shown: tuple[ChartSignals, ...]
+    lights: tuple[Spectrum | UnknownLight, ...]
+    reflectances: tuple[np.ndarray, ...]
+    chart: Chart = CLASSIC
+    measured: bool = False
+    excluded: np.ndarray | None = None
+    irradiance: np.ndarray | None = None
+    lamp_position_error: float = 0.0
+
+    def photos(self) -> list[ChartPhoto]:
+        """Each photo with its light and its chart.
+
+        Raises
+        ------
+        InputError
+            If they are of other bands, or two are the same.
+        """
+        first, photos = self.shown[0], list[ChartPhoto]()
+        for index, one in enumerate(self.shown):
+            if any(np.array_equal(one.samples.mean, photo.samples.mean) for photo in photos):
+                raise InputError(f"{one.source} holds the same signals as another of the photos; "
+                                 "counted twice, one photo would seem surer than it is: give each "
+                                 "photo once")
+            if one.bands != first.bands:
+                raise InputError(f"{one.source} has the bands {', '.join(one.bands)}, "
+                                 f"{first.source} has {', '.join(first.bands)}; all photos must be "
+                                 "of one camera, its bands in the same order")
+            photos.append(ChartPhoto(one.samples, own_or_common(self.reflectances, index),
+                                     own_or_common(self.lights, index), self.irradiance,
+                                     self.excluded, self.chart))
+        return photos
+
+
+def own_or_common(values: Sequence[Stated], photo: int) -> Stated:
+    """What is stated of a photo, one for each or one for all."""
+    return values[photo if len(values) > 1 else 0]
+
+
 @dataclass(frozen=True)
 class ChartGeneration:
     """Which of the generations a chart is of, by the evidence of its photos."""
@@ -123,7 +246,113 @@ class CameraFit:
     sensitivity: SensitivityFit
     band: CurveBand | None          # None for measured curves
     held_out: HeldOutPatches        # of the first photo, each by a calibration without it
+    photos: tuple[ChartPhoto, ...]
     generation: ChartGeneration | None = None   # of the chart; None where it was stated
+    bands: tuple[str, ...] = ()     # K names
+    notes: tuple[str, ...] = ()     # on the signals
+
+    @property
+    def checks(self) -> tuple[str, ...]:
+        """What was checked, in sentences: light, chart, colour matrix."""
+        generation = () if self.generation is None else (self.generation.words,)
+        return self.chart.calibration.checks + generation
+
+    @property
+    def light(self) -> str:
+        """What is known of the light of each photo, in words."""
+        return ", ".join(light_words(photo.light) for photo in self.photos)
+
+    @property
+    def source(self) -> str:
+        """Method and light, as a file of the curves states them."""
+        return f"{self.sensitivity.method}, light {self.light}".replace("\n", " ")
+
+    def facts(self) -> dict[str, object]:
+        """As ``spectrabox camera fit --json`` names them (docs/reference/json.md)."""
+        result, fit, names = self.chart, self.sensitivity, self.photos[0].chart.names
+        known = result.calibration.light_posterior
+        facts: dict[str, object] = {
+            "wavelengths_nm": fit.grid.nm, "sensitivities": fit.curves, "bands": self.bands,
+            "lower": None if self.band is None else self.band.lower,
+            "upper": None if self.band is None else self.band.upper,
+            "level": LEVEL, "condition_number": fit.condition_number,
+            "chart_delta_e00": float(result.delta_e.mean()),
+            "held_out_delta_e00": float(result.held_out_delta_e.mean()),
+            "chart_delta_e00_patches": result.delta_e, "light": self.light,
+            "light_scale": result.scale.value,
+            "light_scale_standard_error": result.scale.standard_error,
+            "method": fit.method, "outcome": fit.outcome, "checks": self._sentences(),
+            "left_out": held_out_facts(self.held_out, names),
+            "doubts": result.calibration.doubts, "chart_generation": self.generation,
+            "stated_lights": [
+                {"light": one.source, "expected": one.expected, "departs": one.size,
+                 "standard_error": one.size_error, "spectrum": one.spectrum}
+                for one in result.departures],
+            "light_posterior": None if known is None else posterior_facts(known)}
+        joint = result.prior_fit
+        if joint is not None:
+            first = joint.photos[0]
+            facts |= {"model_error": joint.model_error, "chi_square": joint.chi_square,
+                      "prior_share": joint.prior_share, "photos": len(joint.photos),
+                      "field": first.field, "glare": first.glare,
+                      "nearest_cameras": [{"cameras": members, "probability": share}
+                                          for members, share in joint.families]}
+        return facts
+
+    def text(self) -> str:
+        """What was fitted and checked, for a person."""
+        return "\n".join([f"bands {', '.join(self.bands)}: {self.sensitivity.method}",
+                          *(f"- {check}" for check in self._sentences()),
+                          self.sensitivity.outcome.value])
+
+    def _sentences(self) -> list[str]:
+        generation = [] if self.generation is None else [self.generation.words]
+        return [*self.chart.calibration.checks, held_out_sentence(self.held_out), *generation,
+                *self.notes]
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Curves (P,) and their standard errors, as the columns of a table."""
+        fit = self.sensitivity
+        columns = dict(zip(self.bands, fit.curves, strict=True))
+        if fit.standard_error is not None:
+            columns |= {f"{ERROR_PREFIX} {name}": values
+                        for name, values in zip(self.bands, fit.standard_error, strict=True)}
+        return columns
+
+
+def light_words(light: Spectrum | UnknownLight) -> str:
+    """What is known of a light, in words."""
+    return light.words if isinstance(light, UnknownLight) else light.source
+
+
+def measure_camera(capture: CameraCapture, options: CalibrationOptions,
+                   seed: int = 0) -> CameraFit:
+    """The curves of the camera that took some photos of a chart.
+
+    Parameters
+    ----------
+    capture : CameraCapture
+    options : CalibrationOptions
+    seed : int
+        Of the draws of the curves.
+
+    Raises
+    ------
+    InputError, CheckError, CalibrationError
+        As ``calibrate_chart``, or as the photos of the capture.
+    """
+    chart = capture.chart
+    generations = None if capture.measured else {
+        name: chart_reflectances(name, FINE_GRID, chart) for name in chart.generations}
+    fit = fit_camera(capture.photos(), FINE_GRID, options, seed, generations)
+    calibration = fit.chart.calibration
+    if calibration.light_scale is not None and capture.irradiance is not None:
+        widened = with_common_error(calibration.light_scale, LAMP_AT_CHART,
+                                    capture.lamp_position_error)
+        fit = replace(fit, chart=replace(fit.chart, calibration=replace(
+            calibration, light_scale=widened)))
+    return replace(fit, bands=capture.shown[0].bands,
+                   notes=tuple(note for one in capture.shown for note in one.notes))
 
 
 def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
@@ -158,7 +387,8 @@ def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         photos = _with_reflectances(photos, generations[generation.reference])
     calibrated = calibrate_chart(photos, grid, options)
     return CameraFit(calibrated, camera_curves(calibrated), curve_band(calibrated, seed),
-                     held_out_patches(calibrated, photos[0].reflectances), generation)
+                     held_out_patches(calibrated, photos[0].reflectances), tuple(photos),
+                     generation)
 
 
 def _generation(photos: Sequence[ChartPhoto], grid: WavelengthGrid, prior: CameraPrior | None,
@@ -174,38 +404,3 @@ def _generation(photos: Sequence[ChartPhoto], grid: WavelengthGrid, prior: Camer
 
 def _with_reflectances(photos: Sequence[ChartPhoto], reflectances: np.ndarray) -> list[ChartPhoto]:
     return [replace(photo, reflectances=reflectances) for photo in photos]
-
-
-@dataclass(frozen=True)
-class CameraProfile:
-    """Matrices of a camera for other programs, each with those of draws of its curves."""
-
-    matrices: dict[str, IlluminantMatrices]                     # by illuminant
-    drawn: dict[str, tuple[IlluminantMatrices, ...]]
-    aces: tuple[np.ndarray, np.ndarray]                         # matrix (3, 3), white balance (3,)
-    aces_drawn: tuple[tuple[np.ndarray, np.ndarray], ...]
-
-
-def camera_profile(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
-                   draws: np.ndarray | None = None) -> CameraProfile:
-    """Colour matrices (DNG, ACES) of a camera.
-
-    Parameters
-    ----------
-    curves : (3, P) array
-        Sensitivities R, G, B on ``grid``, of any scale.
-    grid : WavelengthGrid
-    idt_light : str
-        CIE name, of the ACES matrix.
-    draws : (T, 3, P) array or None
-        Of the curves, for the spread of every number.
-    """
-    each = () if draws is None else tuple(draws)
-    sets = test_reflectances(grid)
-    targets = {name: target(name, grid, sets[FITTED_SET], (sets[FITTED_SET], sets[FRESH_SET]))
-               for name in ILLUMINANTS}
-    return CameraProfile(
-        {name: matrices(curves, aim) for name, aim in targets.items()},
-        {name: tuple(matrices(draw, aim) for draw in each) for name, aim in targets.items()},
-        aces_idt(grid.nm, curves, idt_light),
-        tuple(aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]))

@@ -15,13 +15,20 @@ from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.measure.surface_signals import FEW_BANDS
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.independent_bands import independent_bands
-from spectrabox.radiometry.records import HeldOutPatches, WavelengthGrid, share_inside
+from spectrabox.radiometry.records import (
+    Calibration,
+    HeldOutPatches,
+    LightPosterior,
+    WavelengthGrid,
+    share_inside,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 
 LEVEL = 0.95
 PASSES = 3              # errors of the calibration depend on the reflectance that is looked for
 START = 0.4             # reflectance of the first pass
+TWO_SIGMA = 2.0
 CHANCE = 0.05           # of naming any patch of a chart of which nothing is wrong
 POOR = 0.85             # of a patch's band: below it a reason is given
 DARK = 0.12             # mean reflectance below which glare may be what changes a patch's level
@@ -187,3 +194,54 @@ def held_out_sentence(patches: HeldOutPatches) -> str:
     return (f"each patch from the others: reflectance within {rmse:.3f} (rms), "
             f"{inside:.0%} of it inside the {patches.level:.0%} band ({expected:.1%} expected "
             "for chart colours)")
+
+
+def light_facts(calibration: Calibration) -> dict[str, object]:
+    """What is known of the light by itself: kind, wavelengths, mean and band, as plain numbers.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    """
+    if calibration.light_posterior is not None:
+        return posterior_facts(calibration.light_posterior)
+    light = calibration.light
+    error = np.zeros(light.grid.nm.size) if light.standard_error is None else light.standard_error
+    return {"kind": "stated", "wavelengths_nm": light.grid.nm.tolist(),
+            "mean": light.values.tolist(), "lower": (light.values - TWO_SIGMA * error).tolist(),
+            "upper": (light.values + TWO_SIGMA * error).tolist()}
+
+
+def posterior_facts(light: LightPosterior) -> dict[str, object]:
+    """What a chart says of an unknown light.
+
+    Parameters
+    ----------
+    light : LightPosterior
+    """
+    return {"kind": light.kinds[int(light.probabilities.argmax())],
+            "kinds": dict(zip(light.kinds, light.probabilities.tolist(), strict=True)),
+            "wavelengths_nm": light.grid.nm.tolist(), "mean": light.mean.tolist(),
+            "lower": light.lower.tolist(), "upper": light.upper.tolist(), "level": light.level,
+            "sentences": list(light.sentences)}
+
+
+def held_out_facts(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, object]:
+    """Patches left out as plain numbers: ``left_out`` of docs/reference/json.md.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    names : sequence of I str
+        Of the patches.
+    """
+    reasons = poor_patches(patches, names)
+    rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
+             "inside": float(patches.inside[number]),
+             "expected": float(patches.expected[number]),
+             "kept_out": bool(patches.excluded[number]),
+             "saturated": not patches.judged[number], "reason": reasons.get(names[number])}
+            for number in range(len(patches.mean))]
+    rmse, inside, expected = patches.means
+    return {"rmse_mean": rmse, "coverage_95": inside, "expected_95": expected,
+            "level": patches.level, "patches": rows}

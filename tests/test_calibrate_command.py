@@ -56,7 +56,7 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert not set(CONTRACT) - set(facts)
-    samples = read_patches(chart / "patches.csv")[0]
+    samples = read_patches(chart / "patches.csv").samples
     light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
     photo = ChartPhoto(samples, chart_reflectances("BabelColor Average", GRID), light)
     fit = calibrate_chart([photo], GRID, CalibrationOptions(method))

@@ -77,8 +77,9 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
     first = "p," if header.startswith("patch") else ""
     (tmp_path / "p.csv").write_text(header + "\n".join(f"{first}{i + 1},2,3" for i in range(24)),
                                     encoding="utf-8")
-    patches, names, (note,) = read_patches(tmp_path / "p.csv")
-    assert patches.mean.shape == (24, 3) and patches.mean[23, 0] == 24 and len(names) == 3
+    read = read_patches(tmp_path / "p.csv")
+    patches, (note,) = read.samples, read.notes
+    assert patches.mean.shape == (24, 3) and patches.mean[23, 0] == 24 and len(read.bands) == 3
     np.testing.assert_allclose(patches.covariance_of_mean[[0, 23], 0, 0], [0.004**2, 0.096**2],
                                rtol=1e-12)
     assert "0.4% is assumed" in note
@@ -91,9 +92,10 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
                          ids=["in order", "in another order", "unnamed"])
 def test_standard_errors_become_the_covariance(tmp_path, names, errors):
     (tmp_path / "p.csv").write_text(f"R,G,B,{names}\n" + f"1,2,3,{errors}\n" * 24, encoding="utf-8")
-    table, _, notes = read_patches(tmp_path / "p.csv")
-    np.testing.assert_allclose(table.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]), rtol=1e-12)
-    assert notes == ()
+    read = read_patches(tmp_path / "p.csv")
+    np.testing.assert_allclose(read.samples.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]),
+                               rtol=1e-12)
+    assert read.notes == ()
 
 
 @pytest.mark.parametrize("text, message", [

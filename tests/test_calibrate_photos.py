@@ -126,7 +126,7 @@ def test_two_photos_through_the_command_line_give_what_python_gives(tmp_path):
     result = CliRunner().invoke(app, ["camera", "fit", *words, "--json"])
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
-    first, second = (read_patches(path)[0] for path in files)
+    first, second = (read_patches(path).samples for path in files)
     expected = calibrate_chart([ChartPhoto(first, surfaces, spectrum(lights[0])),
                                 ChartPhoto(second, surfaces, spectrum(lights[1]))], GRID)
     # the same code on the same numbers

@@ -9,7 +9,7 @@ from calibrate_cameras import GRID
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
-from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.chart_check import held_out_facts, held_out_patches, light_facts
 from spectrabox.measure.verdict.calibration import calibration_doubts
 from spectrabox.measure.verdict.calibration import held_out_patches as criteria_of_left_out
 from spectrabox.measure.verdict.criteria import Status
@@ -25,7 +25,6 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
 
 SURFACES = chart_reflectances("BabelColor Average", GRID)
 CURVES = sensitivities("Nikon 5100 (NPL)", GRID)     # a camera that the shipped prior leaves out
@@ -56,7 +55,7 @@ def test_every_calibration_predicts_each_patch_from_the_others(method):
     assert patches.inside.mean() > 0.87
     # 95 % bands of any surface, of familiar ones
     assert method != "unknown" or patches.expected.mean() > 0.98
-    facts = left_out_facts(patches, CLASSIC.names)
+    facts = held_out_facts(patches, CLASSIC.names)
     assert facts["rmse_mean"] == pytest.approx(patches.rmse.mean())
     assert facts["patches"][4]["name"] == "blue flower"
 
@@ -197,4 +196,4 @@ def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(i
     [found] = criteria_of_left_out(SimpleNamespace(chart=SimpleNamespace(
         left_out=patches, others={}, layout=CLASSIC)))
     assert found.status is status and found.limit == "99 % expected"
-    assert left_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)
+    assert held_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)

@@ -38,6 +38,22 @@ SEED = 1                        # of the order of the surfaces
 
 
 @dataclass(frozen=True)
+class Spread:
+    """A number or an array, and its standard deviation over draws of the camera's curves; None
+    where there are none. Fields are named as in ``--json``.
+    """
+
+    value: np.ndarray | float
+    standard_deviation: np.ndarray | float | None
+
+    @property
+    def words(self) -> str:
+        """A number as a person reads it."""
+        spread = "" if self.standard_deviation is None else f" ± {self.standard_deviation:.2f}"
+        return f"{self.value:.2f}{spread}"
+
+
+@dataclass(frozen=True)
 class ColourError:
     """CIEDE2000 of a set of surfaces without noise; spreads are None where no draws are known."""
 
@@ -45,6 +61,11 @@ class ColourError:
     percentile_95: float
     mean_spread: float | None
     percentile_95_spread: float | None
+
+    def facts(self) -> dict[str, Spread]:
+        """Each with its spread."""
+        return {"mean": Spread(self.mean, self.mean_spread),
+                "percentile_95": Spread(self.percentile_95, self.percentile_95_spread)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +76,17 @@ class ColourProfile:
     table: ColourTransform                          # what tables of profiles are made of
     errors: dict[str, dict[str, ColourError]]       # by transform, by set of surfaces
     draws: int                                      # of the response, behind the spreads
+
+    def facts(self) -> dict[str, dict[str, dict[str, Spread]]]:
+        """Errors by transform and set of surfaces, each with its spread."""
+        return {name: {of: one.facts() for of, one in sets.items()}
+                for name, sets in self.errors.items()}
+
+    def error_lines(self) -> list[str]:
+        """A line for each transform and set."""
+        return [f"  {name}, {of}: mean {facts['mean'].words}, 95 % below "
+                f"{facts['percentile_95'].words}"
+                for name, sets in self.facts().items() for of, facts in sets.items()]
 
 
 def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.measure.camera import ERROR_PREFIX, ChartSignals
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
@@ -13,15 +14,13 @@ from spectrabox.radiometry.records import PatchSamples
 
 MAX_SIGNAL = 1e9        # white is near 1, or near 65535
 ADVICE = "give a CSV of signals, a row for each patch"
-ERROR_PREFIX = "standard_error"
 # Relative, where a table states none: charts and photos of them agree to 0.3 to 0.5 %. Signals
 # taken as exact are held against the last digit of how somebody integrated over wavelength.
 ASSUMED_ERROR = 0.004
 DARK = 0.03             # of the brightest patch: the error of darker ones is that of this
 
 
-def read_patches(path: Path,
-                 chart: Chart = CLASSIC) -> tuple[PatchSamples, tuple[str, ...], tuple[str, ...]]:
+def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
     """Signals of a chart's patches, in chart order, the names of the bands, and notes.
 
     The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
@@ -72,7 +71,7 @@ def read_patches(path: Path,
         error = ASSUMED_ERROR * np.maximum(np.abs(signal), DARK * np.abs(signal).max(axis=0))
         notes = (f"{path.name} states no errors of its signals: {ASSUMED_ERROR:.1%} is assumed, as "
                  f"charts and photos have it; columns named {ERROR_PREFIX} state others",)
-    return _samples(signal, error), tuple(band_names), notes
+    return ChartSignals(path.name, _samples(signal, error), tuple(band_names), notes)
 
 
 def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int],

@@ -34,7 +34,6 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.profiles.icc_profile import SPACES
 from spectrabox.radiometry.profiles.profile_files import write_profile
 from spectrabox.radiometry.response import relative_response
-from spectrabox.session.camera.profile import colour_facts, error_lines
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
@@ -97,13 +96,13 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     quantities = archive_quantities(patches, records.flat.light[view.name].over_photo)
     facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
              "space": SPACES[space].name, "clipped": clipped,
-             "delta_e00": colour_facts(profile),
+             "delta_e00": profile.facts(),
              "chart": {"mean": float(patches.differences.mean()),
                        "by_own_matrix": _own_mean(patches)},
              "archive": [_quantity_facts(one) for one in quantities]}
     write_text_whole(folder / PAGE, _page(config, facts, profile, patches,
                                           calibration.checks))
-    return facts, _text(facts)
+    return facts, _text(facts, profile)
 
 
 def _stated_families(capture: FlatCapture) -> list[str]:
@@ -124,10 +123,10 @@ def _quantity_facts(one: ArchiveQuantity) -> dict[str, Any]:
             "grades": {name: one.grade(name) for name in one.limits}}
 
 
-def _text(facts: dict[str, Any]) -> str:
+def _text(facts: dict[str, Any], profile: ColourProfile) -> str:
     own = facts["chart"]["by_own_matrix"]
     return "\n".join([
-        "CIEDE2000 to D50, expected", *error_lines(facts["delta_e00"]),
+        "CIEDE2000 to D50, expected", *profile.error_lines(),
         f"chart as photographed: mean {facts['chart']['mean']:.2f}"
         + ("" if own is None else f", by the camera's own matrix {own:.2f}"),
         *(f"{one['name']}: {one['value']:.3g} {one['unit']}"

@@ -23,6 +23,8 @@ from spectrabox.session.terminal.command_line import (
 )
 
 PRIORS = {".npz": "a prior on curves"}
+CURVES = {".csv": "the curves and their standard errors"}
+DRAWS = {".npz": "draws of the curves"}
 camera = Commands(help="Sensitivities of a camera: measured on a chart, known by its name, or "
                        "forecast before the shoot.")
 
@@ -58,8 +60,38 @@ def fit(request: CameraFitRequest) -> Answer:
         if stated and len(stated) not in (1, len(given)):
             raise UsageProblem(f"{len(stated)} times {option} for {len(given)} photos; give one "
                                "for each or one for all")
-    from spectrabox.session.camera.inputs import fit_answer
-    return Answer(*fit_answer(request))
+    outputs = [path for path in (request.out, request.draws_file) if path is not None]
+    from spectrabox.calibrate.chart_calibration import CalibrationOptions
+    from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+    from spectrabox.measure.camera import measure_camera
+    from spectrabox.radiometry.grid import FINE_GRID
+    from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_name
+    from spectrabox.session.camera.fit_files import require_outputs, write_curves, write_draws
+    from spectrabox.session.camera.inputs import camera_capture, read_measured_curves
+    inputs = [*given, *map(Path, (*request.light, *request.reference)),
+              *(path for path in (request.curves, request.prior_file) if path is not None)]
+    require_outputs(outputs, inputs)
+    check_ending(request.out, CURVES)
+    check_ending(request.draws_file, DRAWS, "--draws-file")
+    if request.keep is not None:
+        require_new_name(request.keep)
+    capture = camera_capture(request)
+    curves = None if request.curves is None else read_measured_curves(
+        request.curves, len(capture.shown[0].bands), FINE_GRID)
+    prior = None if request.prior_file is None else load_camera_prior(request.prior_file)
+    fitted = measure_camera(capture, CalibrationOptions(request.method, prior, curves=curves))
+    facts, text = fitted.facts(), fitted.text()
+    if request.out is not None:
+        write_curves(request.out, fitted)
+        facts["file"] = request.out
+        text += f"\nwrote {request.out}"
+    if request.keep is not None:
+        facts["kept"] = keep_camera(request.keep, fitted.sensitivity.grid.nm, fitted.columns(),
+                                    fitted.source)
+    if request.draws_file is not None:
+        write_draws(request.draws_file, fitted)
+        facts["samples"] = request.draws_file
+    return Answer(facts, text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,10 +148,12 @@ def preflight(request: CameraPreflightRequest) -> Answer:
 @command
 def profile(request: CameraProfileRequest) -> Answer:
     """Write colour matrices and profiles of a camera, with error bars and colour errors."""
-    from spectrabox.session.camera.profile import FORMS, profile_answer
+    from spectrabox.session.camera.profile import FORMS, write_profiles
     for path in request.out:
         check_ending(path, FORMS)
-    return Answer(*profile_answer(request))
+    known = write_profiles(request)
+    return Answer(known.facts() | {"files": request.out}, "\n".join([
+        known.text(), *(f"wrote {path}" for path in request.out)]))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,11 +58,11 @@ def chart(request: ChartRequest) -> Answer:
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_files import write_png
-    from spectrabox.session.camera.inputs import judged_chart
+    from spectrabox.session.camera.inputs import chart_named
     image = _open(request.photo, request.encoded)
     try:
-        detection, verdict = judged_chart(image, request.layout, request.reference,
-                                          request.corners)
+        detection, verdict = chart_named(image, request.layout, request.reference,
+                                         request.corners)
     except CheckError as error:
         if request.debug or not request.as_json:
             raise

@@ -223,14 +223,14 @@ def _show_photo(photo: Path, request: FlatRequest, orientation: int | None) -> A
     """Look for the chart, and write a picture to read regions from, with the chart drawn on it."""
     from spectrabox.capture.develop.developed import open_any
     from spectrabox.capture.photo.orientation import photo_orientation, turned
-    from spectrabox.session.camera.inputs import judged_chart
+    from spectrabox.session.camera.inputs import chart_named
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
     image = turned(open_any(photo, request.not_linear), orientation or photo_orientation(photo))
     chart = None
     try:
         if request.chart is None:
-            chart = judged_chart(image, request.layout, request.reference, request.corners)
+            chart = chart_named(image, request.layout, request.reference, request.corners)
     except CheckError as error:
         write_picture(image, picture)
         raise type(error)(f"{error}. {picture} shows the photo with its pixels on the axes, to "

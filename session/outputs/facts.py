@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.chart_check import held_out_facts, light_facts
 from spectrabox.measure.results import MaterialResult
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.measure.verdict.scene import median_surface_error
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
-from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.outputs.results import FlatResults, SceneResults, SessionResults
 from spectrabox.session.pictures.picture_results import picture_facts
 from spectrabox.session.report.numbers import family_facts
@@ -35,7 +35,7 @@ def run_facts(results: SessionResults, report: Path) -> dict[str, Any]:
              "verdict": verdict.status.name.lower(), "says": verdict.sentence,
              "stages": results.stages,
              "left_out": None if chart is None or chart.left_out is None
-             else left_out_facts(chart.left_out, chart.layout.names),
+             else held_out_facts(chart.left_out, chart.layout.names),
              "light": light_facts(results.calibration),
              **({} if results.picture is None else {"picture": picture_facts(results.picture)}),
              "known_camera": known_camera(results.photo.camera), "warnings": results.warnings}

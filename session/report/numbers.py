@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.chart_check import held_out_facts, light_facts
 from spectrabox.measure.metamers import metamer_pair
 from spectrabox.measure.results import ChartResult, MaterialResult
 from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
@@ -12,7 +13,6 @@ from spectrabox.measure.verdict.criteria import Verdict
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
-from spectrabox.session.outputs.calibration_facts import left_out_facts, light_facts
 from spectrabox.session.outputs.results import (
     CommonResults,
     FlatResults,
@@ -171,4 +171,4 @@ def _chart(results: CommonResults, chart: ChartResult) -> dict[str, Any]:
             "confidence": chart.detection.confidence, "how_found": chart.detection.how_found,
             "mirrored": chart.detection.mirrored,
             "left_out": None if chart.left_out is None
-            else left_out_facts(chart.left_out, chart.layout.names)}
+            else held_out_facts(chart.left_out, chart.layout.names)}

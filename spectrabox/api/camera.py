@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,18 +13,16 @@ from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.inputs import LightLike, as_chart, as_light, families_of, one_blas_thread
 from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
+from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-from spectrabox.measure.camera import CameraFit, measure_chart
-from spectrabox.measure.camera import fit_camera as fit_curves
+from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
 from spectrabox.measure.plots import plot_sensitivities
-from spectrabox.radiometry.chart import Chart, chart_reflectances, excluded_patches
+from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Calibration, LinearImage, Quantity, default_band_names
+from spectrabox.radiometry.records import Calibration, LinearImage, Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -101,8 +99,7 @@ class CameraEstimate:
     @property
     def checks(self) -> tuple[str, ...]:
         """What was checked, in sentences: light, chart, colour matrix."""
-        generation = self.fit.generation
-        return self.calibration.checks + (() if generation is None else (generation.words,))
+        return self.fit.checks
 
     @property
     def chart_check(self) -> ChartCheck:
@@ -169,15 +166,9 @@ class CameraEstimate:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        fit = self.fit.sensitivity
-        columns = dict(zip(self.bands, fit.curves, strict=True))
-        if fit.standard_error is not None:
-            columns |= {f"standard_error {name}": values
-                        for name, values in zip(self.bands, fit.standard_error, strict=True)}
         target = Path(path)
-        write_text_whole(target, table_text(self.nm, columns, quantity=Quantity.RELATIVE,
-                                            source=f"{fit.method}, light "
-                                            f"{self.calibration.light.source}"))
+        write_text_whole(target, table_text(self.nm, self.fit.columns(), quantity=Quantity.RELATIVE,
+                                            source=self.fit.source))
         return target
 
     def __repr__(self) -> str:
@@ -241,10 +232,10 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     >>> camera.nm, camera.curves
     >>> camera.checks
     """
-    photos = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
+    given = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
     lights = [as_light(one) for one in (light if isinstance(light, list) else [light])]
-    if len(lights) not in (1, len(photos)):
-        raise InputError(f"{len(lights)} lights were given for {len(photos)} photos; give one for "
+    if len(lights) not in (1, len(given)):
+        raise InputError(f"{len(lights)} lights were given for {len(given)} photos; give one for "
                          "each photo or one for all")
     chart = as_chart(layout)
     reflectances = reference_reflectances(reference, chart, FINE_GRID)
@@ -256,23 +247,10 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
         irradiance = patch_irradiance(placed, chart.centres_uv, chart.sizes_uv, SCENE_SEED)
         position_error = lamp_position_error(placed, chart.centres_uv, chart.sizes_uv,
                                              LAMP_POSITION, SCENE_SEED)
-    shown: list[ChartPhoto] = []
-    first: LinearImage | None = None
-    for number, one in enumerate(photos):
-        photo = one if isinstance(one, Photo) else open_photo(one)
-        samples = measure_chart(photo.image, chart, reflectances, FINE_GRID)
-        shown.append(ChartPhoto(samples, reflectances, lights[number if len(lights) > 1 else 0],
-                                irradiance, excluded, chart))
-        first = first or photo.image
-    bands = default_band_names(shown[0].samples.mean.shape[1])
+    photos = [one if isinstance(one, Photo) else open_photo(one) for one in given]
+    capture = CameraCapture(
+        tuple(chart_in_photo(photo.image, chart, reflectances) for photo in photos), tuple(lights),
+        (reflectances,), chart, reference is not None, excluded, irradiance, position_error)
     learnt = None if prior is None else load_camera_prior(Path(prior))
-    generations = None if reference is not None else {
-        name: chart_reflectances(name, FINE_GRID, chart) for name in chart.generations}
-    fit = fit_curves(shown, FINE_GRID, CalibrationOptions(method, learnt), seed, generations)
-    calibration = fit.chart.calibration
-    if calibration.light_scale is not None and irradiance is not None:
-        widened = with_common_error(calibration.light_scale, LAMP_AT_CHART, position_error)
-        fit = replace(fit, chart=replace(fit.chart, calibration=replace(calibration,
-                                                                        light_scale=widened)))
-    assert first is not None
-    return CameraEstimate(fit, bands, first, chart)
+    fit = measure_camera(capture, CalibrationOptions(method, learnt), seed)
+    return CameraEstimate(fit, fit.bands, photos[0].image, chart)

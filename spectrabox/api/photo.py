@@ -10,16 +10,13 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.inputs import as_chart
 from spectrabox.api.notebook import axes_for
-from spectrabox.capture.chart.detection import find_chart as detect_chart
-from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
+from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
 from spectrabox.capture.photo.preview import signal_rgb8
-from spectrabox.measure.camera import chart_signals
+from spectrabox.measure.camera import judged_chart
 from spectrabox.measure.captured import InputFile
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
 
 if TYPE_CHECKING:
@@ -268,10 +265,6 @@ def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None =
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     chart = as_chart(layout)
-    reflectances = None if chart.has_known_colours and reference is None else \
-        reference_reflectances(reference, chart, FINE_GRID)
-    signals = chart_signals(chart, reflectances, FINE_GRID)
-    given = None if corners is None else np.asarray(corners, dtype=float)
-    detection = detect_chart(opened.image, signals, given, chart)
-    return ChartInPhoto(opened, chart, detection, judge_chart(opened.image, detection, signals,
-                                                              chart))
+    detection, quality = judged_chart(opened.image, chart, reference, None if corners is None
+                                      else np.asarray(corners, dtype=float))
+    return ChartInPhoto(opened, chart, detection, quality)
