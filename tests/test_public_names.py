@@ -54,13 +54,9 @@ def test_a_chart_is_found_as_the_command_finds_it(folder):
     assert len(chart.plot().lines) == 2 * len(chart.corners)
 
 
-def test_a_camera_is_fitted_as_the_command_fits_it(folder, tmp_path):
+def test_curves_of_a_camera_that_were_written_are_those_that_were_fitted(folder, tmp_path):
     chart, light = folder / "photos" / "chart.dng", folder / "spectra" / "light.csv"
     camera = sb.fit_camera(chart, light=light)
-    said = answer("camera", "fit", chart, "--light", light)
-    np.testing.assert_array_equal(camera.nm, said["wavelengths_nm"])
-    np.testing.assert_array_equal(camera.curves, said["sensitivities"])
-    np.testing.assert_array_equal(camera.band()[0], said["lower"])
     written = camera.to_csv(tmp_path / "camera.csv")
     again = sb.uplift(np.full((2, 2, 3), 0.3), camera=written, light=light)
     own = sb.uplift(np.full((2, 2, 3), 0.3), camera=camera, light=light)
@@ -78,16 +74,10 @@ def test_errors_are_the_sentences_of_the_commands(tmp_path):
         sb.find_chart(tmp_path / "dark.dng")
 
 
-def test_a_signal_is_sampled_as_the_command_samples_it():
+def test_every_draw_of_a_signal_gives_it():
     camera, light, signal = "Nikon 5100 (NPL)", "D65", [0.53, 0.24, 0.08]
     one = sb.sample(signal, camera=camera, light=light, noise=0.003, draws=2000, seed=1)
-    said = answer("sample", "--sensitivity", camera, "--light", light, "--signal", "0.53,0.24,0.08",
-                  "--noise", "0.003,0.003,0.003", "--samples", 2000, "--seed", 1)
-    np.testing.assert_array_equal(one.mean, said["mean"])
-    np.testing.assert_array_equal(one.band(0.95), [said["lower"], said["upper"]])
-    np.testing.assert_array_equal(one.bounds(), [said["bound_lower"], said["bound_upper"]])
-    assert one.outcome == said["outcome"] and one.next_reading_nm == said["next_measurement_nm"]
-    # every draw gives the camera the signal, within its noise: five standard errors
+    # within its noise: five standard errors
     response = relative_response(camera, light)
     seen = np.array([np.interp(FINE_GRID.nm, one.nm, draw) for draw in one.draws(500, seed=3)]) \
         @ response.T

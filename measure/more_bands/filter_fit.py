@@ -6,9 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.capture.chart.detection import find_chart, find_chart_again
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.measure.camera import chart_signals
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Spectrum
+from spectrabox.radiometry.light_scale import exposure_ratio
+from spectrabox.radiometry.records import LinearImage, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
 
 READING_ERROR = 0.005       # relative, of a reading whose error nobody stated: the lamp repeats
@@ -23,6 +29,54 @@ class MeasuredFilter:
     standard_error: np.ndarray      # (301,)
     level_known: bool               # else it is of mean 1 where most light passes
     source: str
+
+    def facts(self) -> dict[str, object]:
+        """As ``spectrabox filter fit --json`` names them."""
+        return {"wavelengths_nm": FINE_GRID.nm, "transmittance": self.transmittance,
+                "standard_error": self.standard_error, "level_known": self.level_known}
+
+    def text(self) -> str:
+        """Range and errors, for a person."""
+        relative = self.standard_error / self.transmittance.max()
+        level = "" if self.level_known else \
+            "; its level is not known, and was set to 1 at its best"
+        return (f"transmittance {self.transmittance.min():.3f} to {self.transmittance.max():.3f}, "
+                f"standard error {relative.mean():.1%} of its largest value on average, "
+                f"{relative.max():.1%} at worst{level}")
+
+
+def filter_from_photos(bare: LinearImage, through: LinearImage, chart: Chart,
+                       reflectances: np.ndarray, light: Spectrum | UnknownLight) -> MeasuredFilter:
+    """Transmittance between two photos of a chart from one tripod under one light.
+
+    Parameters
+    ----------
+    bare, through : LinearImage
+        The second through the filter.
+    chart : Chart
+    reflectances : (I, 301) array
+        Of the chart.
+    light : Spectrum or UnknownLight
+
+    Raises
+    ------
+    ChartNotFoundError, CheckError, ClippedPhotoError, InputError, CalibrationError
+        If they are one photo, or one does not show the chart well.
+    """
+    if bare.signal.shape == through.signal.shape and np.array_equal(bare.signal, through.signal):
+        raise InputError(f"{bare.source} and {through.source} are one photo; the second is to be "
+                         "taken through the filter")
+    expected = chart_signals(chart, reflectances, FINE_GRID)
+    first = find_chart(bare, expected, None, chart)
+    second = find_chart_again(through, expected, first, chart)
+    shown = []
+    for photo, detection, passed in ((bare, first, None), (through, second, unknown_filter())):
+        patches = sample_patches(photo, detection)
+        require_unclipped(patches, chart.names, photo.source, chart.neutrals)
+        shown.append(ChartPhoto(patches, reflectances, light, chart=chart, filter=passed))
+    stated = bare.exposure_s is not None and through.exposure_s is not None
+    return filter_from_charts(shown[0], shown[1],
+                              exposure_ratio(bare, through) if stated else None)
 
 
 def filter_from_charts(bare: ChartPhoto, through: ChartPhoto, exposure: float | None,

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.chart.quality import ChartVerdict
-from spectrabox.capture.photo.linear import open_photo
-from spectrabox.capture.photo.orientation import photo_orientation, turned
+from spectrabox.capture.develop.developed import develop_photos
+from spectrabox.capture.photo.orientation import photo_orientation
 from spectrabox.measure.camera import (
     CameraCapture,
     ChartSignals,
@@ -73,7 +73,7 @@ def read_layout(layout: str) -> Chart:
 
 def _signals_of_picture(path: Path, chart: Chart, reflectances: np.ndarray,
                         corners: str | None) -> ChartSignals:
-    photo = turned(open_photo(path), photo_orientation(path))
+    photo, _ = develop_photos([path], [], None, orientation=photo_orientation(path))
     return chart_in_photo(photo, chart, reflectances,
                           None if corners is None else corner_points(corners, chart))
 

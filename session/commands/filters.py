@@ -71,15 +71,7 @@ def fit(request: FilterFitRequest) -> Answer:
         FINE_GRID.nm, {"transmittance": known.transmittance,
                        "standard_error": known.standard_error},
         quantity=Quantity.RELATIVE, source=known.source))
-    relative = known.standard_error / known.transmittance.max()
-    level = "" if known.level_known else "; its level is not known, and was set to 1 at its best"
-    return Answer({"file": request.out, "wavelengths_nm": FINE_GRID.nm.tolist(),
-                   "transmittance": known.transmittance.tolist(),
-                   "standard_error": known.standard_error.tolist(),
-                   "level_known": known.level_known},
-                  f"wrote {request.out}: transmittance {known.transmittance.min():.3f} to "
-                  f"{known.transmittance.max():.3f}, standard error {relative.mean():.1%} of its "
-                  f"largest value on average, {relative.max():.1%} at worst{level}")
+    return Answer(known.facts() | {"file": request.out}, f"wrote {request.out}: {known.text()}")
 
 
 def _of_readings(without: Path, through: Path) -> MeasuredFilter:
@@ -91,37 +83,15 @@ def _of_readings(without: Path, through: Path) -> MeasuredFilter:
 
 
 def _of_charts(request: FilterFitRequest) -> MeasuredFilter:
-    import numpy as np
-
-    from spectrabox.calibrate.chart_calibration import ChartPhoto
-    from spectrabox.capture.chart.detection import find_chart, find_chart_again
-    from spectrabox.capture.chart.patches import require_unclipped, sample_patches
     from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.measure.camera import chart_signals
-    from spectrabox.measure.more_bands.filter_fit import filter_from_charts
+    from spectrabox.measure.more_bands.filter_fit import filter_from_photos
     from spectrabox.radiometry.charts.references import reference_reflectances
-    from spectrabox.radiometry.errors import InputError
     from spectrabox.radiometry.grid import FINE_GRID
-    from spectrabox.radiometry.light_scale import exposure_ratio
-    from spectrabox.radiometry.spectra.filters import unknown_filter
     from spectrabox.radiometry.spectra.stated_light import stated_light
     from spectrabox.session.camera.inputs import read_layout
 
-    chart, light = read_layout(request.layout), stated_light(request.light, FINE_GRID)
-    reflectances = reference_reflectances(request.reference, chart, FINE_GRID)
-    photos = [open_photo(path) for path in request.files]
-    if photos[0].signal.shape == photos[1].signal.shape and np.array_equal(
-            photos[0].signal, photos[1].signal):
-        raise InputError(f"{request.files[0]} and {request.files[1]} are one photo; the second is "
-                         "to be taken through the filter")
-    expected = chart_signals(chart, reflectances, FINE_GRID)
-    first = find_chart(photos[0], expected, None, chart)
-    samples = [sample_patches(photos[0], first),
-               sample_patches(photos[1], find_chart_again(photos[1], expected, first, chart))]
-    for photo, patches in zip(photos, samples, strict=True):
-        require_unclipped(patches, chart.names, photo.source, chart.neutrals)
-    stated = all(photo.exposure_s is not None for photo in photos)
-    return filter_from_charts(
-        ChartPhoto(samples[0], reflectances, light, chart=chart),
-        ChartPhoto(samples[1], reflectances, light, chart=chart, filter=unknown_filter()),
-        exposure_ratio(*photos) if stated else None)
+    chart = read_layout(request.layout)
+    without, through = (open_photo(path) for path in request.files)
+    return filter_from_photos(without, through, chart,
+                              reference_reflectances(request.reference, chart, FINE_GRID),
+                              stated_light(request.light, FINE_GRID))

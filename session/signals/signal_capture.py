@@ -63,13 +63,10 @@ def signal_capture(request: SampleRequest) -> SignalCapture:
         named = read_named_signals(request.signals, bands)
     else:
         named = {"": numbers(request.signal or "", bands, "signal")}
-    prior = None            # unless it is asked: other methods need none
-    if request.method == "prior" or request.prior or more:
-        prior = of_families(load_prior(request.prior), request.family)
     return SignalCapture(
         response, np.array(list(named.values())), tuple(named), white, noise, request.light_error,
-        request.sensitivity_error, prior, more, twice,
-        None if request.swatches is None else read_swatches(request.swatches, bands),
+        request.sensitivity_error, of_families(load_prior(request.prior), request.family), more,
+        twice, None if request.swatches is None else read_swatches(request.swatches, bands),
         None if request.srgb is None else SRGB_CAVEAT)
 
 

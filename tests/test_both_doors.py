@@ -1,0 +1,159 @@
+"""Signals and cameras have one way: command and library enter the same functions and give the same
+numbers. What a command enters besides lays out its answer, or reads its options.
+"""
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flat_example import write_flat
+from typer.testing import CliRunner
+
+import spectrabox as sb
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.session.cli import app
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("capture", "calibrate", "measure", "sampling")
+CAMERA, LIGHT, NOISE = "Nikon 5100 (NPL)", "LED-B3", 0.003
+SEEN = ("--sensitivity", CAMERA, "--light", LIGHT, "--noise", NOISE)
+# how an answer is laid out, and regions and wavelengths as options and files write them
+WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "light_words", "_cells",
+         "_cell", "certificate_page", "condition_on_families", "coverage_facts", "held_out_facts",
+         "held_out_sentence", "poor_patches", "posterior_facts", "judgement_text", "rows",
+         "left_out", "parse_wavelengths", "point_region", "_checked"}
+
+
+def entered(call):
+    """The functions of the library's rooms that a call enters, and what it returns."""
+    codes = set()
+
+    def watch(frame, *_):
+        codes.add(frame.f_code)     # and nothing inside of it is watched
+
+    before = sys.gettrace()
+    sys.settrace(watch)
+    try:
+        answer = call()
+    finally:
+        sys.settrace(before)
+    paths = {code: Path(code.co_filename).resolve() for code in codes
+             if not code.co_name.startswith("<")}
+    return {(path.relative_to(ROOT).as_posix(), code.co_name) for code, path in paths.items()
+            if path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in ROOMS}, answer
+
+
+def command(*words):
+    result = CliRunner().invoke(app, [*map(str, words), "--json"])
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def both(library, *words):
+    """What library and command answer, which enter the same functions."""
+    library(), command(*words)      # so that what is loaded once is loaded
+    entered_by_library, estimate = entered(library)
+    entered_by_command, said = entered(lambda: command(*words))
+    assert not entered_by_library - entered_by_command
+    assert not {(path, name) for path, name in entered_by_command - entered_by_library
+                if name not in WORDS}
+    return estimate, said
+
+
+def same_spectrum(estimate, said):
+    np.testing.assert_array_equal(estimate.mean, said["mean"])
+    np.testing.assert_array_equal(estimate.band(), [said["lower"], said["upper"]])
+    np.testing.assert_array_equal(estimate.bounds(), [said["bound_lower"], said["bound_upper"]])
+    assert estimate.outcome == said["outcome"]
+    assert estimate.next_reading_nm == said["next_measurement_nm"]
+
+
+@pytest.mark.parametrize("method", ["prior", "uniform", "paper"])
+def test_one_signal(method):
+    estimate, said = both(lambda: sb.sample([0.21, 0.33, 0.14], camera=CAMERA, light=LIGHT,
+                                            noise=NOISE, method=method, draws=1000),
+                          "sample", *SEEN, "--signal", "0.21,0.33,0.14", "--method", method,
+                          "--samples", 1000)
+    same_spectrum(estimate, said)
+
+
+def test_many_signals(tmp_path):
+    (tmp_path / "many.csv").write_text("name,R,G,B\nwarm,0.4,0.3,0.2\ncool,0.2,0.3,0.4\n")
+    estimates, said = both(lambda: sb.sample([[0.4, 0.3, 0.2], [0.2, 0.3, 0.4]], camera=CAMERA,
+                                             light=LIGHT, noise=NOISE, names=["warm", "cool"]),
+                           "sample", *SEEN, "--signals", tmp_path / "many.csv")
+    for one in said["results"]:
+        same_spectrum(estimates[one["name"]], one)
+
+
+def test_a_signal_of_a_material_with_swatches(tmp_path):
+    nm = np.arange(400, 701, 10)
+    values = 0.1 + 0.6 * np.exp(-0.5 * ((nm - np.linspace(450, 650, 12)[:, None]) / 50)**2)
+    seen = [np.interp(FINE_GRID.nm, nm, one) @ relative_response(CAMERA, LIGHT, FINE_GRID).T
+            for one in values]
+    (tmp_path / "swatches.csv").write_text("R,G,B," + ",".join(map(str, nm)) + "\n" + "".join(
+        ",".join(f"{value:.5f}" for value in (*signal, *one)) + "\n"
+        for signal, one in zip(seen, values, strict=True)))
+    estimate, said = both(lambda: sb.sample([0.21, 0.33, 0.14], camera=CAMERA, light=LIGHT,
+                                            noise=NOISE, swatches=tmp_path / "swatches.csv"),
+                          "sample", *SEEN, "--signal", "0.21,0.33,0.14", "--swatches",
+                          tmp_path / "swatches.csv")
+    same_spectrum(estimate, said)
+
+
+def test_a_library_certified(tmp_path):
+    write_library(tmp_path / "paints")
+    certificate, said = both(lambda: sb.certify(None, tmp_path / "paints", noise=0.01),
+                             "certify", tmp_path / "paints", "--noise", 0.01)
+    assert said["libraries"][0]["verdict"] == certificate.verdict
+    assert said["libraries"][0]["rmse"] == certificate.rmse
+
+
+def write_library(folder):
+    folder.mkdir()
+    nm = np.arange(400, 701, 5)
+    for number, centre in enumerate(np.linspace(430, 670, 12)):
+        values = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centre) / 60)**2)
+        (folder / f"{number}.csv").write_text("nm,value\n" + "".join(
+            f"{at},{value:.5f}\n" for at, value in zip(nm, values, strict=True)))
+
+
+def test_a_picture_judged(tmp_path):
+    nm = np.arange(400, 701, 10)
+    truth = 0.2 + 0.5 / (1 + np.exp((580 - nm) / 15))
+    np.save(tmp_path / "cube.npy", np.tile(truth + 0.01, (3, 3, 1)))
+    (tmp_path / "truth.csv").write_text("nm,a\n" + "".join(
+        f"{at},{value:.6f}\n" for at, value in zip(nm, truth, strict=True)))
+    judged, said = both(lambda: sb.judge(tmp_path / "cube.npy", {"a": (1, 1, 2, 2)},
+                                         tmp_path / "truth.csv", nm=nm),
+                        "judge", tmp_path / "cube.npy", "--wavelengths", "400:700:10",
+                        "--point", "a=1,1", "--truth", tmp_path / "truth.csv")
+    assert {row["method"]: row["rmse"] for row in judged.rows} == {
+        method: scores["rmse"] for method, scores in said["regions"][0]["judged"].items()}
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    return write_flat(tmp_path_factory.mktemp("doors") / "session")
+
+
+def test_a_camera_fitted(session):
+    photo, light = session / "photos" / "sample.dng", "LED-B3"
+    camera, said = both(lambda: sb.fit_camera(photo, light=light),
+                        "camera", "fit", photo, "--light", light)
+    np.testing.assert_array_equal(camera.curves, said["sensitivities"])
+    np.testing.assert_array_equal(camera.band(), [said["lower"], said["upper"]])
+    assert set(camera.checks) <= set(said["checks"])
+
+
+def test_a_surface_matched(session, monkeypatch):
+    monkeypatch.setattr("spectrabox.session.report.svg._svg_text",
+                        lambda _: '<svg viewBox="0 0 1 1"></svg>')
+    command("run", session)
+    match, said = both(lambda: sb.match(sb.Session(session)["red_wall"], "CES99"),
+                       "match", session, "CES99", "--only", "red_wall")
+    assert said["surfaces"][0]["says"] == match.says
+    assert [one["log_evidence"] for one in said["matches"]] == [one.log_evidence
+                                                                for one in match.matches]
