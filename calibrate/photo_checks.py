@@ -8,10 +8,10 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import DARK_SHARE
 from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
+from spectrabox.radiometry.least_counts import MIN_PATCHES
 from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
-MIN_PATCHES = 8
 ALIKE = 1e-3                 # relative spread of the ratio of two bands over the patches
 DARK_LIGHT = 1e-3            # of the light's largest value
 MAX_IRRADIANCE = 50.0        # W m-2 nm-1; the sun gives 1.5

@@ -13,7 +13,8 @@ import numpy as np
 
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.capture.photo.registration import Registration, find_edges
+from spectrabox.capture.photo.registration import find_edges
+from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import FlatCapture, Region, View
 from spectrabox.measure.flat import RegionSignal, signal_of_region
 from spectrabox.measure.opened_photos import OpenPhotos

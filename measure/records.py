@@ -8,7 +8,7 @@ from typing import Annotated, Protocol, TypeVar
 
 import numpy as np
 
-from spectrabox.capture.photo.registration import Registration
+from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import Capture, View
 from spectrabox.radiometry.light_scale import drift_between
 from spectrabox.radiometry.placements import SceneGeometry

@@ -20,11 +20,11 @@ from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals,
 from spectrabox.fixtures.paints import NM as PAINT_NM
 from spectrabox.fixtures.paints import chart_truth
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.least_counts import MIN_SWATCHES
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.further.swatch_files import read_swatches
 from spectrabox.sampling.further.swatches import (
-    FEWEST,
     Swatches,
     correct,
     corrected_draws,
@@ -152,8 +152,8 @@ def test_draws_are_moved_to_the_corrected_mean_and_deviation():
 
 
 def test_too_few_swatches_and_swatches_of_one_colour_are_refused():
-    swatches = material(np.random.default_rng(5), FEWEST - 1, 0.3)
-    with pytest.raises(InputError, match=f"7 swatches are given; a correction needs {FEWEST}"):
+    swatches = material(np.random.default_rng(5), MIN_SWATCHES - 1, 0.3)
+    with pytest.raises(InputError, match=f"7 swatches are given; a correction needs {MIN_SWATCHES}"):
         learn_correction(swatches)
     alike = Swatches(*(np.repeat(getattr(swatches, field.name)[:1], 9, axis=0)
                        for field in dataclasses.fields(swatches)))

@@ -9,49 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import cv2
 import numpy as np
 
 from spectrabox.capture.photo.binning import thumbnail
+from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage
-from spectrabox.radiometry.shaped import Record
 
 WIDTH = 1000                # pixels, of the pictures of edges that are compared
 SMOOTHED_PX = 1.0           # before gradients are taken: the mosaic's own steps
 NOISE_OF_GRADIENT = 1.5     # of a pixel's; a smaller gradient is none
 MIN_CORRELATION = 0.3       # of the edges of a band, below which it says nothing
 STEPS, PRECISION, BLUR_PX = 60, 1e-5, 5     # of the correlation coefficient
-STILL_PX = 0.5              # less than this is no motion
 MAX_SHIFT = 0.05            # of the photo's width
 # a sample's own motion: the share of the photo's width and pixels that are tolerated, the pixels of
 # the picture of edges about its outline, and how much better it fits where it is said to be
 TOLERATED, TOLERATED_PX, MARGIN, SURROUND_PX = 0.003, 3.0, 0.2, 12
 MIN_LIKENESS = 0.6
 PARTS, MIN_PART_PX, MIN_RESPONSE = 4, 32, 0.3   # of the shorter side, whose residual is stated
-
-
-@dataclass(frozen=True, eq=False)
-class Registration(Record):
-    """From pixels of the first photo to those of another: ``matrix @ (x, y, 1)``."""
-
-    matrix: Annotated[np.ndarray, "2 3"]    # a turn and a shift, full resolution
-    shift_px: float                         # of the middle of the photo
-    correlation: float                      # of the edges of both photos, 0 to 1
-    residual_px: float | None               # median over parts of the photo; None: none tells
-    chart_px: float | None                  # rms of the chart's corners; None: not in both photos
-
-    def moved(self, points_px: np.ndarray) -> np.ndarray:
-        """Points (..., 2) of the first photo in the pixels of the other."""
-        return points_px if self.still else np.asarray(
-            points_px @ self.matrix[:, :2].T + self.matrix[:, 2])
-
-    @property
-    def still(self) -> bool:
-        """Whether the photo moved by less than half a pixel."""
-        return self.shift_px < STILL_PX
 
 
 @dataclass(frozen=True)

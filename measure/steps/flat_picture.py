@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.capture.photo.registration import Registration
+from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.capture.photo.resampled import resampled, uncertain_edges
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.pictures.crop import Crop, crop_of, crop_photo, node_grid

@@ -11,13 +11,8 @@ from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.capture.photo.regions import region_signals, sample_regions
-from spectrabox.capture.photo.registration import (
-    Edges,
-    Registration,
-    find_edges,
-    register,
-    registered,
-)
+from spectrabox.capture.photo.registration import Edges, find_edges, register, registered
+from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import FlatCapture, SceneCapture, View
 from spectrabox.measure.opened_photos import require_exposed
 from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords

@@ -27,13 +27,12 @@ from itertools import product
 from typing import Annotated
 
 import numpy as np
-from scipy.special import expit
-from scipy.stats import multivariate_t
+from scipy.special import expit, gammaln
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.least_counts import MIN_SWATCHES
 from spectrabox.radiometry.shaped import Record
 
-FEWEST = 8                  # swatches: of fewer, leave-one-out says next to nothing
 SHARES_OF_PRIOR = (0.0, 0.25, 0.5, 0.75, 1.0)                               # w
 SHAPES = ((0.0, 1.0), *product((0.3, 1.0), (1.0, 3.0)))         # a, and length in spreads
 NOISES = np.geomspace(3e-5, 30, 19)                                         # nu
@@ -106,9 +105,9 @@ def learn_correction(swatches: Swatches) -> SwatchCorrection:
         For fewer than 8 swatches, or swatches of one signal.
     """
     count = len(swatches.signals)
-    if count < FEWEST:
-        raise InputError(f"{count} swatches are given; a correction needs {FEWEST} or more of the "
-                         "material, better 24, spread over its colours")
+    if count < MIN_SWATCHES:
+        raise InputError(f"{count} swatches are given; a correction needs {MIN_SWATCHES} or more of "
+                         "the material, better 24, spread over its colours")
     if np.ptp(swatches.signals, axis=0).max() <= 0:
         raise InputError("all swatches have the same signal; give swatches of different colours")
     alone = swatches.reflectances - swatches.mean
@@ -216,9 +215,12 @@ def _log_density(known: np.ndarray, signals: np.ndarray) -> np.ndarray:
     away = known - known.mean(axis=0)
     least = LEAST_SPREAD * np.mean(away**2) * np.eye(bands)
     degrees = count + 2                 # the least at which the covariance has a mean, and n
-    return np.asarray(multivariate_t.logpdf(
-        signals, known.mean(axis=0), (away.T @ away + least) * (1 + 1 / count) / degrees,
-        df=degrees)).reshape(len(signals))
+    spread = (away.T @ away + least) * (1 + 1 / count)          # ``degrees`` times its shape
+    from_mean = signals - known.mean(axis=0)
+    square = np.sum(from_mean * np.linalg.solve(spread, from_mean.T).T, axis=1)
+    return np.asarray(gammaln((degrees + bands) / 2) - gammaln(degrees / 2)
+                      - bands / 2 * np.log(np.pi) - np.linalg.slogdet(spread)[1] / 2
+                      - (degrees + bands) / 2 * np.log1p(square))
 
 
 def _standardised(swatches: Swatches, signals: np.ndarray) -> np.ndarray:

@@ -3,13 +3,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from spectrabox.calibrate.photo_checks import MIN_PATCHES
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import VISIBLE_NM
+from spectrabox.radiometry.least_counts import MIN_PATCHES, MIN_SWATCHES
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
 from spectrabox.radiometry.system.names import name_fault, sharing_a_file
 from spectrabox.radiometry.system.words import shortened
-from spectrabox.sampling.further.swatches import FEWEST
 from spectrabox.sampling.prior.families.family_names import unknown_families
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import (
@@ -239,9 +238,9 @@ def _regions(config: SessionConfig) -> list[str]:
                         "nothing of the light over the chart, which carries it to the regions; use "
                         "\"prior\"")
     swatches = [name for name, region in config.regions.items() if region.swatch is not None]
-    if 0 < len(swatches) < FEWEST:
+    if 0 < len(swatches) < MIN_SWATCHES:
         problems.append(f"{FILE_NAME}: {len(swatches)} regions are swatches; a correction needs "
-                        f"{FEWEST} or more of the material, better 24")
+                        f"{MIN_SWATCHES} or more of the material, better 24")
     if swatches and config.sampling.method != "prior":
         problems.append(f"{FILE_NAME}: swatches correct the learnt prior; set sampling.method = "
                         f"\"prior\" in place of {config.sampling.method!r}")
