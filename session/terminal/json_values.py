@@ -7,6 +7,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+PLAIN = {float, int, str, bool, type(None)}     # what JSON holds as it is, most of a long answer
+
 
 def to_json(value: Any) -> Any:
     """What JSON can hold of a value, the keys of a record being the names of its fields.
@@ -21,12 +23,14 @@ def to_json(value: Any) -> Any:
     -------
     dict, list, str, int, float, bool or None
     """
+    if type(value) in PLAIN:
+        return value
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: to_json(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
         return {key: to_json(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [to_json(each) for each in value]
+        return [each if type(each) in PLAIN else to_json(each) for each in value]
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, Path):
