@@ -1,32 +1,25 @@
-"""Spectra, sensitivities and lights drawn into matplotlib axes, in the report as in a notebook."""
+"""Spectra, sensitivities and lights drawn into Matplotlib axes, as in a notebook."""
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import FuncFormatter
 
+from spectrabox.measure.plot_style import (
+    DRAWS_SHOWN,
+    INK,
+    MEAN,
+    QUIET,
+    RENDERED,
+    TRUTH,
+    band_colours,
+)
 from spectrabox.radiometry.records import SpectrumSummary
 
-INK, QUIET = "#22262b", "#6b7280"
-MEAN, RENDERED, TRUTH = "#1f4e8c", "#d0661a", "#1a1a1a"
-NATURAL = {"R": "#c2352b", "G": "#2c8a4b", "B": "#2b5fb8"}
 DOTTED = (0, (1, 1.2))
-DRAWS_SHOWN = 30
-
-
-def band_colours(bands: Sequence[str]) -> list[str]:
-    """One colour per camera band: red, green and blue where the band is named so, otherwise ten
-    distinct ones.
-    """
-    taken = {"#1f77b4", "#2ca02c", "#d62728"} if NATURAL.keys() & set(bands) else set()
-    spare = itertools.cycle([c for rgb in matplotlib.color_sequences["tab10"]
-                             if (c := matplotlib.colors.to_hex(rgb)) not in taken])
-    return [NATURAL[band] if band in NATURAL else next(spare) for band in bands]
 
 
 def plot_estimate(axes: Axes, summary: SpectrumSummary, draws: np.ndarray | None = None,

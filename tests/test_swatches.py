@@ -153,7 +153,8 @@ def test_draws_are_moved_to_the_corrected_mean_and_deviation():
 
 def test_too_few_swatches_and_swatches_of_one_colour_are_refused():
     swatches = material(np.random.default_rng(5), MIN_SWATCHES - 1, 0.3)
-    with pytest.raises(InputError, match=f"7 swatches are given; a correction needs {MIN_SWATCHES}"):
+    with pytest.raises(InputError, match=f"7 swatches are given; a correction needs "
+                                         f"{MIN_SWATCHES}"):
         learn_correction(swatches)
     alike = Swatches(*(np.repeat(getattr(swatches, field.name)[:1], 9, axis=0)
                        for field in dataclasses.fields(swatches)))

@@ -15,7 +15,7 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.report.figures import picture_data_uri
+from spectrabox.session.report.pictures import picture_data_uri
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.terminal.command_line import describe_error, interrupt_behind
 

@@ -1,77 +1,19 @@
-"""Figures of the chart and of the convergence, and pictures as data URIs."""
+"""Figures of the chart and of the convergence."""
 from __future__ import annotations
-
-import base64
-import hashlib
-import io
-from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib import image as raster
-from matplotlib.ticker import FuncFormatter
 
-from spectrabox.measure.plots import INK, QUIET, band_colours
+from spectrabox.measure.plot_style import INK, QUIET, band_colours
 from spectrabox.measure.words import SUPERSCRIPT, number
-from spectrabox.radiometry.errors import InputError
-from spectrabox.session.report.svg import (
-    Readout,
-    figure,
-    framed,
-    inline_svg,
-    legend_above,
-    plain_line,
-)
+from spectrabox.session.report.pictures import LEVELS, coloured
+from spectrabox.session.report.svg import Plot, Readout, nice_ticks, plain_line
+from spectrabox.session.report.swatches import css_colour
 
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_TICKS = 24      # patches numbered along an axis
-MAX_SIDE_PX = 1400  # pictures are reduced to this: the page shows no more
-
-
-def picture_data_uri(path: Path, max_side_px: int = MAX_SIDE_PX) -> str:
-    """A PNG file as data URI, reduced by whole factors where it is larger than the page shows.
-
-    Parameters
-    ----------
-    path : Path
-    max_side_px : int
-        Of the page.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or not a PNG.
-    """
-    try:
-        content = path.read_bytes()
-    except OSError as problem:
-        raise InputError(f"picture {path.name} cannot be read ({problem.strerror}); run the stage "
-                         "that makes it again") from problem
-    if not content.startswith(PNG_SIGNATURE):
-        raise InputError(
-            f"picture {path.name} is not a PNG file; run the stage that makes it again")
-    factor = -(-max(int.from_bytes(content[16:20]), int.from_bytes(content[20:24])) // max_side_px)
-    if factor > 1:
-        content = _reduced(content, factor)
-    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
-
-
-def picture_digest(uri: str) -> str:
-    """SHA-256 of the picture in a data URI."""
-    return hashlib.sha256(base64.b64decode(uri.partition(",")[2])).hexdigest()
-
-
-def _reduced(content: bytes, factor: int) -> bytes:
-    pixels = raster.imread(io.BytesIO(content), format="png")
-    pixels = pixels[..., None] if pixels.ndim == 2 else pixels
-    rows, columns = (size // factor * factor for size in pixels.shape[:2])
-    blocks = pixels[:rows, :columns].reshape(rows // factor, factor, columns // factor, factor,
-                                             -1).mean(axis=(1, 3))
-    if blocks.shape[2] < 3:
-        blocks = np.repeat(blocks[..., :1], 3, axis=2)
-    buffer = io.BytesIO()
-    raster.imsave(buffer, np.clip(blocks, 0, 1), format="png")
-    return buffer.getvalue()
+WIDE, GOOD = 691.0, "#eef1f4"       # width in points of a figure across the page; the band of good
+CELL = (43.0, 40.0)                 # width and height in points of a patch of the irradiance
+DARKEST = 80.0                      # per cent: the lower end of the irradiance's colours, at most
 
 
 def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray | None,
@@ -89,24 +31,22 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
     limit : float
         Of a chart that is good; drawn as a grey band.
     """
-    drawing, axes = framed(9.6, 3.0)
-    axes.axhspan(-100 * limit, 100 * limit, color="#eef1f4", lw=0)
-    axes.axhline(0, color=QUIET, lw=0.7)
     patches = len(residuals)
+    shown = np.abs(residuals if held_out is None else np.r_[residuals, held_out])
+    largest = 108 * max(float(np.nanmax(shown)), limit)     # per cent, and a margin
+    plot = Plot(name, WIDE, 216, (0.4, patches + 0.6), (-largest, largest))
+    plot.rectangle((0.4, -100 * limit, patches + 0.6, 100 * limit), GOOD)
+    plot.level(0, QUIET, 0.7)
+    plot.x_axis("Patch", np.arange(1, patches + 1, -(-patches // MAX_TICKS)), grid=False)
+    plot.y_axis("(photo − predicted) / photo (%)", nice_ticks(-largest, largest, 6))
     for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
         at = np.arange(1, patches + 1) + 0.5 * ((k + 0.5) / len(bands) - 0.5)
         if held_out is not None:
-            axes.plot(at, 100 * held_out[:, k], "o", ms=4.5, mfc="none", mec=colour, mew=0.8)
-        axes.plot(at, 100 * residuals[:, k], "o", ms=3.5, color=colour, label=plain_line(band, 24))
+            plot.dots(at, 100 * held_out[:, k], colour, 2.2, open_=True)
+        plot.dots(at, 100 * residuals[:, k], colour, 1.8, label=plain_line(band, 24))
     if held_out is not None:
-        axes.plot([], [], "o", ms=4.5, mfc="none", mec=INK, mew=0.8,
-                  label="left out of its own fit")
-    axes.set(xlim=(0.4, patches + 0.6), xlabel="Patch",
-             ylabel="(photo − predicted) / photo (%)")
-    axes.set_xticks(range(1, patches + 1, -(-patches // MAX_TICKS)))
-    axes.grid(axis="y")
-    legend_above(drawing, 8, 0.8, 1.2)
-    return inline_svg(drawing, name, "Chart residuals",
+        plot.dots([], [], INK, 2.2, open_=True, label="left out of its own fit")
+    return plot.drawn("Chart residuals",
                       f"Relative residual of the {patches} patches in each band.")
 
 
@@ -123,18 +63,19 @@ def irradiance_figure(name: str, irradiance: np.ndarray, rows: int) -> Markup:
         Of the chart.
     """
     field = 100 * irradiance.reshape(rows, -1)
-    drawing = figure(max(0.6 * field.shape[1], 1.6), 0.55 * rows + 0.4)
-    axes = drawing.add_subplot()
-    axes.imshow(field, cmap="cividis", vmin=min(float(np.nanmin(field)), 80.0), vmax=100)
-    low, high = axes.get_images()[0].get_clim()
+    columns = field.shape[1]
+    plot = Plot(name, max(CELL[0] * columns, 115.0), CELL[1] * rows + 22, (0, columns), (rows, 0),
+                (0, 0, 0, 22))
+    low = min(float(np.nanmin(field)), DARKEST)
+    share = (field - low) / (100 - low)
     for (row, column), value in np.ndenumerate(field):
-        text = f"{value:.0f}" if np.isfinite(value) else "?"
-        ink = "white" if value < low + 0.55 * (high - low) else "black"
-        axes.text(column, row, text, ha="center", va="center", fontsize=8, color=ink)
-    axes.set(xticks=[], yticks=[], title="Irradiance, %")      # of how much, the caption says
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    return inline_svg(drawing, name, "Irradiance over the chart",
+        measured = bool(np.isfinite(value))
+        plot.rectangle((column, row, column + 1, row + 1), css_colour(
+            coloured(share[row, column], LEVELS)) if measured else "#fff")
+        plot.words(column + 0.5, row + 0.57, f"{value:.0f}" if measured else "?", 8,
+                   "#fff" if measured and share[row, column] < 0.55 else "#000")
+    plot.words(columns / 2, -0.2, "Irradiance, %", 8.5)     # of how much, the caption says
+    return plot.drawn("Irradiance over the chart",
                       "Relative irradiance of each patch in per cent.")
 
 
@@ -151,30 +92,27 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     """
     if history.size < 2:
         return None
-    drawing, axes = framed(9.6, 2.7, 0.8)
-    steps = np.arange(history.size)
-    marks = "o-" if history.size <= 30 else "-"
-    axes.plot(steps, history, marks, ms=2.5, color="#1f4e8c", lw=1.3)
-    if np.all(history > 0):
-        axes.set_yscale("log")
-        for axis_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-            axis_format(FuncFormatter(lambda value, _: power_of_ten(value) if _is_decade(value)
-                                      else ""))
-        if history.max() / history.min() < 30:  # too few decades for their labels alone
-            axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: number(value, 2)))
-    axes.set(xlabel="Iteration", ylabel="Loss", xlim=(0, history.size - 1))
-    axes.grid(which="major")
+    steps, positive = np.arange(history.size), bool(np.all(history > 0))
+    height = np.log10(history) if positive else history
+    low, high = float(height.min()), float(height.max())
+    margin = 0.05 * max(high - low, 1e-3 * max(abs(high), 1e-12))
+    plot = Plot(name, WIDE, 194, (0, history.size - 1), (low - margin, high + margin),
+                (58, 9, 31, 9))
+    plot.x_axis("Iteration", nice_ticks(0, history.size - 1, 10))
+    decades = np.arange(np.ceil(low - margin), np.floor(high + margin) + 1)
+    if positive and len(decades) > 1:
+        plot.y_axis("Loss", decades, [power_of_ten(10.0**decade) for decade in decades])
+    else:
+        ticks = nice_ticks(low - margin, high + margin, 5)
+        plot.y_axis("Loss", ticks, [number(float(10**tick if positive else tick), 3)
+                                    for tick in ticks])
+    plot.line(steps, height, "#1f4e8c", 1.3, stated=history)
     start, end = number(float(history[0]), 3), number(float(history[-1]), 3)
     digits = int(np.clip(4 - np.floor(np.log10(max(float(np.abs(history).min()), 1e-12))), 3, 14))
-    return inline_svg(drawing, name, "Loss history", f"The loss fell from {start} to {end}.",
-                      Readout(axes, steps.astype(float), {"loss": history}, "Iteration", "",
-                              digits))
+    return plot.drawn("Loss history", f"The loss fell from {start} to {end}.",
+                      Readout(steps.astype(float), {"loss": history}, "Iteration", "", digits))
 
 
 def power_of_ten(value: float) -> str:
     """A power of ten as a tick label."""
     return "10" + str(round(np.log10(value))).translate(SUPERSCRIPT)
-
-
-def _is_decade(value: float) -> bool:
-    return value > 0 and abs(np.log10(value) - round(np.log10(value))) < 1e-9

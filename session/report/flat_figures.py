@@ -5,17 +5,19 @@ from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib import image as raster
-from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
-from matplotlib.patheffects import withStroke
 
 from spectrabox.measure.results import PhotoOfRegions
-from spectrabox.session.report.svg import figure, inline_svg, plain_line
+from spectrabox.session.report.pictures import (
+    LEVELS,
+    coloured,
+    picture_data_uri,
+    pixels_data_uri,
+)
+from spectrabox.session.report.svg import Plot, nice_ticks, plain_line, tick_labels
 
-WIDTH_IN, MAP_IN = 6.2, 3.6
-CHART, REGION = "#ffffff", "#ffd34d"
-OUTLINED = [withStroke(linewidth=2.2, foreground="black")]
+WIDTH, MAP = 446.0, 216.0           # in points, of the photo and of the map of the light
+BAR, BAR_SHADES = 9.0, 64           # width in points of the bar of colours, and its shades
+CHART, REGION, RIM = "#ffffff", "#ffd34d", "#000"
 CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 
@@ -30,12 +32,16 @@ def photo_figure(name: str, photo: PhotoOfRegions, preview: Path) -> Markup:
     preview : Path
         PNG of the whole photo.
     """
-    axes, drawing = _axes(photo, WIDTH_IN)
     width, height = photo.size_px
-    axes.imshow(raster.imread(preview), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
-    _outlines(axes, photo)
-    axes.set(xlabel="pixel", ylabel="pixel")
-    return inline_svg(drawing, name, f"Photo {plain_line(photo.name)}",
+    plot = _over_photo(name, photo, WIDTH, (40, 9, 31, 9))
+    plot.picture(_corners(photo), picture_data_uri(preview), smooth=True)
+    _outlines(plot, photo)
+    for region, corners in photo.outlines.items():
+        plot.words(corners[:, 0].mean(), corners[:, 1].min() - 0.008 * height,
+                   plain_line(region, 24), 7, REGION, rim=RIM)
+    plot.x_axis("pixel", nice_ticks(0, width, 8), grid=False)
+    plot.y_axis("pixel", nice_ticks(0, height, 8))
+    return plot.drawn(f"Photo {plain_line(photo.name)}",
                       "The photo with the patches of the chart and the measured regions outlined.")
 
 
@@ -51,36 +57,80 @@ def light_figure(name: str, photo: PhotoOfRegions) -> Markup | None:
     if photo.light_map is None:
         return None
     level, error = photo.light_map
-    axes, drawing = _axes(photo, MAP_IN)
+    low, high = 100 * float(level.min()), 100 * float(level.max())
+    span = max(high - low, 1e-6)
+    plot = _over_photo(name, photo, MAP, (2, 58, 4, 4))
+    plot.picture(_corners(photo), pixels_data_uri(coloured((100 * level - low) / span, LEVELS)),
+                 smooth=True)
     width, height = photo.size_px
-    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
-    shown = axes.imshow(100 * level, extent=extent, cmap="cividis", interpolation="bilinear")
     x, y = ((np.arange(count) + 0.5) / count * size
             for count, size in zip(level.shape[::-1], (width, height), strict=True))
-    inside = [value for value in CONTOURS if error.min() < value < error.max()]
-    if inside:
-        lines = axes.contour(x, y, error, levels=inside, colors="white", linewidths=0.7)
-        axes.clabel(lines, fmt=lambda value: f"±{100 * value:g} %", fontsize=6.5)
-    _outlines(axes, photo, names=False)
-    axes.set(xticks=[], yticks=[])
-    drawing.colorbar(shown, ax=axes, shrink=0.8, label="% of the light on the chart")
-    return inline_svg(drawing, name, f"Light over {plain_line(photo.name)}",
+    for value in CONTOURS:
+        segments = contour(x, y, error, value)
+        if len(segments):
+            plot.lines(segments, CHART, 0.7)
+            middle = segments.mean(axis=1)
+            inside = np.minimum(middle, np.array([width, height]) - middle).min(axis=1)
+            plot.words(*middle[np.argmax(inside)].tolist(), f"±{100 * value:g} %", 6.5, CHART,
+                       rim=RIM)
+    _outlines(plot, photo)
+    _colour_bar(plot, photo, low, span)
+    return plot.drawn(f"Light over {plain_line(photo.name)}",
                       "Light relative to its mean over the chart; white lines: its standard error.")
 
 
-def _axes(photo: PhotoOfRegions, width_in: float):  # type: ignore[no-untyped-def]
+def contour(x: np.ndarray, y: np.ndarray, values: np.ndarray, level: float) -> np.ndarray:
+    """Segments (n, 2, 2) along which values (H, W), linear in triangles between x (W,) and y (H,),
+    are at a level.
+
+    Parameters
+    ----------
+    x, y : (W,), (H,) arrays
+    values : (H, W) array
+    level : float
+    """
+    points = np.stack([*np.meshgrid(x, y), values], axis=-1)
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, :-1], points[1:, 1:]
+    corners = np.stack([np.stack([a, b, c], axis=2), np.stack([d, b, c], axis=2)]).reshape(-1, 3, 3)
+    ends = np.roll(corners, -1, axis=1)
+    # a triangle that the level passes through has exactly two sides with ends above and below it
+    crossed = (corners[..., 2] < level) != (ends[..., 2] < level)
+    one, other = corners[crossed], ends[crossed]
+    share = (level - one[:, 2]) / (other[:, 2] - one[:, 2])
+    return np.asarray(one[:, :2] + share[:, None] * (other - one)[:, :2]).reshape(-1, 2, 2)
+
+
+def _over_photo(name: str, photo: PhotoOfRegions, width: float,
+                margins: tuple[float, float, float, float]) -> Plot:
+    """A figure in the pixels of the photo."""
+    left, right, below, above = margins
+    columns, rows = photo.size_px
+    height = (width - left - right) * min(rows / columns, 1.5)
+    return Plot(name, width, height + below + above, (-0.5, columns - 0.5), (rows - 0.5, -0.5),
+                margins)
+
+
+def _corners(photo: PhotoOfRegions) -> tuple[float, float, float, float]:
     width, height = photo.size_px
-    drawing = figure(width_in, width_in * min(height / width, 1.5) + 0.3)
-    return drawing.add_subplot(), drawing
+    return -0.5, -0.5, width - 0.5, height - 0.5
 
 
-def _outlines(axes: Axes, photo: PhotoOfRegions, names: bool = True) -> None:
+def _outlines(plot: Plot, photo: PhotoOfRegions) -> None:
     for patch in () if photo.chart_px is None else photo.chart_px:
-        axes.add_patch(Polygon(patch, fill=False, ec=CHART, lw=0.7, path_effects=OUTLINED))
-    for region, corners in photo.outlines.items():
-        axes.add_patch(Polygon(corners, fill=False, ec=REGION, lw=1.1, path_effects=OUTLINED))
-        if names:
-            x, y = corners[:, 0].mean(), corners[:, 1].min()
-            axes.annotate(plain_line(region, 24), (x, y), (0, 3), textcoords="offset points",
-                          ha="center", va="bottom", color=REGION, fontsize=7,
-                          path_effects=OUTLINED)
+        plot.outline(patch, CHART, 0.7)
+    for corners in photo.outlines.values():
+        plot.outline(corners, REGION, 1.1)
+
+
+def _colour_bar(plot: Plot, photo: PhotoOfRegions, low: float, span: float) -> None:
+    """Beside the map, what its colours stand for, in per cent."""
+    _, top, right, bottom = plot.box
+    width, height = photo.size_px
+    pixel = width / (plot.width - 60)           # a point in pixels, across
+    shades = pixels_data_uri(coloured(np.linspace(1, 0, BAR_SHADES)[:, None], LEVELS))
+    plot.beside((right + 8, top, right + 8 + BAR, bottom), shades)
+    ticks = nice_ticks(low, low + span, 5)
+    for value, label in zip(ticks, tick_labels(ticks), strict=True):
+        plot.words(width - 0.5 + (11 + BAR) * pixel, (1 - (value - low) / span) * height, label,
+                   anchor="start")
+    plot.words(width - 0.5 + 50 * pixel, height / 2, "% of the light on the chart", turned=True)

@@ -1,23 +1,38 @@
-"""Maps over the photo: photo and rendering alike stretched, signed residuals, and where each
-surface lies.
+"""Maps over the photo: photo and rendering alike stretched, signed residuals, where each surface
+lies, and where lamp and cameras were stated to be and where they were found.
 """
 from __future__ import annotations
 
-import matplotlib
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, to_hex, to_rgb
-from matplotlib.ticker import FuncFormatter
 
 from spectrabox.radiometry.appearance import encode_srgb
+from spectrabox.radiometry.placements import MarkedView, SceneGeometry
 from spectrabox.radiometry.records import Reconstruction, SensitivityFit
-from spectrabox.session.report.svg import figure, inline_svg, plain_line
+from spectrabox.session.report.pictures import (
+    SIGNED,
+    coloured,
+    picture_data_uri,
+    pixels_data_uri,
+    png_size,
+    rgb_of,
+)
+from spectrabox.session.report.svg import Plot, plain_line
 
 PANEL_PX = 320  # at least, of each picture of a comparison
-WIDTH_IN = 9.6  # a figure as wide as the page
+WIDE, GAP, TITLE = 691.0, 8.0, 14.0     # in points: a figure across the page, between its panels
+BAR_WIDTH, BAR_HEIGHT, BAR_SHADES = 440.0, 9.0, 65      # of the scale of residuals
+GEOMETRY_WIDTH, MAX_SIDE_PX = 338.0, 480    # in points; pixels of the photo behind the edges
+GREEN, RED = "#16a34a", "#dc2626"
 NICE = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0])  # ends of the residual scale
-UNUSED = "#eceef1"
+UNUSED, HATCH = "#eceef1", "#9aa1ab"
+# of surfaces in false colour, light enough for a number: "Set3" and "Pastel1" of ColorBrewer
+LIGHT_COLOURS = ("#8dd3c7", "#ffffb3", "#bebada", "#fb8072", "#80b1d3", "#fdb462", "#b3de69",
+                 "#fccde5", "#d9d9d9", "#bc80bd", "#ccebc5", "#ffed6f", "#fbb4ae", "#b3cde3",
+                 "#ccebc5", "#decbe4", "#fed9a6", "#ffffcc", "#e5d8bd", "#fddaec", "#f2f2f2")
 
 
 def display_bands(fit: SensitivityFit) -> list[int]:
@@ -44,10 +59,10 @@ def comparison_rgb8(made: Reconstruction, fit: SensitivityFit) -> np.ndarray:
     used = np.isfinite(residuals).all(axis=2)
     mean = np.where(used, np.where(used[..., None], residuals, 0).mean(axis=2), 0)
     limit = residual_limit(residuals)
-    coloured = matplotlib.colormaps["RdBu_r"](0.5 + 0.5 * np.clip(mean / limit, -1, 1))[..., :3]
-    coloured[~used] = to_rgb(UNUSED)
+    residual = coloured(0.5 + 0.5 * mean / limit, SIGNED)
+    residual[~used] = rgb_of(UNUSED)
     enlarged = -(-PANEL_PX // photo.shape[1])
-    strip = np.concatenate([photo, rendering, coloured], axis=1)
+    strip = np.concatenate([photo, rendering, residual], axis=1)
     return np.round(255 * strip).astype(np.uint8).repeat(enlarged, axis=0).repeat(enlarged, axis=1)
 
 
@@ -77,16 +92,14 @@ def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
         K names.
     """
     chosen = display_bands(fit)
-    height, width = made.used.shape
-    drawing = figure(WIDTH_IN, _panel_height(WIDTH_IN / 2, height, width) + 0.3)
-    titles = ("Photo", "Rendering")
-    for axes, image, title in zip(drawing.subplots(1, 2), _stretched(made, chosen), titles,
-                                  strict=True):
-        axes.imshow(image)
-        _bare(axes, title)
+    panels, height = _panels(2, 2, made.used.shape)
+    plot = _sheet(name, height)
+    for (left, top, right, bottom), image, title in zip(
+            panels, _stretched(made, chosen), ("Photo", "Rendering"), strict=True):
+        plot.picture((left, top, right, bottom), pixels_data_uri(image))
+        plot.words((left + right) / 2, top - 4, title, 8.5)
     shown = ", ".join(bands[k] for k in chosen)
-    return inline_svg(drawing, name, "Photo and rendering",
-                      f"Bands {shown} shown as red, green and blue.")
+    return plot.drawn("Photo and rendering", f"Bands {shown} shown as red, green and blue.")
 
 
 def residual_maps(made: Reconstruction) -> np.ndarray:
@@ -108,7 +121,7 @@ def residual_limit(residuals: np.ndarray) -> float:
     return float(NICE[min(int(np.searchsorted(NICE, reach)), NICE.size - 1)])
 
 
-def _signed_percent(value: float, _: int) -> str:
+def _signed_percent(value: float) -> str:
     return f"{100 * value:+g} %".replace("-", "−") if value else "0"
 
 
@@ -125,47 +138,47 @@ def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> 
     residuals = residual_maps(made)
     limit = residual_limit(residuals)
     columns = min(len(bands), 3 if len(bands) != 4 else 4)
-    rows = -(-len(bands) // columns)
-    panel = _panel_height(WIDTH_IN / columns, *made.used.shape) + 0.3
-    drawing = figure(WIDTH_IN, rows * panel + 0.7)
-    grid = drawing.subplots(rows, columns, squeeze=False).ravel()
-    for axes in grid[len(bands):]:
-        axes.set_axis_off()
-    for k, axes in enumerate(grid[:len(bands)]):
-        axes.patch.set(facecolor=UNUSED, hatch="/////")
-        image = axes.imshow(residuals[..., k], cmap="RdBu_r", vmin=-limit, vmax=limit)
-        _bare(axes, f"Band {plain_line(bands[k], 24)}")
-    bar = drawing.colorbar(image, ax=list(grid), location="bottom", aspect=50, fraction=0.05,
-                           extend="both", format=FuncFormatter(_signed_percent))
-    bar.set_label("(photo − rendering) / photo:   blue, photo darker;   red, photo brighter;   "
-                  "hatched, not used")
-    bar.outline.set_visible(False)
-    return inline_svg(drawing, name, "Residual maps",
-                      "Signed relative difference of photo and rendering per band.")
+    panels, height = _panels(len(bands), columns, made.used.shape)
+    plot = _sheet(name, height + 46)
+    for k, (left, top, right, bottom) in enumerate(panels):
+        used = np.isfinite(residuals[..., k])
+        if not used.all():
+            plot.hatched((left, top, right, bottom), UNUSED, HATCH)
+        shown = coloured(0.5 + 0.5 * np.where(used, residuals[..., k], 0) / limit, SIGNED)
+        plot.picture((left, top, right, bottom), pixels_data_uri(np.dstack([shown, used])))
+        plot.words((left + right) / 2, top - 4, f"Band {plain_line(bands[k], 24)}", 8.5)
+    start, end = (WIDE - BAR_WIDTH) / 2, (WIDE + BAR_WIDTH) / 2
+    shades = coloured(np.linspace(0, 1, BAR_SHADES)[None], SIGNED)
+    plot.picture((start, height + 6, end, height + 6 + BAR_HEIGHT), pixels_data_uri(shades),
+                 smooth=True)
+    for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        plot.words(start + (0.5 + 0.5 * share) * BAR_WIDTH, height + 26,
+                   _signed_percent(share * limit))
+    plot.words(WIDE / 2, height + 40, "(photo − rendering) / photo: blue, photo darker; red, photo "
+               "brighter; hatched, not used", 8)
+    return plot.drawn("Residual maps", "Signed relative difference of photo and rendering per "
+                      "band.")
 
 
 def surface_colours(count: int) -> list[str]:
     """One light colour per surface."""
-    base = [*matplotlib.color_sequences["Set3"], *matplotlib.color_sequences["Pastel1"]]
-    return [to_hex(base[s % len(base)]) for s in range(count)]
+    return [LIGHT_COLOURS[s % len(LIGHT_COLOURS)] for s in range(count)]
 
 
 def surface_figure(name: str, made: Reconstruction) -> Markup:
     """Surfaces in false colour, each with its number; pixels of none are grey."""
-    count = len(made.agreement.names)
-    height, width = made.surface.shape
-    drawing = figure(WIDTH_IN * 0.55, _panel_height(WIDTH_IN * 0.55, height, width) + 0.1)
-    axes = drawing.add_subplot()
-    colours = ListedColormap([UNUSED, *surface_colours(count)])
-    axes.imshow(made.surface, cmap=colours, vmin=-1.5, vmax=count - 0.5)
+    count, (height, width) = len(made.agreement.names), made.surface.shape
+    size = 0.55 * WIDE
+    plot = Plot(name, size, _panel_height(size, height, width), (-0.5, width - 0.5),
+                (height - 0.5, -0.5), (0, 0, 0, 0))
+    colours = np.array([rgb_of(colour) for colour in (UNUSED, *surface_colours(count))])
+    plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pixels_data_uri(
+        colours[np.clip(made.surface, -1, count - 1) + 1]))
     for s in range(count):
         if (made.surface == s).any():
             row, column = _middle(made.surface == s)
-            axes.text(column, row, str(s + 1), ha="center", va="center", fontsize=9,
-                      fontweight="bold")
-    _bare(axes, "")
-    return inline_svg(drawing, name, "Surfaces", "Where each surface of the scene lies in the "
-                      "photo, numbered.")
+            plot.words(column, row + 3.2 * width / size, str(s + 1), 9, rim="#fff")
+    return plot.drawn("Surfaces", "Where each surface of the scene lies in the photo, numbered.")
 
 
 def _middle(mask: np.ndarray) -> tuple[float, float]:
@@ -184,11 +197,59 @@ def _middle(mask: np.ndarray) -> tuple[float, float]:
     return float(rows[nearest]), float(columns[nearest])
 
 
-def _panel_height(width_in: float, height: int, width: int) -> float:
-    return float(np.clip(width_in * height / width, 0.8, 7.0))
+def _panel_height(panel_width: float, height: int, width: int) -> float:
+    return float(np.clip(panel_width * height / width, 58.0, 504.0))
 
 
-def _bare(axes: Axes, title: str) -> None:
-    axes.set(xticks=[], yticks=[], title=title)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+def _panels(count: int, columns: int, shape: tuple[int, ...]
+            ) -> tuple[list[tuple[float, float, float, float]], float]:
+    """Left, upper, right and lower edges of pictures of a shape (H, W) beside and below each other,
+    each below its title, and the height of all, in points.
+    """
+    width = (WIDE - GAP * (columns - 1)) / columns
+    height = _panel_height(width, *shape)
+    panels = []
+    for row, column in (divmod(number, columns) for number in range(count)):
+        left, top = column * (width + GAP), TITLE + row * (height + TITLE + GAP)
+        panels.append((left, top, left + width, top + height))
+    return panels, panels[-1][3] + 2
+
+
+def _sheet(name: str, height: float) -> Plot:
+    """A figure across the page whose coordinates are points."""
+    return Plot(name, WIDE, height, (0, WIDE), (height, 0), (0, 0, 0, 0))
+
+
+def geometry_section(geometry: SceneGeometry | None, previews: dict[str, Path]
+                     ) -> dict[str, Any] | None:
+    """What the page shows of the scene's geometry; None where nothing of it was estimated.
+
+    Parameters
+    ----------
+    geometry : SceneGeometry or None
+    previews : dict
+        PNG of each photo by the name of its view.
+    """
+    if geometry is None:
+        return None
+    return {"rows": geometry.placements,
+            "photos": [(view.name, _marks_figure(number, view, previews[view.name]))
+                       for number, view in enumerate(geometry.views, start=1)]}
+
+
+def _marks_figure(number: int, view: MarkedView, preview: Path) -> Markup:
+    """The photo with the scene's edges, rings where corners were marked, crosses where the camera
+    sees them.
+    """
+    width, height = png_size(preview)
+    plot = Plot(f"geometry-{number}", GEOMETRY_WIDTH, GEOMETRY_WIDTH * height / width, (0, 1),
+                (1, 0), (0, 0, 0, 0))
+    plot.picture((0, 0, 1, 1), picture_data_uri(preview, MAX_SIDE_PX), smooth=True)
+    plot.lines(view.edges, RED, 0.6)
+    plot.dots(*view.marked.T, GREEN, 3.0, open_=True)
+    plot.crosses(*view.seen.T, RED)
+    worst = int(np.argmax(view.residuals_px)) if len(view.residuals_px) else None
+    said = "no corner is marked in it" if worst is None else (
+        f"{len(view.corners)} corners marked, {plain_line(view.corners[worst])} is off by "
+        f"{view.residuals_px[worst]:.2f} pixels")
+    return plot.drawn(f"Edges over the photo {plain_line(view.name)}".strip(), said)

@@ -12,7 +12,7 @@ import jinja2
 from markupsafe import Markup
 
 from spectrabox.measure import words
-from spectrabox.measure.plots import band_colours
+from spectrabox.measure.plot_style import band_colours
 from spectrabox.measure.verdict.criteria import Verdict
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.files import whole_file
@@ -20,9 +20,9 @@ from spectrabox.radiometry.records import Calibration, Reconstruction
 from spectrabox.session.outputs.results import FlatResults, SceneResults, SessionResults
 from spectrabox.session.report import flat_figures
 from spectrabox.session.report.cards import answer_card
-from spectrabox.session.report.figures import loss_figure, picture_data_uri, picture_digest
-from spectrabox.session.report.geometry import geometry_section
+from spectrabox.session.report.figures import loss_figure
 from spectrabox.session.report.maps import (
+    geometry_section,
     pair_figure,
     residual_figure,
     residual_limit,
@@ -31,10 +31,11 @@ from spectrabox.session.report.maps import (
 )
 from spectrabox.session.report.methods import methods_text, scale_words
 from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.pictures import picture_data_uri, picture_digest
 from spectrabox.session.report.safe_json import json_for_script
 from spectrabox.session.report.small_figures import field_whiskers
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
-from spectrabox.session.report.svg import Drawing, report_style
+from spectrabox.session.report.svg import Drawing
 from spectrabox.session.report.tables import (
     chart_section,
     held_out_rms,
@@ -84,14 +85,13 @@ def write_report(results: SessionResults) -> Path:
 
 def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
-    with report_style():
-        verdict = judge(results)
-        content = _common_content(results, verdict) | (
-            _flat_content(results) if isinstance(results, FlatResults) else _scene_content(results))
-        numbers = json_for_script(report_numbers(results, verdict) | {
-            "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
-                      for drawing in _drawings(content)},
-            "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
+    verdict = judge(results)
+    content = _common_content(results, verdict) | (
+        _flat_content(results) if isinstance(results, FlatResults) else _scene_content(results))
+    numbers = json_for_script(report_numbers(results, verdict) | {
+        "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
+                  for drawing in _drawings(content)},
+        "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
     page = templates().get_template("report.html.j2").render(
         content | {"numbers": numbers, "style": style_sheet(),
                    "script": Markup((TEMPLATES / "report.js").read_text(encoding="utf-8"))})

@@ -1,4 +1,6 @@
-"""Small SVG drawings that need no axes: share of the prior in each curve, light on each region."""
+"""Small drawings that need no axes: share of the prior in each curve, light on each region, causes
+of error as bars.
+"""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -6,15 +8,18 @@ from collections.abc import Mapping
 import numpy as np
 from markupsafe import Markup, escape
 
-from spectrabox.measure.plots import band_colours
+from spectrabox.measure.plot_style import band_colours
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.session.report.svg import Drawing, plain_line
+from spectrabox.session.outputs.results import MaterialResult
+from spectrabox.session.report.svg import Drawing, plain_line, rounded
+from spectrabox.session.report.words import fixed
 
 LEFT, WIDTH, ROW, GAP = 48.0, 480.0, 34.0, 10.0    # of the share of the prior, in SVG units
 HALF = 0.5              # share above which the prior decides
 TICKS_NM = 50
 WHISKER_WIDTH, WHISKER_HEIGHT = 120.0, 16.0     # of the light on a region, in SVG units
 SIGMA = 2.0             # standard errors either side of a whisker
+MAX_COLUMNS = 4         # bands whose errors are written out; of more, the least and the largest
 
 
 def prior_share_figure(name: str, share: np.ndarray, grid: WavelengthGrid,
@@ -95,3 +100,54 @@ def field_whiskers(light: Mapping[str, tuple[float, float]]) -> dict[str, Markup
             f"standard errors {200 * error:.1f} %", at(1.0), WHISKER_HEIGHT,
             at(level - SIGMA * error), middle, at(level + SIGMA * error), at(level), middle)
         for name, (level, error) in light.items()}
+
+
+def error_budget_bars(name: str, material: MaterialResult,
+                      bands: tuple[str, ...]) -> Drawing | None:
+    """A table with a bar for each cause and band: relative standard error of the surface's signal;
+    None where no cause was stated.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    material : MaterialResult
+    bands : tuple of str
+        J names, those of ``material.signal``; those that do not show it have no bars.
+    """
+    budget = material.error_budget
+    if not budget:
+        return None
+    shown = [(band, colour) for band, colour, value
+             in zip(bands, band_colours(bands), material.signal, strict=True) if np.isfinite(value)]
+    errors = {cause: [100 * float(value) for value in values] for cause, values in budget.items()}
+    largest = max(max(values) for values in errors.values()) or 1.0
+    few = len(shown) <= MAX_COLUMNS
+    legend = [Markup('<span class="dot" style="background: {}"></span>{}').format(
+        colour, plain_line(band, 24)) for band, colour in shown]
+    columns = [Markup('<th class="n">{}</th>').format(words)
+               for words in (legend if few else ("least", "largest"))]
+    rows = [Markup('<tr><th scope="row">{}</th><td class="bar"><span class="bars">{}</span></td>{}'
+                   "</tr>").format(
+        plain_line(cause, 40),
+        Markup("").join(Markup('<span style="width: {:.1f}%; background: {}"></span>').format(
+            100 * value / largest, colour)
+            for value, (_, colour) in zip(values, shown, strict=True)),
+        Markup("").join(Markup('<td class="n">{}</td>').format(fixed(value, 2))
+                        for value in (values if few else (min(values), max(values)))))
+        for cause, values in errors.items()]
+    title = f"Error budget of {plain_line(material.name)}"
+    box = Markup('<div class="plot-box" id="{}">{}<table class="shares causes" aria-label="{}">'
+                 "<thead><tr><th>Cause</th><th>Relative standard error (%)</th>{}</tr></thead>"
+                 "<tbody>{}</tbody></table></div>").format(
+        name, "" if few else Markup('<p class="legend">{}</p>').format(Markup(" ").join(
+            Markup("<span>{}</span>").format(words) for words in legend)),
+        title, Markup("").join(columns), Markup("").join(rows))
+    height = 1 / len(shown)
+    bars = [{"label": plain_line(band, 24),
+             "corners": rounded([0, row + k * height, errors[cause][k], row + (k + 1) * height])}
+            for row, cause in enumerate(errors) for k, (band, _) in enumerate(shown)]
+    return Drawing(box, name, title, [{
+        "x_limits": rounded([0, largest]), "y_limits": [0, len(errors)],
+        "x_name": "Relative standard error (%)", "y_name": "", "lines": [], "bars": bars,
+        "curves": []}])

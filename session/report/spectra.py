@@ -1,23 +1,17 @@
-"""Figures over wavelength: the spectra behind one material, sensitivities, light, and the error
-budget.
-"""
+"""Figures over wavelength: the spectra behind one material, sensitivities and light."""
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.collections import LineCollection, PolyCollection
 
-from spectrabox.measure.plots import (
+from spectrabox.measure.plot_style import (
+    DRAWS_SHOWN,
+    INK,
     MEAN,
+    QUIET,
+    RENDERED,
     TRUTH,
     band_colours,
-    plot_estimate,
-    plot_given,
-    plot_light,
-    plot_sensitivities,
-    plot_truth,
 )
 from spectrabox.measure.results import MaterialResult
 from spectrabox.measure.words import percent
@@ -30,18 +24,18 @@ from spectrabox.radiometry.records import (
     Spectrum,
 )
 from spectrabox.session.report.svg import (
+    DASHED,
+    DOTTED,
     GRID,
-    QUIET,
+    LEFT,
+    Plot,
     Readout,
-    framed,
-    inline_svg,
-    legend_above,
+    nice_ticks,
     plain_line,
 )
 
 LETTERS, MANY_COLUMNS = 120, 8  # above a row of patches; more columns take smaller letters
-LEGEND_LETTERS = 42     # that one row above the error budget holds
-LETTER_IN = 0.062       # width of a letter beside the error budget
+WIDTH, HEIGHT, WIDE = 374.0, 209.0, 691.0   # of a figure, in points; across the page
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
               Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)",
               Quantity.RELATIVE: "Relative spectral power"}
@@ -100,58 +94,34 @@ def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) ->
     was measured.
     """
     nm, curves = material_curves(material, grid_nm)
-    drawing, axes = framed(5.2, 2.9)
-    if material.summary is None:
-        plot_given(axes, nm, curves["given"])
+    summary, samples, truth = material.summary, material.samples, curves.get("measured truth")
+    highest = [curves["given"] if summary is None else summary.bound_upper]
+    if truth is not None and np.isfinite(truth).any():
+        highest.append(truth)
+    top = 1.02 * max(1.0, *(float(np.nanmax(values)) for values in highest))
+    plot = _over_wavelengths(name, nm, (0, top), "Reflectance")
+    if summary is None:
+        plot.line(nm, curves["given"], MEAN, 1.8, label="given spectrum")
     else:
-        samples = material.samples
-        plot_estimate(axes, material.summary, None if samples is None else samples.spectra,
-                      None if samples is None else samples.grid.nm, curves.get("inverse rendering"))
-    if "measured truth" in curves:
-        plot_truth(axes, nm, curves["measured truth"])
-    legend_above(drawing, 4, 1.6, 1.2)
+        if samples is not None:
+            chosen = np.random.default_rng(0).choice(
+                len(samples.spectra), min(DRAWS_SHOWN, len(samples.spectra)), replace=False)
+            plot.lines([np.c_[samples.grid.nm, draw] for draw in samples.spectra[chosen]], QUIET,
+                       0.5, opacity=0.3, label=f"{len(chosen)} draws")
+        plot.areas(nm, summary.lower, summary.upper, MEAN, 0.18,
+                   label=f"{100 * summary.level:.4g} % band")
+        plot.line(nm, summary.bound_lower, QUIET, 0.9, DASHED, "exact bounds")
+        plot.line(nm, summary.bound_upper, QUIET, 0.9, DASHED)
+        if "inverse rendering" in curves:
+            plot.line(nm, curves["inverse rendering"], RENDERED, 1.4, label="inverse rendering")
+        plot.line(nm, summary.mean, MEAN, 1.9, label="mean")
+        plot.upright(summary.next_measurement_nm, INK, 0.6, DOTTED, "measure here next")
+    if truth is not None:
+        plot.line(nm, truth, TRUTH, 1.3, DOTTED, "measured truth")
     shown = plain_line(material.name)
-    return inline_svg(drawing, name, f"Reflectance of {shown}", f"Reflectance of {shown} over "
+    return plot.drawn(f"Reflectance of {shown}", f"Reflectance of {shown} over "
                       "wavelength with what is known of its uncertainty; the table below holds the "
-                      "numbers.",
-                      Readout(axes, nm, curves, "Wavelength", "nm"))
-
-
-def error_budget_figure(name: str, material: MaterialResult,
-                        bands: tuple[str, ...]) -> Markup | None:
-    """Relative standard error of the material's signal per cause and band; None where no cause was
-    stated.
-
-    Parameters
-    ----------
-    name : str
-        Of the figure on its page, unique there.
-    bands : tuple of str
-        J names, those of ``material.signal``; those that do not show it have no bars.
-    """
-    budget = material.error_budget
-    if not budget:
-        return None
-    colours = dict(zip(bands, band_colours(bands), strict=True))
-    bands = tuple(band for band, value in zip(bands, material.signal, strict=True)
-                  if np.isfinite(value))
-    causes = list(budget)[::-1]
-    height = 0.8 / len(bands)
-    names = [plain_line(cause, 26) for cause in causes]
-    drawing, axes = framed(3.3, min(8.0, 0.9 + 0.13 * len(causes) * max(len(bands), 3)),
-                           0.15 + LETTER_IN * max(map(len, names)))
-    for k, band in enumerate(bands):
-        at = np.arange(len(causes)) + 0.4 - (k + 0.5) * height
-        axes.barh(at, [100 * float(budget[cause][k]) for cause in causes], 0.85 * height,
-                  color=colours[band], label=plain_line(band, 24))
-    axes.set_yticks(range(len(causes)), names)
-    axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("Relative standard error (%)")
-    axes.grid(axis="x")
-    columns = max(min(len(bands), LEGEND_LETTERS // (4 + max(len(band) for band in bands))), 1)
-    legend_above(drawing, columns, 0.8, 0.9)
-    return inline_svg(drawing, name, f"Error budget of {plain_line(material.name)}",
-                      "Bars: relative standard error of the signal by cause and camera band.")
+                      "numbers.", Readout(nm, curves, "Wavelength", "nm"))
 
 
 def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
@@ -167,10 +137,23 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
     truth : (nm, curves) or None
         Measured curves (K, P) at nm (P,), the highest peak of all being 1.
     """
-    nm = fit.grid.nm
-    drawing, axes = framed(5.2, 2.9)
-    plot_sensitivities(axes, nm, fit.curves, fit.standard_error,
-                       [plain_line(band, 24) for band in bands], truth)
+    nm, error = fit.grid.nm, fit.standard_error
+    spread = 0.0 if error is None else 2 * error
+    ends = [float(np.nanmin(fit.curves - spread)), float(np.nanmax(fit.curves + spread)), 0.0]
+    if truth is not None:
+        ends += [float(np.nanmin(truth[1])), float(np.nanmax(truth[1]))]
+    margin = 0.04 * (max(ends) - min(ends))
+    plot = _over_wavelengths(name, nm, (min(ends) - margin, max(ends) + margin),
+                             "Sensitivity (highest peak = 1)")
+    plot.level(0, QUIET, 0.6)
+    for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
+        if error is not None:
+            plot.areas(nm, fit.curves[k] - 2 * error[k], fit.curves[k] + 2 * error[k], colour, 0.18)
+        plot.line(nm, fit.curves[k], colour, 1.6, label=plain_line(band, 24))
+        if truth is not None:
+            plot.line(truth[0], truth[1][k], colour, 1.0, DOTTED)
+    if truth is not None:
+        plot.line([], [], INK, 1.0, DOTTED, "measured curves")
     series: dict[str, np.ndarray] = {}
     for k, band in enumerate(bands):
         series[band] = fit.curves[k]
@@ -179,10 +162,8 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
         if truth is not None:
             series[f"{band} measured"] = np.interp(nm, truth[0], truth[1][k], left=np.nan,
                                                    right=np.nan)
-    legend_above(drawing, 8, 1.4, 1.2)
-    return inline_svg(drawing, name, "Camera sensitivities",
-                      "Sensitivity of each camera band over wavelength.",
-                      Readout(axes, nm, series, "Wavelength", "nm"))
+    return plot.drawn("Camera sensitivities", "Sensitivity of each camera band over wavelength.",
+                      Readout(nm, series, "Wavelength", "nm"))
 
 
 def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = None) -> Markup:
@@ -206,11 +187,14 @@ def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = 
         if light.standard_error is not None:
             series["± 2 s.e."] = 2 * light.standard_error
             band = (values - 2 * light.standard_error, values + 2 * light.standard_error)
-    drawing, axes = framed(5.2, 2.9, 0.8)
-    plot_light(axes, nm, values, band, quantity)
+    highest = float(np.nanmax(values if band is None else band[1]))
+    plot = _over_wavelengths(name, nm, (0, 1.05 * highest if highest > 0 else 1.0), quantity, 58)
+    if band is not None:
+        plot.areas(nm, *band, QUIET, 0.3)
+    plot.line(nm, values, INK, 1.5)
     digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(values).max()), 1e-30))), 0, 12))
-    return inline_svg(drawing, name, "Light spectrum", f"{quantity} over wavelength.",
-                      Readout(axes, nm, series, "Wavelength", "nm", digits))
+    return plot.drawn("Light spectrum", f"{quantity} over wavelength.",
+                      Readout(nm, series, "Wavelength", "nm", digits))
 
 
 def left_out_figure(name: str, patches: HeldOutPatches, chart: Chart) -> Markup:
@@ -225,38 +209,48 @@ def left_out_figure(name: str, patches: HeldOutPatches, chart: Chart) -> Markup:
     chart : Chart
         Its layout.
     """
-    # One pair of axes holds all: every further one takes as long as a figure of its own.
-    drawing, axes = framed(9.6, 1.6 * chart.rows, 0.3)
     nm, top = patches.grid.nm, 1.05 * max(1.0, float(patches.upper.max()))
     row, column = np.divmod(np.arange(len(chart.names)), chart.columns)
-    place = np.stack([1.08 * (nm[-1] - nm[0]) * column, -1.45 * top * row], axis=1)[:, None]
-
-    def lines(colour: str, width: float, x: Any, y: Any, style: Any = "-") -> None:
-        each = place + np.stack(np.broadcast_arrays(x, y), axis=-1)     # (I, Q, 2)
-        axes.add_collection(LineCollection(list(each), colors=colour, lw=width, ls=style))
-
+    right, down = 1.08 * (nm[-1] - nm[0]) * column, -1.45 * top * row       # of each patch
     few = chart.columns <= MANY_COLUMNS
+    plot = Plot(name, WIDE, 115.0 * chart.rows, (nm[0], right[-1] + nm[-1]), (down[-1], 1.4 * top),
+                (22, 9, 14, 4))
+
+    def lines(colour: str, width: float, x: np.ndarray, y: np.ndarray, dash: str = "") -> None:
+        across, up = np.broadcast_arrays(right[:, None] + x, down[:, None] + y)
+        plot.lines(np.stack([across, up], axis=-1), colour, width, dash)
+
     ticks_nm, values = (450, 550, 650) if few else (550,), (0.0, 0.5, 1.0)
     for at in ticks_nm:
-        lines(GRID, 0.6, [at, at], [0, top])
+        lines(GRID, 0.6, np.array([at, at]), np.array([0, top]))
     for value in values:
-        lines(GRID if value else QUIET, 0.6, nm[[0, -1]], [value, value])
-    around = np.stack(np.broadcast_arrays(np.r_[nm, nm[::-1]], np.c_[
-        patches.lower, patches.upper[:, ::-1]]), axis=-1)
-    axes.add_collection(PolyCollection(list(place + around), color=MEAN, alpha=0.2, lw=0))
+        lines(GRID if value else QUIET, 0.6, nm[[0, -1]], np.array([value, value]))
+    plot.areas(right[:, None] + nm, down[:, None] + patches.lower, down[:, None] + patches.upper,
+               MEAN, 0.2)
     lines(MEAN, 1.3, nm, patches.mean)
-    lines(TRUTH, 1.0, nm, patches.reference, (0, (1, 1.2)))
-    for number, (x, y) in enumerate(place[:, 0] + (nm[0], 1.02 * top)):
+    lines(TRUTH, 1.0, nm, patches.reference, DOTTED)
+    size = 7 if few else 4
+    for number, (x, y) in enumerate(zip(right + nm[0], down + 1.04 * top, strict=True)):
         kept = ", kept out" if patches.excluded[number] else ""
-        axes.text(x, y, f"{number + 1} {plain_line(chart.names[number], LETTERS // chart.columns)}"
-                  f"{kept}\n{patches.rmse[number]:.3f}, {percent(patches.inside[number])} inside",
-                  fontsize=7 if few else 4, va="bottom")
-    axes.set(xlim=(nm[0], place[-1, 0, 0] + nm[-1]), ylim=(place[-1, 0, 1], 1.4 * top))
-    axes.set_xticks([x + at for x in place[:chart.columns, 0, 0] for at in ticks_nm],
-                    [f"{at}" for at in ticks_nm] * chart.columns)
-    axes.set_yticks([y + value for y in place[::chart.columns, 0, 1] for value in values],
-                    [f"{value:g}" for value in values] * chart.rows)
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    return inline_svg(drawing, name, "Patches left out", "Reflectance of each patch by a "
+        said = (f"{number + 1} {plain_line(chart.names[number], LETTERS // chart.columns)}{kept}",
+                f"{patches.rmse[number]:.3f}, {percent(patches.inside[number])} inside")
+        for line, words in enumerate(said[::-1]):
+            plot.words(x, y + line * 0.018 * size * top, words, size, anchor="start")
+    for x in right[:chart.columns]:
+        for at in ticks_nm:
+            plot.words(x + at, down[-1] - 0.12 * top, f"{at}")
+    for y in down[::chart.columns]:
+        for value in values:
+            plot.words(nm[0] - 0.01 * (nm[-1] - nm[0]) * chart.columns / 2, y + value - 0.03,
+                       f"{value:g}", anchor="end")
+    return plot.drawn("Patches left out", "Reflectance of each patch by a "
                       "calibration without it, its band, and the chart's reference.")
+
+
+def _over_wavelengths(name: str, nm: np.ndarray, limits: tuple[float, float], quantity: str,
+                      left: float = LEFT) -> Plot:
+    """Empty axes over the wavelengths (P,)."""
+    plot = Plot(name, WIDTH, HEIGHT, (float(nm[0]), float(nm[-1])), limits, (left, 9, 31, 9))
+    plot.x_axis("Wavelength (nm)", nice_ticks(float(nm[0]), float(nm[-1]), 7))
+    plot.y_axis(quantity, nice_ticks(*limits, 7))
+    return plot

@@ -19,9 +19,8 @@ from spectrabox.session.report.figures import (
 )
 from spectrabox.session.report.maps import surface_colours
 from spectrabox.session.report.metamers import metamer_drawing
-from spectrabox.session.report.small_figures import prior_share_figure
+from spectrabox.session.report.small_figures import error_budget_bars, prior_share_figure
 from spectrabox.session.report.spectra import (
-    error_budget_figure,
     every_10_nm,
     left_out_figure,
     material_curves,
@@ -55,7 +54,7 @@ def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
         "certified": certified_sentence(material.families),
         "in_doubt": mostly_in_doubt(material.families),
         "metamers": None if material.samples is None else metamers_section(material.samples),
-        "budget": error_budget_figure(f"budget-{number}", material, signal_bands),
+        "budget": error_budget_bars(f"budget-{number}", material, signal_bands),
         }
 
 

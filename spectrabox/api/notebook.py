@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.plots import band_colours
+from spectrabox.measure.plot_style import band_colours
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 
 if TYPE_CHECKING:
