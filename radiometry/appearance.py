@@ -9,6 +9,7 @@ import functools
 
 import numpy as np
 
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.published.published_tables import LIGHTS, OBSERVERS, published_curves
 
 WITHIN_NM = (360.0, 780.0)
@@ -221,8 +222,7 @@ def tristimulus_weights(nm: np.ndarray, light: str) -> np.ndarray:
         If no light of that name is published.
     """
     table_nm, weights = _weights_under(light)
-    return np.asarray(weights @ np.array([np.interp(table_nm, nm, unit)
-                                          for unit in np.eye(len(nm))]).T)
+    return np.asarray(weights @ interpolation_matrix(nm, table_nm))
 
 
 @functools.cache

@@ -106,8 +106,8 @@ def learn_correction(swatches: Swatches) -> SwatchCorrection:
     """
     count = len(swatches.signals)
     if count < MIN_SWATCHES:
-        raise InputError(f"{count} swatches are given; a correction needs {MIN_SWATCHES} or more of "
-                         "the material, better 24, spread over its colours")
+        raise InputError(f"{count} swatches are given; a correction needs {MIN_SWATCHES} or more "
+                         "of the material, better 24, spread over its colours")
     if np.ptp(swatches.signals, axis=0).max() <= 0:
         raise InputError("all swatches have the same signal; give swatches of different colours")
     alone = swatches.reflectances - swatches.mean

@@ -71,8 +71,8 @@ def light_figure(name: str, photo: PhotoOfRegions) -> Markup | None:
             plot.lines(segments, CHART, 0.7)
             middle = segments.mean(axis=1)
             inside = np.minimum(middle, np.array([width, height]) - middle).min(axis=1)
-            plot.words(*middle[np.argmax(inside)].tolist(), f"±{100 * value:g} %", 6.5, CHART,
-                       rim=RIM)
+            across, down = middle[np.argmax(inside)].tolist()
+            plot.words(across, down, f"±{100 * value:g} %", 6.5, CHART, rim=RIM)
     _outlines(plot, photo)
     _colour_bar(plot, photo, low, span)
     return plot.drawn(f"Light over {plain_line(photo.name)}",

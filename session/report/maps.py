@@ -246,8 +246,8 @@ def _marks_figure(number: int, view: MarkedView, preview: Path) -> Markup:
                 (1, 0), (0, 0, 0, 0))
     plot.picture((0, 0, 1, 1), picture_data_uri(preview, MAX_SIDE_PX), smooth=True)
     plot.lines(view.edges, RED, 0.6)
-    plot.dots(*view.marked.T, GREEN, 3.0, open_=True)
-    plot.crosses(*view.seen.T, RED)
+    plot.dots(view.marked[:, 0], view.marked[:, 1], GREEN, 3.0, open_=True)
+    plot.crosses(view.seen[:, 0], view.seen[:, 1], RED)
     worst = int(np.argmax(view.residuals_px)) if len(view.residuals_px) else None
     said = "no corner is marked in it" if worst is None else (
         f"{len(view.corners)} corners marked, {plain_line(view.corners[worst])} is off by "

@@ -94,7 +94,8 @@ def rgb_of(colour: str) -> tuple[float, ...]:
 def png_size(path: Path) -> tuple[int, int]:
     """Width and height of a PNG file in pixels."""
     with path.open("rb") as file:
-        return struct.unpack(">II", file.read(24)[16:])         # type: ignore[return-value]
+        width, height = struct.unpack(">II", file.read(24)[16:])
+    return width, height
 
 
 def _chunk(kind: bytes, content: bytes) -> bytes:
