@@ -97,8 +97,8 @@ PROCESS = {"gc", "signal", "threading", "multiprocessing", "concurrent", "atexit
            "os.umask", "np.seterr", "sys.setrecursionlimit"}
 OWN_PROCESS = {("capture/transcripts/player.py", "threading"): "plays an instrument on a port",
                ("reconstruct/rendering/renderer.py", "threading"): "a lock: Mitsuba starts once",
-               ("measure/pictures/picture_files.py", "concurrent"): "threads that end with the call",
-               ("measure/pictures/spectra_files.py", "concurrent"): "threads that end with the call",
+               ("measure/pictures/picture_files.py", "concurrent"): "threads end with the call",
+               ("measure/pictures/spectra_files.py", "concurrent"): "threads end with the call",
                ("reconstruct/rendering/llvm.py", "os.environ"): "Dr.Jit has no other way",
                ("reconstruct/rendering/llvm.py", "atexit"): "removes the HOME made for Dr.Jit"}
 

@@ -9,10 +9,10 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from spectrabox.measure.plot_style import band_colours
+from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.words import fixed
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.session.outputs.results import MaterialResult
 from spectrabox.session.report.svg import Drawing, plain_line, rounded
-from spectrabox.session.report.words import fixed
 
 LEFT, WIDTH, ROW, GAP = 48.0, 480.0, 34.0, 10.0    # of the share of the prior, in SVG units
 HALF = 0.5              # share above which the prior decides
