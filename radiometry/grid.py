@@ -58,9 +58,10 @@ def interpolation_matrix(from_nm: np.ndarray, to_nm: np.ndarray) -> np.ndarray:
     start = np.clip(np.searchsorted(from_nm, to_nm, side="right") - 1, 0, from_nm.size - 2)
     along = np.clip(to_nm, from_nm[0], from_nm[-1]) - from_nm[start]
     slope = 1 / (from_nm[start + 1] - from_nm[start])
-    matrix, rows = np.zeros((len(to_nm), from_nm.size)), np.arange(len(to_nm))
-    matrix[rows, start], matrix[rows, start + 1] = 1 - slope * along, slope * along
-    return matrix
+    # an array (P, P'), transposed: BLAS sums in another order over another layout
+    weights, columns = np.zeros((from_nm.size, len(to_nm))), np.arange(len(to_nm))
+    weights[start, columns], weights[start + 1, columns] = 1 - slope * along, slope * along
+    return weights.T
 
 
 def at_whole_steps(nm: np.ndarray, step_nm: float) -> np.ndarray:
