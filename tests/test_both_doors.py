@@ -148,12 +148,13 @@ def test_a_camera_fitted(session):
     assert set(camera.checks) <= set(said["checks"])
 
 
-def test_a_surface_matched(session, monkeypatch):
-    monkeypatch.setattr("spectrabox.session.report.svg._svg_text",
-                        lambda _: '<svg viewBox="0 0 1 1"></svg>')
+def test_a_surface_matched(session):
     command("run", session)
-    match, said = both(lambda: sb.match(sb.Session(session)["red_wall"], "CES99"),
-                       "match", session, "CES99", "--only", "red_wall")
+    red_wall = sb.Session(session)["red_wall"]
+    words = ("match", session, "CES99", "--only", "red_wall")
+    by_library, match = entered(lambda: sb.match(red_wall, "CES99"))
+    by_command, said = entered(lambda: command(*words))
+    assert not by_library - by_command      # which opens the session besides
     assert said["surfaces"][0]["says"] == match.says
     assert [one["log_evidence"] for one in said["matches"]] == [one.log_evidence
                                                                 for one in match.matches]
