@@ -19,11 +19,11 @@ from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.capture.develop.bands import DARK_CHANNEL
 from spectrabox.fixtures.paints import NM, chart_truth
 from spectrabox.measure.chart_check import held_out_patches
-from spectrabox.measure.flat import flat_signals
 from spectrabox.measure.pictures.uplift import uplift_image
-from spectrabox.measure.surface_signals import errors_by_cause, measurement, with_errors
-from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
-from spectrabox.measure.white import FlatErrors, FlatPhoto, white_at_regions
+from spectrabox.measure.regions.region_signals import flat_signals
+from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement, with_errors
+from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,

@@ -12,9 +12,9 @@ from scipy.special import ndtri
 
 from spectrabox.calibrate.chart_calibration import ChartCalibration
 from spectrabox.calibrate.held_out_patches import PatchesWithout
-from spectrabox.measure.surface_signals import FEW_BANDS
+from spectrabox.measure.surfaces.independent_bands import independent_bands
+from spectrabox.measure.surfaces.surface_signals import FEW_BANDS
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.independent_bands import independent_bands
 from spectrabox.radiometry.records import (
     Calibration,
     HeldOutPatches,

@@ -33,7 +33,7 @@ from spectrabox.measure.more_bands.second_photo import (
     simulated_errors,
     white_of_bands,
 )
-from spectrabox.measure.surface_signals import FEW_BANDS, with_errors
+from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, with_errors
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     PLANE_ERROR,

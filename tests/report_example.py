@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image as raster
 
-from spectrabox.measure.results import ChartResult, MaterialResult
-from spectrabox.measure.surface_spectra import Scores
+from spectrabox.measure.surfaces.surface_spectra import Scores
+from spectrabox.measure.verdict.evidence import ChartResult, MaterialResult
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (

@@ -11,7 +11,10 @@ from batch_sessions import begun, copies, kill_worker_at, order_of, results_of, 
 
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
-from spectrabox.session.batch.executors import open_processes, open_workers
+from spectrabox.session.batch.executors import (
+    open_processes,
+)
+from spectrabox.session.batch.workers import open_workers
 
 default_client = pytest.importorskip(
     "distributed", reason="no Dask here: pip install 'spectrabox[cluster]'").default_client

@@ -2,9 +2,13 @@
 import numpy as np
 import pytest
 
-from spectrabox.measure.colour_comparison import BY_CHANCE, compare_colours, signal_difference
-from spectrabox.measure.flat import RegionSignal
-from spectrabox.measure.metamers import LIGHTS
+from spectrabox.measure.regions.colour_comparison import (
+    BY_CHANCE,
+    compare_colours,
+    signal_difference,
+)
+from spectrabox.measure.regions.region_signals import RegionSignal
+from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.radiometry.error_model import PHOTO_NOISE, WHITE, proportional_covariance
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import SignalError, SurfaceSignals

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spectrabox.measure.surface_signals import (
+from spectrabox.measure.surfaces.surface_signals import (
     errors_by_cause,
     measurement,
     relative_errors,

@@ -31,9 +31,9 @@ from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_
 from spectrabox.calibrate.spline_fit import fit_bands
 from spectrabox.calibrate.trust import fit_notes
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
+from spectrabox.measure.surfaces.independent_bands import independent_bands
 from spectrabox.radiometry import light_scale as drift
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.independent_bands import independent_bands
 from spectrabox.radiometry.light_scale import light_drift
 from spectrabox.radiometry.records import (
     ChartDetection,

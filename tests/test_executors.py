@@ -12,10 +12,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.session.batch.executors import (
     NotRun,
     open_processes,
-    open_workers,
     run_tasks,
     shares_of_cores,
 )
+from spectrabox.session.batch.workers import open_workers
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from spectrabox.calibrate.light_field import (
     RegionLight,
     light_at_regions,
 )
-from spectrabox.measure import white as module
-from spectrabox.measure.flat import errors_of_region, flat_signals
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
-from spectrabox.measure.white import KNOWN_ERROR, FlatErrors, FlatPhoto, condition_on_known
+from spectrabox.measure.regions import white as module
+from spectrabox.measure.regions.region_signals import errors_of_region, flat_signals
+from spectrabox.measure.regions.white import KNOWN_ERROR, FlatErrors, FlatPhoto, condition_on_known
 from spectrabox.radiometry.chart import plane_centres
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,

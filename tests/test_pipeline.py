@@ -11,7 +11,7 @@ import pytest
 from spectrabox.measure.captured import InputFile
 from spectrabox.measure.opened_photos import develop
 from spectrabox.measure.steps.inversion import materials_of, settings_of
-from spectrabox.measure.surface_signals import measurement, scene_signals
+from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments

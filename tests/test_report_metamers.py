@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from report_example import example_session
 
-from spectrabox.measure.metamers import LIGHTS, metamer_pair
+from spectrabox.measure.surfaces.metamers import LIGHTS, metamer_pair
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectrumSamples

@@ -17,10 +17,10 @@ from spectrabox.measure.chart_check import patches_without
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
-from spectrabox.measure.surface_spectra import score
+from spectrabox.measure.regions.white import PhotoWhite
+from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.measure.verdict.judge import _clipped
-from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.records import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read

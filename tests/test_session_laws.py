@@ -7,8 +7,8 @@ import pytest
 from test_error_budget import calibration, curves_and_covariance, joint
 
 from spectrabox.measure.scene import photo_errors as scene_errors
-from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
-from spectrabox.measure.surface_spectra import resample_summary
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_signals
+from spectrabox.measure.surfaces.surface_spectra import resample_summary
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm

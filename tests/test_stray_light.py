@@ -7,7 +7,7 @@ import pytest
 
 from spectrabox.fixtures.demos.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
-from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_signals
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import (
     CAUSES,

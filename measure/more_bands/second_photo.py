@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.measure.flat import DARK_BAND, SHARED_BY_PHOTOS
-from spectrabox.measure.surface_signals import errors_by_cause
+from spectrabox.measure.regions.region_signals import DARK_BAND, SHARED_BY_PHOTOS
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause
 from spectrabox.radiometry.covariance import error_patterns, symmetric
 from spectrabox.radiometry.error_model import (
     CAUSES,

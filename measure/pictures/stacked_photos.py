@@ -1,8 +1,8 @@
 """Photos of one flat sample under several lights or filters, as one photo of all their bands.
 
 Each photo has its own white, field of light and clipped pixels. Photos of one response are
-averaged, as `measure/flat.py` averages their regions, and errors that photos under one lamp have in
-common are those of regions.
+averaged, as `measure/regions/region_signals.py` averages their regions, and errors that photos
+under one lamp have in common are those of regions.
 """
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.measure.flat import (
+from spectrabox.measure.pictures.illumination import even_light
+from spectrabox.measure.pictures.lit_photo import LitPhoto
+from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.pictures.pixel_spectra import row_blocks
+from spectrabox.measure.pictures.shown_bands import shown_bands
+from spectrabox.measure.regions.region_signals import (
     common_to_photos,
     dark_bands,
     first_of_response,
     lamp_of,
     stray_light,
 )
-from spectrabox.measure.pictures.illumination import even_light
-from spectrabox.measure.pictures.lit_photo import LitPhoto
-from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
-from spectrabox.measure.pictures.pixel_spectra import row_blocks
-from spectrabox.measure.pictures.shown_bands import shown_bands
-from spectrabox.measure.white import FlatErrors, FlatPhoto, white_at_regions
+from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,

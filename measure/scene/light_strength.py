@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spectrabox.capture.photo.binning import bin_image, render_size
-from spectrabox.measure.surface_signals import measurement, scene_signals
+from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LearntSpectra, LightScale, Progress
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views

@@ -20,7 +20,7 @@ import numpy as np
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
-from spectrabox.measure.surface_signals import measurement, scene_signals
+from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Calibration, JointReconstruction, Progress

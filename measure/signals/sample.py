@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.measure.signals.estimate import SampleOptions, SignalCapture, SignalEstimate
-from spectrabox.measure.swatches import corrected_samples, correction_by_swatches
+from spectrabox.measure.surfaces.swatch_correction import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import stated_causes
 from spectrabox.radiometry.errors import InputError

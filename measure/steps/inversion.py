@@ -12,7 +12,7 @@ from spectrabox.measure.scene.draws import require_one_transport
 from spectrabox.measure.scene.light_strength import learnt_spectra, scale_from_prior
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
 from spectrabox.measure.steps.work import Work
-from spectrabox.measure.surface_signals import scene_signals
+from spectrabox.measure.surfaces.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import (
     REPEATABILITY,
     SCENE_LEVEL,

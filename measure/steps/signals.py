@@ -6,10 +6,9 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.capture.chart.patches import clipped_bands
 from spectrabox.measure.captured import FlatCapture
-from spectrabox.measure.flat import flat_signals
 from spectrabox.measure.records import CaptureRecords, RegionLight, SignalRecords
-from spectrabox.measure.steps.work import Work
-from spectrabox.measure.white import (
+from spectrabox.measure.regions.region_signals import flat_signals
+from spectrabox.measure.regions.white import (
     FlatErrors,
     FlatPhoto,
     far_notes,
@@ -17,6 +16,7 @@ from spectrabox.measure.white import (
     light_map,
     white_at_regions,
 )
+from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
 
 

@@ -6,7 +6,11 @@ from spectrabox.measure.records import CaptureRecords, SampleRecords
 from spectrabox.measure.scene.draws import draw_through_transport
 from spectrabox.measure.steps.inputs import swatches_of
 from spectrabox.measure.steps.work import Work
-from spectrabox.measure.surface_spectra import DrawOptions, learn_from_swatches, sample_surfaces
+from spectrabox.measure.surfaces.surface_spectra import (
+    DrawOptions,
+    learn_from_swatches,
+    sample_surfaces,
+)
 from spectrabox.radiometry.records import SpectrumSamples
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.measure.chart_check import held_out_sentence, poor_patches
-from spectrabox.measure.results import CommonEvidence
 from spectrabox.measure.verdict.criteria import Criterion, Status, graded, limit_words
+from spectrabox.measure.verdict.evidence import CommonEvidence
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.records import Calibration, CalibrationDoubt, HeldOutPatches
 

@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from spectrabox.measure.results import VALID_OUTCOMES
+from spectrabox.measure.verdict.evidence import VALID_OUTCOMES
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.records import Outcome
 

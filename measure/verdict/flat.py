@@ -3,9 +3,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.measure.results import FlatEvidence
+from spectrabox.measure.regions.white import FAR, LEVEL_DOUBTED
 from spectrabox.measure.verdict.criteria import Criterion, Status, graded
-from spectrabox.measure.white import FAR, LEVEL_DOUBTED
+from spectrabox.measure.verdict.evidence import FlatEvidence
 from spectrabox.measure.words import listed, percent
 
 LIGHT_LIMITS = (FAR, 0.15)    # relative error of the light on a region of a flat sample

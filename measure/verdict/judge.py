@@ -1,7 +1,6 @@
 """The verdict on a measurement: PASS, WARN or FAIL, the worst of its criteria."""
 from __future__ import annotations
 
-from spectrabox.measure.results import CommonEvidence, FlatEvidence, SceneEvidence
 from spectrabox.measure.verdict.calibration import (
     calibration_doubts,
     chart_agreement,
@@ -15,6 +14,7 @@ from spectrabox.measure.verdict.criteria import (
     graded,
     outcome_criterion,
 )
+from spectrabox.measure.verdict.evidence import CommonEvidence, FlatEvidence, SceneEvidence
 from spectrabox.measure.verdict.flat import flat_conditions, flat_criteria
 from spectrabox.measure.verdict.scene import scene_conditions, scene_criteria
 from spectrabox.measure.verdict.surfaces import samplers, stated_truths, truth_coverage

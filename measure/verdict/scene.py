@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.measure.results import SceneEvidence
 from spectrabox.measure.verdict.calibration import where_of
 from spectrabox.measure.verdict.criteria import (
     Criterion,
@@ -14,6 +13,7 @@ from spectrabox.measure.verdict.criteria import (
     limit_words,
     outcome_criterion,
 )
+from spectrabox.measure.verdict.evidence import SceneEvidence
 from spectrabox.measure.words import deviation_words, listed, percent
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.records import Reconstruction, SurfaceAgreement

@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.measure.results import CommonEvidence
 from spectrabox.measure.verdict.criteria import Criterion, Status
+from spectrabox.measure.verdict.evidence import CommonEvidence
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 

@@ -2,7 +2,7 @@
 
 Surfaces are smooth: 36 bands of an LED lamp differ along some 12 directions by more than a share of
 the noise. Signals of as many bands, estimated from all, say what all say, and a posterior of them
-costs a fraction. Unlike radiometry/independent_bands.py this knows how reflectances vary.
+costs a fraction. Unlike measure/surfaces/independent_bands.py this knows how reflectances vary.
 """
 from __future__ import annotations
 

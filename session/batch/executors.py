@@ -29,7 +29,7 @@ from multiprocessing.queues import SimpleQueue
 from types import FrameType
 from typing import Any, Protocol, TypeVar
 
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.system.free_memory import free_memory
 
 KEPT_FREE = 0.1         # of the memory: the machine has other work
@@ -178,39 +178,6 @@ def _mib(count: int) -> str:
 # ---- the workers that were asked for
 
 @contextlib.contextmanager
-def open_workers(cluster: str | None, workers: int | None, tasks: int) -> Iterator[Workers]:
-    """Processes of this machine, or the workers of a cluster.
-
-    Parameters
-    ----------
-    cluster : str or None
-        Address of a Dask scheduler, or "local".
-    workers : int or None
-        How many processes; None for as many as there are cores.
-    tasks : int
-        That are to be run: no more processes than these.
-
-    Raises
-    ------
-    InputError
-        If a number of workers is asked of a cluster that has its own.
-    EnvironmentProblem
-        If the cluster cannot be reached.
-    """
-    if cluster not in (None, "local") and workers is not None:
-        raise InputError(f"--workers starts processes here, and the cluster {cluster} has its own; "
-                         "give one of the two")
-    wanted = min(workers or len(_cores()), tasks)
-    if cluster is None or not tasks:
-        with open_processes(wanted) as processes:
-            yield processes
-        return
-    from spectrabox.session.batch.cluster import open_cluster
-    with open_cluster(cluster, wanted) as workers_of_cluster:
-        yield workers_of_cluster
-
-
-@contextlib.contextmanager
 def open_processes(workers: int) -> Iterator[Workers]:
     """Processes of this machine, which are gone when the block ends."""
     capacity = Capacity(workers, memory_for_workers(), None)
@@ -304,13 +271,13 @@ def shares_of_cores(workers: int) -> list[list[int]]:
     """Cores of each worker; none where the system does not say, or one worker has them all."""
     if workers <= 1 or not hasattr(os, "sched_getaffinity"):
         return [[]] * max(workers, 1)
-    cores = _cores()
+    cores = available_cores()
     if workers >= len(cores):
         return [[cores[number % len(cores)]] for number in range(workers)]
     return [cores[number * len(cores) // workers:(number + 1) * len(cores) // workers]
             for number in range(workers)]
 
 
-def _cores() -> list[int]:
+def available_cores() -> list[int]:
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") \
         else [*range(os.cpu_count() or 1)]

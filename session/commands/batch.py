@@ -52,10 +52,10 @@ def batch(request: BatchRequest) -> Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
     check_device(request.device)
     from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
-    from spectrabox.session.batch.executors import open_workers
     from spectrabox.session.batch.manifest import program_of_batch
     from spectrabox.session.batch.overview import BatchProgress, batch_facts, batch_text, write_page
     from spectrabox.session.batch.tasks import Order
+    from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.store.locks import sole_user
     from spectrabox.session.terminal.progress_display import progress_display
     order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),

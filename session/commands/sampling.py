@@ -185,7 +185,7 @@ def match(request: MatchRequest) -> Answer:
     camera cannot tell apart.
     """
     from spectrabox.measure.signals.matching import LibraryMatches, match_signal
-    from spectrabox.measure.surface_signals import measurement
+    from spectrabox.measure.surfaces.surface_signals import measurement
     from spectrabox.radiometry.errors import InputError
     from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
     from spectrabox.sampling.prior.mixture import load_prior, of_families

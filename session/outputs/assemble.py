@@ -6,7 +6,11 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.captured import FlatCapture
-from spectrabox.measure.results_of_records import flat_evidence, scene_evidence, warnings_of
+from spectrabox.measure.verdict.evidence_of_records import (
+    flat_evidence,
+    scene_evidence,
+    warnings_of,
+)
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.session.config.session_schema import SessionConfig

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.chart_check import held_out_facts, light_facts
-from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.verdict.evidence import MaterialResult
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.measure.verdict.scene import median_surface_error
 from spectrabox.measure.words import percent

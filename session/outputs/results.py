@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.results import (
+from spectrabox.measure.verdict.evidence import (
     CommonEvidence,
     FlatEvidence,
     PhotoOfRegions,

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.captured import FlatCapture, Region
-from spectrabox.measure.colour_comparison import compare_colours
-from spectrabox.measure.flat import RegionSignal
-from spectrabox.measure.metamers import LIGHTS
 from spectrabox.measure.opened_photos import OpenPhotos
-from spectrabox.measure.pointing import CalibratedPhotos, PointedSample, calibrated_photos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
+from spectrabox.measure.regions.colour_comparison import compare_colours
+from spectrabox.measure.regions.pointing import CalibratedPhotos, PointedSample, calibrated_photos
+from spectrabox.measure.regions.region_signals import RegionSignal
 from spectrabox.measure.steps.inputs import inputs_of_calibration, inputs_of_charts
 from spectrabox.measure.steps.photos import UNEVEN
-from spectrabox.measure.surface_signals import errors_by_cause
+from spectrabox.measure.surfaces.metamers import LIGHTS
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause
 from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID

@@ -30,7 +30,12 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
     CHUNKS_A_SHARD,
     create_picture,
 )
-from spectrabox.session.batch.executors import NotRun, Workers, open_workers, run_tasks
+from spectrabox.session.batch.executors import (
+    NotRun,
+    Workers,
+    run_tasks,
+)
+from spectrabox.session.batch.workers import open_workers
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.row_tasks import (
     DONE,

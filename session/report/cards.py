@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.verdict.evidence import MaterialResult
 from spectrabox.radiometry.appearance import (
     reflectance_to_lab,
     reflectance_to_srgb,

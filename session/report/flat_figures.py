@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.results import PhotoOfRegions
+from spectrabox.measure.verdict.evidence import PhotoOfRegions
 from spectrabox.session.report.pictures import (
     LEVELS,
     coloured,

@@ -5,7 +5,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from spectrabox.measure.metamers import LIGHTS, MetamerPair
+from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
 
 WIDTH, HEIGHT = 300, 90         # of the drawing, in its own unit
 COLOURS = ("#1f4e8c", "#b3261e")

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.chart_check import held_out_facts, light_facts
-from spectrabox.measure.metamers import metamer_pair
-from spectrabox.measure.results import ChartResult, MaterialResult
+from spectrabox.measure.surfaces.metamers import metamer_pair
 from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
 from spectrabox.measure.verdict.criteria import Verdict
+from spectrabox.measure.verdict.evidence import ChartResult, MaterialResult
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts

@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from spectrabox.measure.plot_style import band_colours
-from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.verdict.evidence import MaterialResult
 from spectrabox.measure.words import fixed
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.session.report.svg import Drawing, plain_line, rounded

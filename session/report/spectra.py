@@ -13,7 +13,7 @@ from spectrabox.measure.plot_style import (
     TRUTH,
     band_colours,
 )
-from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.verdict.evidence import MaterialResult
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.records import (

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.chart_check import held_out_sentence
-from spectrabox.measure.metamers import LIGHTS, metamer_pair
-from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.surfaces.metamers import LIGHTS, metamer_pair
 from spectrabox.measure.verdict.calibration import CHART_LIMITS, chart_residuals, root_mean_square
+from spectrabox.measure.verdict.evidence import MaterialResult
 from spectrabox.measure.words import OFF
 from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt

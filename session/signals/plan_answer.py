@@ -24,7 +24,7 @@ from spectrabox.measure.more_bands.second_photo import (
 )
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.signals.sample import measurement_of_signal
-from spectrabox.measure.surface_signals import FEW_BANDS, measurement
+from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, measurement
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_files import write_exr, write_png
-from spectrabox.measure.results import MaterialResult
+from spectrabox.measure.verdict.evidence import MaterialResult
 from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
 from spectrabox.radiometry.files import writable, write_text_whole
 from spectrabox.radiometry.records import Quantity, Reconstruction

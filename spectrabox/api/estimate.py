@@ -12,8 +12,8 @@ import numpy as np
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
-from spectrabox.measure.surface_signals import errors_by_cause, measurement
-from spectrabox.measure.swatches import CORRECTED
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
+from spectrabox.measure.surfaces.swatch_correction import CORRECTED
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records import (

@@ -43,9 +43,9 @@ from spectrabox.measure.captured import (
 )
 from spectrabox.measure.options import PictureOptions, Sampling
 from spectrabox.measure.records import CaptureRecords, PictureRecords
-from spectrabox.measure.results_of_records import flat_evidence, warnings_of
 from spectrabox.measure.steps.order import MemoryKeeper, measure
 from spectrabox.measure.verdict.criteria import Verdict
+from spectrabox.measure.verdict.evidence_of_records import flat_evidence, warnings_of
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances

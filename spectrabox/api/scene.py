@@ -37,10 +37,10 @@ from spectrabox.measure.captured import (
 )
 from spectrabox.measure.options import Inversion, PictureOptions, Repeatability, Sampling
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit
-from spectrabox.measure.results_of_records import scene_evidence, warnings_of
 from spectrabox.measure.scene.rehearsed import Rehearsed
 from spectrabox.measure.steps.order import InMemory, MemoryKeeper, measure
 from spectrabox.measure.verdict.criteria import Verdict
+from spectrabox.measure.verdict.evidence_of_records import scene_evidence, warnings_of
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import InputError

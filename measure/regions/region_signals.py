@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
-from spectrabox.measure.surface_signals import measurement, with_errors
-from spectrabox.measure.surface_spectra import DrawOptions, sample_surfaces
-from spectrabox.measure.white import FlatErrors, FlatPhoto, PhotoWhite, white_at_regions
+from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, PhotoWhite, white_at_regions
+from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
+from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     DRIFT_OF_COLOUR,

@@ -8,7 +8,11 @@ import numpy as np
 from spectrabox.capture.develop.developed import NOT_LINEAR
 from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results import (
+from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.surfaces.surface_signals import noise_and_disagreement, relative_errors
+from spectrabox.measure.surfaces.surface_spectra import score
+from spectrabox.measure.verdict.calibration import doubt_sentences, root_mean_square
+from spectrabox.measure.verdict.evidence import (
     VALID_OUTCOMES,
     ChartResult,
     FlatEvidence,
@@ -17,10 +21,6 @@ from spectrabox.measure.results import (
     SceneEvidence,
     ViewResult,
 )
-from spectrabox.measure.scene.rehearsed import Rehearsed
-from spectrabox.measure.surface_signals import noise_and_disagreement, relative_errors
-from spectrabox.measure.surface_spectra import score
-from spectrabox.measure.verdict.calibration import doubt_sentences, root_mean_square
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
     Calibration,

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.surface_signals import errors_by_cause, in_bands, measurement
-from spectrabox.measure.swatches import corrected_samples, correction_by_swatches
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, in_bands, measurement
+from spectrabox.measure.surfaces.swatch_correction import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import (

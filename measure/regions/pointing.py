@@ -16,13 +16,13 @@ from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import find_edges
 from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import FlatCapture, Region, View
-from spectrabox.measure.flat import RegionSignal, signal_of_region
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, PhotoRecords
+from spectrabox.measure.regions.region_signals import RegionSignal, signal_of_region
+from spectrabox.measure.regions.white import FlatErrors, FlatPhoto
 from spectrabox.measure.steps.photos import THUMBNAIL_WIDTH, outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
-from spectrabox.measure.surface_spectra import DrawOptions
-from spectrabox.measure.white import FlatErrors, FlatPhoto
+from spectrabox.measure.surfaces.surface_spectra import DrawOptions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, RegionSamples, SurfaceSpectrum
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior

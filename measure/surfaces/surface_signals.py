@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from spectrabox.measure.surfaces.independent_bands import independent_bands
 from spectrabox.radiometry.covariance import block_diagonal, symmetric
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
@@ -19,7 +20,6 @@ from spectrabox.radiometry.error_model import (
     scale_covariances,
     sensitivity_covariance,
 )
-from spectrabox.radiometry.independent_bands import independent_bands
 from spectrabox.radiometry.records import (
     Calibration,
     JointReconstruction,

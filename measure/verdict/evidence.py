@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from spectrabox.measure.scene.rehearsed import Rehearsed
-from spectrabox.measure.surface_spectra import Scores
+from spectrabox.measure.surfaces.surface_spectra import Scores
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Calibration,

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from spectrabox.measure.flat import RegionSignal
-from spectrabox.measure.metamers import LIGHTS, colour_weights
+from spectrabox.measure.regions.region_signals import RegionSignal
+from spectrabox.measure.surfaces.metamers import LIGHTS, colour_weights
 from spectrabox.radiometry.appearance import ciede2000, encoded_srgb, lab_from_xyz
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.error_model import CAUSES

@@ -1,0 +1,1 @@
+"""Surfaces of any capture: signals with their errors, and the spectra behind them."""
