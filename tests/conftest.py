@@ -98,13 +98,6 @@ def light_as_stated(monkeypatch):
 
 
 @pytest.fixture
-def figures_undrawn(monkeypatch):
-    """Reports whose plots hold no lines: half of their time, for tests of something else."""
-    from spectrabox.session.report import svg
-    monkeypatch.setattr(svg, "_svg_text", lambda drawing: '<svg viewBox="0 0 1 1"></svg>')
-
-
-@pytest.fixture
 def captured(_captured, tmp_path):
     """A session with photos, spectra and scenes that nobody has run."""
     return shutil.copytree(_captured, tmp_path / "captured" / "box")

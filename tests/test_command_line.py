@@ -23,7 +23,6 @@ from tests.session_runs import call, edit
 
 ROOT = Path(__file__).resolve().parent.parent
 
-pytestmark = pytest.mark.usefixtures("figures_undrawn")
 
 
 def repaint(path, paint):

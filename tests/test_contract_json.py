@@ -94,10 +94,7 @@ def folder(tmp_path_factory):
     (folder / "flat" / "session.toml").write_text(
         HEAD + regions_toml(("white_wall", "red_wall"), ("white_wall",))
         + "[picture]\nrect = [299.5, 59.5, 317.5, 69.5]\n", encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        from spectrabox.session.report import svg
-        patch.setattr(svg, "_svg_text", lambda drawing: '<svg viewBox="0 0 1 1"></svg>')
-        answer = call(folder, "run", "DIR/flat")
+    answer = call(folder, "run", "DIR/flat")
     (folder / "run.json").write_text(json.dumps(answer[1]), encoding="utf-8")
     shutil.copytree(folder / "flat", folder / "again")
     nm = np.arange(400, 701, 10)
@@ -189,7 +186,6 @@ def test_a_session_of_flat_samples_answers_with_the_keys_of_flat(folder):
     assert not missing(documented()["flat"], [answer])
 
 
-@pytest.mark.usefixtures("figures_undrawn")
 @pytest.mark.parametrize("command", OF_SCENES)
 def test_a_session_of_a_scene_answers_with_the_keys_of_the_page(command, finished, monkeypatch):
     monkeypatch.chdir(finished)

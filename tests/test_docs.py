@@ -174,7 +174,6 @@ def reader(_finished, tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.usefixtures("figures_undrawn")
 @pytest.mark.parametrize("page", [page for page, blocks in RUN.items() if blocks])
 def test_the_blocks_of_a_page_run_one_after_the_other(page, reader):
     names = {"__name__": "page"}
@@ -236,7 +235,6 @@ def test_the_output_has_its_short_option_in_every_command():
     assert len(outputs) > 20 and all("-o" in opts for opts in outputs)
 
 
-@pytest.mark.usefixtures("figures_undrawn")
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in EXAMPLES_NOT_RUN])
 def test_the_examples_of_a_help_page_run(name, reader, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(reader / "data"))

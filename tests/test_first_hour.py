@@ -7,8 +7,6 @@ from spectrabox.session.pipeline import stages_in_order
 
 from tests.session_runs import call
 
-pytestmark = pytest.mark.usefixtures("figures_undrawn")
-
 
 @pytest.mark.parametrize("command", ["check", "run", "status"])
 def test_the_session_file_in_place_of_its_folder_is_answered_with_the_folder(captured, command):

@@ -19,8 +19,6 @@ from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal
 
 from tests.session_runs import silent
 
-pytestmark = pytest.mark.usefixtures("figures_undrawn")
-
 TIMES, FEW = 20, 6
 
 

@@ -14,7 +14,6 @@ FILES = ("report.html", "spectra.csv", "spectra.csv-metadata.json", "materials.x
          "materials.csv", "comparison.exr", "comparison.png")
 
 
-pytestmark = pytest.mark.usefixtures("figures_undrawn")
 
 
 @pytest.fixture(scope="module")

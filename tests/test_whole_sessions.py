@@ -63,7 +63,6 @@ def answer_of(*words):
     return json.loads(result.stdout)
 
 
-@pytest.mark.usefixtures("figures_undrawn")
 @pytest.mark.parametrize("name", SESSIONS)
 def test_a_session(name, hold, tmp_path):
     folder = SESSIONS[name](tmp_path / "session")
@@ -75,7 +74,6 @@ def test_a_session(name, hold, tmp_path):
         assert config.flat or (folder / f"comparison {view.name}.exr").is_file()
 
 
-@pytest.mark.usefixtures("figures_undrawn")
 def test_the_demo(captured, hold):
     hold("demo", table_of(captured, answer_of("run", captured)))
 

@@ -1,0 +1,111 @@
+"""From photo to verdict there is one way: a session and the library enter the same functions and
+find the same spectra and verdicts. What a session does besides lays out its report and its answer.
+"""
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flat_example import HEAD, PAINTS, picture, rect_of, write_flat
+from test_both_doors import command, entered
+
+import spectrabox as sb
+from spectrabox.fixtures import lamp
+from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.fixtures.paints import NM
+from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+
+# rooms of pictures and words: a session draws its photos and says what it found
+LAYOUT = ("capture/photo/image_files.py", "capture/photo/preview.py", "capture/photo/metadata.py",
+          "measure/words.py", "measure/plot_style.py", "measure/surfaces/metamers.py")
+NAMED = {"chart_overlay", "_resized", "held_out_facts", "held_out_sentence", "poor_patches",
+         "light_facts", "posterior_facts", "headline", "doubts", "passed", "sentence", "band_width",
+         "write_picture", "label", "spectrum", "_reason", "_level", "_brighter", "_beyond_chance",
+         "view_inputs", "worst_entry", "median_surface_error", "chart_residuals", "reasons"}
+ARGUMENTS = {"photo_orientation", "raw_orientation"}    # which session.toml states
+GEL = 1 / (1 + np.exp((NM - 570) / 12))
+WARM = NM**-5.0 / np.expm1(1.438777e7 / NM / 2856)
+
+
+def take(folder, name, power):
+    """A photo of the same paints and chart in other light."""
+    write_photo(folder / "photos" / f"{name}.dng", picture(power=power), Fraction(1, 30),
+                np.random.default_rng(11))
+    return folder / "photos" / f"{name}.dng"
+
+
+def of_gel(folder):
+    photo, file = take(folder, "gel", lamp.radiance(NM) * GEL), folder / "spectra" / "gel.csv"
+    file.write_text(table_text(NM, {"value": GEL}, quantity=Quantity.RELATIVE, source="gel"))
+    return ('[views.gel]\nphoto = "photos/gel.dng"\nfilter = "spectra/gel.csv"\n',
+            {"filtered": {photo: file}})
+
+
+def of_second_lamp(folder):
+    photo = take(folder, "warm", WARM)
+    return '[views.warm]\nphoto = "photos/warm.dng"\nlight = "unknown"\n', {
+        "also": {photo: "unknown"}}
+
+
+def of_known_card(folder):
+    file = folder / "spectra" / "white_wall.csv"
+    return '', {"known": {"white_wall": file}}
+
+
+def of_swatches(folder):
+    """Eight paints that were measured, of which each stands for two: enough for a correction."""
+    names = [*PAINTS, *(f"{name}_again" for name in PAINTS)]
+    return "swatches", {"swatches": {name: folder / "spectra" / f"{name.split('_again')[0]}.csv"
+                                     for name in names}}
+
+
+def part_of(name):
+    """One half of a paint, and the other."""
+    x0, y0, x1, y1 = rect_of(name.split("_again")[0])
+    middle = (y0 + y1) // 2
+    return [x0, middle, x1, y1] if name.endswith("_again") else [x0, y0, x1, middle]
+
+
+@pytest.mark.parametrize("more", [lambda folder: ("", {}), of_gel, of_second_lamp, of_known_card,
+                                  of_swatches],
+                         ids=["plain", "gel", "second lamp", "known card", "swatches"])
+def test_a_flat_sample(tmp_path, more):
+    folder = write_flat(tmp_path / "session")
+    views, given = more(folder)
+    names = [*given.get("swatches", PAINTS), *(["grey"] if "swatches" in given else [])]
+    parts = {name: part_of(name) if "swatches" in given else rect_of(name) for name in names
+             if name != "grey"}
+    if "grey" in names:
+        parts["grey"] = rect_of("cube")
+    stated = {name: key for key in ("known", "swatches") for name in given.get(key, {})}
+    (folder / "session.toml").write_text(
+        HEAD.replace("spectra/light.csv", "unknown") + (views if views != "swatches" else "")
+        + "".join(f"[regions.{name}]\nrect = {list(parts[name])}\n"
+                  + (f'{stated[name].removesuffix("es")} = '
+                     f'"spectra/{name.split("_again")[0]}.csv"\n' if name in stated else "")
+                  for name in parts), encoding="utf-8")
+    def library():
+        return sb.flat(folder / "photos" / "sample.dng", parts, draws=1000, **given)
+
+    library(), command("run", folder)       # so that what is loaded once is loaded
+    by_library, result = entered(library)
+    by_session, said = entered(lambda: command("run", folder, "--force"))
+    assert_one_way(by_library, by_session)
+    assert result.verdict == said["verdict"] and result.reasons[0] in said["says"]
+    for region in said["regions"]:
+        if region["known"]:
+            continue
+        every = result[region["name"]]
+        np.testing.assert_array_equal(every.mean[::5], region["mean"])
+        np.testing.assert_array_equal(every.band(0.95)[0][::5], region["lower"])
+    again = sb.Session(folder)
+    assert again.verdict == result.verdict
+    np.testing.assert_array_equal(again[names[-1]].mean if names[-1] not in stated else 0,
+                                  result[names[-1]].mean if names[-1] not in stated else 0)
+
+
+def assert_one_way(by_library, by_session):
+    """No function is the library's alone, and those of a session alone lay out what it found."""
+    assert not {(path, name) for path, name in by_library - by_session if name not in ARGUMENTS}
+    assert not {(path, name) for path, name in by_session - by_library
+                if path not in LAYOUT and name not in NAMED}
