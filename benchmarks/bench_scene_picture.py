@@ -40,6 +40,7 @@ from spectrabox.fixtures.demos.painted_box import (
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
+from spectrabox.measure.steps import scene_picture
 from spectrabox.radiometry.grid import FINE_GRID as FINE
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
 from spectrabox.radiometry.response import relative_response
@@ -47,7 +48,6 @@ from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pictures import scene_stage
 from spectrabox.session.pipeline import run_stages
 
 NM_10 = np.arange(400, 701, 10)
@@ -147,7 +147,7 @@ def flat_scores(folder: Path, finished: Any, pixels: LitPhoto, some: np.ndarray,
     signals = np.clip(signals, 1e-4, 1)
     kind = 0 if rows.light is None else int(np.bincount(rows.light[some]).argmax())
     covariance = noise[:, :, None] * np.eye(3) + pixels.errors.by_curves(signals, kind)
-    calibration = finished.records.calibrations(read_session(folder))[0]
+    calibration = next(iter(finished.records.calibrate.calibrations.values()))
     response = relative_response(calibration, FINE) @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
     made = uplift_signals(pixels.errors.prior, response, signals, covariance)
     at = np.searchsorted(PRIOR_GRID.nm, NM_10)
@@ -166,7 +166,7 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
     write_session(folder, kind, size, spp, seed)
     truth = painted_truth(patterns_of(kind, seed), size)
     lit: list[LitPhoto] = []
-    found = scene_stage.converge_light
+    found = scene_picture.converge_light
 
     def noted(*given: Any) -> Any:
         """The light; but the first masks no highlights: all lights are scored by the same pixels.
@@ -178,7 +178,7 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
         return made
 
     answers = {}
-    scene_stage.converge_light = noted     # type: ignore[assignment]
+    scene_picture.converge_light = noted     # type: ignore[assignment]
     try:
         for light in ("as found", "as grey", "direct only"):
             if light == "as grey":
@@ -200,7 +200,7 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
                 flat = flat_scores(folder, finished, lit[0], np.flatnonzero(seen), truth[seen],
                                    seed)
     finally:
-        scene_stage.converge_light, scene_light.illumination = found, illumination
+        scene_picture.converge_light, scene_light.illumination = found, illumination
         scene_light.PENUMBRA_ERROR = PENUMBRA_ERROR
     print(f"{kind}: without a spectrum {1 - reasons[0]:.1%}; changes of the light by rounds "
           f"{np.round(rounds, 4).tolist()}", file=sys.stderr)
