@@ -16,9 +16,9 @@ from spectrabox.api.inputs import (
     FilterLike,
     KnownSpectrum,
     LightLike,
-    as_chart,
     as_filter,
     as_light,
+    as_lit_chart,
     as_reflectance,
     families_of,
     folder_for_pictures,
@@ -34,7 +34,6 @@ from spectrabox.measure.captured import (
     ONE_PHOTO,
     Development,
     FlatCapture,
-    LitChart,
     Outline,
     PhotoFiles,
     Region,
@@ -48,7 +47,6 @@ from spectrabox.measure.verdict.criteria import Verdict
 from spectrabox.measure.verdict.evidence_of_records import flat_evidence, warnings_of
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
@@ -246,15 +244,12 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
     for name in (*(families or {}), *(known or {}), *(truth or {}), *of_material):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
-    chart = as_chart(layout)
     first = _photo_files(photo)
     capture = FlatCapture(
         views=_views(first, as_light(light), str(light), chart_photo, filtered or {}, also or {}),
         regions=_regions(regions, surfaces_of(surface, regions, "region"), families or {},
                          known or {}, truth or {}, of_material),
-        chart=LitChart(chart, reference_reflectances(reference, chart, FINE_GRID),
-                       np.zeros(len(chart.names), bool),
-                       None if corners is None else np.asarray(corners, float)),
+        chart=as_lit_chart(layout, reference, corners),
         development=Development(
             flat_fields={} if flat_field is None else {ONE_PHOTO: as_input_file(flat_field)},
             orientation=photo.orientation if isinstance(photo, Photo)

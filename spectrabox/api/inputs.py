@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.measure.captured import LitChart
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
@@ -172,6 +174,16 @@ def as_chart(layout: str | Path | Chart | None) -> Chart:
     if isinstance(layout, Chart):
         return layout
     return CLASSIC if layout is None else chart_layout(str(layout))
+
+
+def as_lit_chart(layout: str | Path | Chart | None, reference: str | None,
+                 corners: ArrayLike | None = None) -> LitChart:
+    """A chart with its reflectances, published or of a file, and its corners where they are given.
+    """
+    chart = as_chart(layout)
+    return LitChart(chart, reference_reflectances(reference, chart, FINE_GRID),
+                    np.zeros(len(chart.names), bool),
+                    None if corners is None else np.asarray(corners, float))
 
 
 def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],

@@ -16,6 +16,7 @@ from spectrabox.api.inputs import (
     KnownSpectrum,
     LightLike,
     as_curves,
+    as_lit_chart,
     as_reflectance,
     as_spectrum,
     families_of,
@@ -31,7 +32,9 @@ from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.photo.orientation import AS_READ
 from spectrabox.measure.captured import (
     ONE_PHOTO,
+    Development,
     Material,
+    PhotoFiles,
     SceneCapture,
     SceneView,
 )
@@ -42,6 +45,7 @@ from spectrabox.measure.steps.order import InMemory, MemoryKeeper, measure
 from spectrabox.measure.verdict.criteria import Verdict
 from spectrabox.measure.verdict.evidence_of_records import scene_evidence, warnings_of
 from spectrabox.measure.verdict.judge import judge
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -144,9 +148,13 @@ class SceneSpectra(SpectrumEstimates):
 
 
 @one_blas_thread
-def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: CameraLike,
-                      light: LightLike,
+def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: LightLike,
                       materials: Sequence[str] | Mapping[str, KnownSpectrum | None],
+                      camera: CameraLike | None = None,
+                      chart_photo: str | Path | Photo | None = None,
+                      chart_scene: str | Path | None = None,
+                      layout: str | Path | Chart | None = None, reference: str | None = None,
+                      flat_field: str | Path | None = None,
                       families: Mapping[str, str | Sequence[str]] | None = None,
                       surface: str | Mapping[str, str] | None = None,
                       picture: str | Path | None = None, width: int = 96, draws: int = 4000,
@@ -162,12 +170,22 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
         The whole view that the scene's film describes.
     scene : path
         Mitsuba XML: geometry, camera and light in their positions; reflectances are placeholders.
-    camera : CameraEstimate, name, path, Calibration or (nm, curves)
-        One from ``fit_camera(..., chart_scene=...)`` also tells the strength of the light.
     light : path, name, (nm, values) or Spectrum
     materials : sequence of str, or mapping
         Ids of the BSDFs; a mapping gives the reflectance of those that are known: a file, or
         (nm, values), None where it is to be estimated. A known one tells the strength of the light.
+    camera : CameraEstimate, name, path, Calibration or (nm, curves), optional
+        One from ``fit_camera(..., chart_scene=...)`` also tells the strength of the light. Without
+        it the camera is fitted to ``chart_photo``, as in a session.
+    chart_photo : path or Photo, optional
+        The chart under the same light, by the same camera.
+    chart_scene : path, optional
+        Mitsuba XML with the light and a rectangle of id "chart" in their positions: then the chart
+        photo tells the strength of the light too.
+    layout, reference
+        Of the chart, as of `find_chart`.
+    flat_field : path, optional
+        An evenly lit white card: corrects the vignetting of both photos.
     families : mapping, optional
         What a surface is, by material: paint, textile, leaves, skin, white, earth or animal.
     surface : str or mapping, optional
@@ -221,13 +239,25 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
             raise InputError(f"there is no material {name!r}; there are {', '.join(known)}")
     surfaces = surfaces_of(surface, known, "material")
     chosen = Repeatability()
-    opened = photo if isinstance(photo, Photo) else open_photo(photo, orientation=AS_READ)
-    calibration, fit, scale = _calibration(camera, spectrum, opened, chosen)
+    opened = photo if isinstance(photo, Photo) else open_photo(photo, orientation=AS_READ,
+                                                               flat=flat_field)
+    if (camera is None) == (chart_photo is None):
+        raise InputError("the camera is needed: give camera= or the photo of a chart, chart_photo=")
+    kept, scale, chart = {}, None, None
+    chart_files: PhotoFiles = {}
+    if camera is not None:
+        calibration, fit, scale = _calibration(camera, spectrum, opened, chosen)
+        kept["calibrate"] = InMemory(CalibrationRecords({"": calibration}, {}, fit, {}, ()))
+    elif chart_photo is not None:
+        chart_files = {ONE_PHOTO: (as_input_file(chart_photo),)}
+        chart = as_lit_chart(layout, reference)
     capture = SceneCapture(
-        views=(SceneView(name="", photo={ONE_PHOTO: (as_input_file(opened),)}, chart={},
+        views=(SceneView(name="", photo={ONE_PHOTO: (as_input_file(opened),)}, chart=chart_files,
                          light=spectrum, light_words=str(light), scene=read_scene(Path(scene)),
                          scale=scale),),
-        chart=None,
+        chart=chart, chart_scene=None if chart_scene is None else read_scene(Path(chart_scene)),
+        development=Development(flat_fields={} if flat_field is None
+                                else {ONE_PHOTO: as_input_file(flat_field)}),
         materials={name: Material(stated.get(name, ()), surfaces.get(name), reflectance,
                                   bsdf=name) for name, reflectance in known.items()},
         inversion=Inversion(width=width), sampling=Sampling(draws=draws), repeatability=chosen,
@@ -235,7 +265,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, camera: C
     with progress_steps(progress, "scene") as show:
         keeper = MemoryKeeper(
             lambda step, share, message: show(share, message),
-            {"calibrate": InMemory(CalibrationRecords({"": calibration}, {}, fit, {}, ()))},
+            kept,
             None if picture is None else folder_for_pictures(picture))
         return SceneSpectra(capture, measure(capture, keeper, device=device))
 
