@@ -34,7 +34,8 @@ from spectrabox.reconstruct.scene.scene_file import require_same_shape
 from spectrabox.session.config.captured_session import capture_with_faults
 from spectrabox.session.config.session_file import missing_files, try_read_session
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.pipeline import run_stages, stage_names, stage_states
+from spectrabox.session.kept_stages import stage_names, stage_states
+from spectrabox.session.pipeline import run_stages
 from spectrabox.session.store.store import load_stage
 
 LONG_STAGES = ("reconstruct", "sample")     # the first of them that a session has is not run

@@ -13,7 +13,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Progress
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.pipeline import load_finished, stage_states
+from spectrabox.session.kept_stages import load_finished, stage_states
 
 
 def rehearse(config: SessionConfig, times: int, seed: int, device: str,

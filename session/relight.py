@@ -8,7 +8,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import sensitivities as named_observer
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.kept_stages import FinishedRun
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 

@@ -18,7 +18,7 @@ from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectan
 from spectrabox.sampling.spline_measurement import response_on
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, stage_states
+from spectrabox.session.kept_stages import load_finished, stage_states
 
 from tests.session_runs import edit, run
 

@@ -15,7 +15,8 @@ from spectrabox.reconstruct.tracer import transport
 from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import run_stages, stage_states
+from spectrabox.session.kept_stages import stage_states
+from spectrabox.session.pipeline import run_stages
 
 
 def rewrite_box(folder, change=lambda mosaic, frame: None, black_added=0, **stated):

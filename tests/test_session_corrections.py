@@ -20,7 +20,8 @@ from spectrabox.radiometry.error_model import DRIFT, LAMP_AT_CHART, REPEATABILIT
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, run_stages
+from spectrabox.session.kept_stages import load_finished
+from spectrabox.session.pipeline import run_stages
 from spectrabox.session.stages.reconstruct_stage import scale_of_view
 
 pytestmark = pytest.mark.usefixtures("light_as_stated")

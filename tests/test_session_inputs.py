@@ -14,7 +14,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import UnknownLight
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import stage_states
+from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.store import keys as keys_module
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.input_roles import input_files

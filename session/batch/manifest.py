@@ -17,8 +17,8 @@ from spectrabox.radiometry.files import sha256_of, write_text_whole
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import STAGE
-from spectrabox.session.pipeline import stage_names
 from spectrabox.session.store.input_roles import input_files
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint, load_stage

@@ -35,7 +35,7 @@ from spectrabox.radiometry.profiles.icc_profile import SPACES
 from spectrabox.radiometry.profiles.profile_files import write_profile
 from spectrabox.radiometry.response import relative_response
 from spectrabox.session.config.session_schema import SessionConfig
-from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
 
 PHOTO, PAGE = "photo.tif", "archive.html"

@@ -56,8 +56,8 @@ def relight(request: RelightRequest) -> Answer:
     from spectrabox.capture.photo.image_files import write_exr, write_png
     from spectrabox.session.box.scenes import read_session_scene
     from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import require_results
-    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     from spectrabox.session.relight import OBSERVER
     from spectrabox.session.relight import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
@@ -109,8 +109,8 @@ def colour(request: ColourRequest) -> Answer:
     """
     from spectrabox.session.colour.colour_outputs import write_colour
     from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import require_results
-    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     from spectrabox.session.store.locks import outputs_writer
     config = read_session(request.folder, request.allow_outside)
     finished = load_finished(config)
@@ -141,7 +141,7 @@ def draws(request: DrawsRequest) -> Answer:
     from spectrabox.session.store.draws_files import FORMS, stored_draws, write_draws
     check_ending(request.out, FORMS)
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
+    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     config = read_session(request.folder, request.allow_outside)
     drawn = stored_draws(load_finished(config).records.sample, request.step, request.count)
     stale = warn_of_stale_stages(config, tell)

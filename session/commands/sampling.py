@@ -190,7 +190,7 @@ def match(request: MatchRequest) -> Answer:
     from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import load_finished
+    from spectrabox.session.kept_stages import load_finished
     config = read_session(request.folder, request.allow_outside)
     signals = load_finished(config).records.signals
     unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]

@@ -1,10 +1,11 @@
 """Commands that work on a session folder, and the demo and doctor."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,6 +23,11 @@ from spectrabox.session.terminal.command_line import (
     command,
     tell,
 )
+
+if TYPE_CHECKING:
+    from spectrabox.session.config.session_schema import SessionConfig
+    from spectrabox.session.kept_stages import FinishedRun
+    from spectrabox.session.terminal.progress_display import StageProgress
 
 STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
 
@@ -141,7 +147,7 @@ def run(request: RunRequest) -> Answer:
 def status(request: SessionOptions) -> Answer:
     """Show which stages are done, which are out of date, and why."""
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import stage_states
+    from spectrabox.session.kept_stages import stage_states
     states = stage_states(read_session(request.folder, request.allow_outside))
     lines = [f"{state.name:<12} {state.state:<10} "
              + (f"{state.seconds:.1f} s" if state.state == "done" and state.seconds is not None
@@ -229,8 +235,8 @@ class ReportRequest(SessionOptions):
 def report(request: ReportRequest) -> Answer:
     """Rebuild report.html and report.json from stored results."""
     from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
-    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     config = read_session(request.folder, request.allow_outside)
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
@@ -273,13 +279,13 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
         The command as the operator could type it again, for the report; that of ``run`` by default.
     """
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.outputs.run_outputs import outputs_of_run
-    from spectrabox.session.pipeline import (
+    from spectrabox.session.kept_stages import (
+        kept_run,
         load_finished,
-        run_stages,
         stage_names,
         stages_in_order,
     )
+    from spectrabox.session.outputs.run_outputs import outputs_of_run
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 
@@ -297,9 +303,9 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
     with only_writer(config.folder, " ".join(words[:2])), \
             progress_display(request.quiet) as show:
         progress = with_time_left(show)
-        for stage in wanted:
-            finished = run_stages(config, device=request.device, only=stage, force=request.force,
-                                  progress=progress, before=after)
+        all_of_them = wanted == [None] and after is None and not request.force
+        kept = kept_run(config, progress) if all_of_them else None
+        finished = kept or _finished_run(config, request, wanted, after, progress)
         if wanted[-1] not in (None, "sample") or after is not None:
             seconds = {stage: finished.stored[stage].seconds
                        for stage in (wanted if after is None else finished.stored) if stage}
@@ -313,3 +319,13 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
         finished = load_finished(config) if request.only is not None else finished
         outputs = outputs_of_run(config, finished, words, request.device, progress)
     return Answer(outputs.facts, outputs.text)
+
+
+def _finished_run(config: SessionConfig, request: RunRequest, wanted: Sequence[str | None],
+                  before: str | None, progress: StageProgress) -> FinishedRun:
+    """Run each stage that is wanted, None being all; what makes them is loaded only here."""
+    from spectrabox.session.pipeline import run_stages
+    for stage in wanted:
+        finished = run_stages(config, device=request.device, only=stage, force=request.force,
+                              progress=progress, before=before)
+    return finished

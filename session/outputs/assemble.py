@@ -14,9 +14,9 @@ from spectrabox.measure.verdict.evidence_of_records import (
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.results import FlatResults, SceneResults, SessionResults
 from spectrabox.session.pictures.picture_results import picture_of
-from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.input_roles import input_roles
 from spectrabox.session.store.rehearsals import stored_rehearsal

@@ -6,10 +6,10 @@ from typing import Any
 
 from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.assemble import assemble
 from spectrabox.session.outputs.facts import run_facts, run_text
 from spectrabox.session.outputs.results import SceneResults
-from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.store.program import provenance
 from spectrabox.session.store.surface_files import write_surface_files

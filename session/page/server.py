@@ -37,6 +37,7 @@ from spectrabox.session.flat.new_session import (
     folder_beside,
     session_of,
 )
+from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.page.access import Access, Receive, RedirectFile, Scope, Send
 from spectrabox.session.page.live import LiveSample
 from spectrabox.session.page.marks import (
@@ -49,7 +50,6 @@ from spectrabox.session.page.marks import (
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
-from spectrabox.session.pipeline import stage_states
 
 HERE = Path(__file__).parent / "static"
 HOST = "127.0.0.1"

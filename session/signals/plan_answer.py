@@ -35,7 +35,7 @@ from spectrabox.sampling.further.planner import PlannedStep
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import PlanRequest
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
     numbers,

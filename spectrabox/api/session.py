@@ -13,8 +13,9 @@ from spectrabox.measure.captured import FlatCapture
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.outputs.run_outputs import outputs_of_run
-from spectrabox.session.pipeline import load_finished, run_stages
+from spectrabox.session.pipeline import run_stages
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.store.rehearsals import stored_rehearsal
 
