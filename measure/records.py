@@ -9,8 +9,7 @@ from typing import Annotated, Protocol, TypeVar
 import numpy as np
 
 from spectrabox.capture.photo.registration_record import Registration
-from spectrabox.measure.captured import Capture, View
-from spectrabox.radiometry.light_scale import drift_between
+from spectrabox.measure.captured import View
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
     Calibration,
@@ -208,16 +207,6 @@ class CaptureRecords:
         of_signals = self.flat.notes if "signals" in self._kept else ()
         return [*dict.fromkeys((*self.chart.notes, *self.photo.notes, *self.calibrate.notes,
                                 *of_signals))]
-
-    def drift(self, capture: Capture) -> LightDrift | None:
-        """Change of the light between the first chart photo and object photo, where both show
-        references.
-        """
-        references = self.chart.references, self.photo.references
-        if references[0] is None or references[1] is None:
-            return None
-        return drift_between(self.chart.charts[""].thumbnail, references[0], self.photo.photos[""],
-                             references[1], capture.drift.relative_error)
 
     def calibrations(self, views: tuple[View, ...]) -> list[Calibration]:
         """The calibration of every view, in their order."""

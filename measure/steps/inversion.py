@@ -11,6 +11,7 @@ from spectrabox.measure.records import CaptureRecords, ReconstructionRecords
 from spectrabox.measure.scene.draws import require_one_transport
 from spectrabox.measure.scene.light_strength import learnt_spectra, scale_from_prior
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
+from spectrabox.measure.steps.drift import drift_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import (
@@ -55,7 +56,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     work : Work
     """
     start_mitsuba(work.device)
-    drift = records.drift(capture)
+    drift = drift_of(capture, records)
     views = views_of(capture, records, drift)
     _require_picture(capture, views)
     settings = settings_of(capture)
@@ -114,7 +115,7 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
     InputError
     """
     start_mitsuba(device)
-    views = views_of(capture, records, records.drift(capture))
+    views = views_of(capture, records, drift_of(capture, records))
     _require_picture(capture, views)
     settings, _ = settings_for(views, settings_of(capture))
     if capture.sampling.through == "transport":

@@ -16,6 +16,7 @@ from spectrabox.measure.regions.white import (
     light_map,
     white_at_regions,
 )
+from spectrabox.measure.steps.drift import drift_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
 
@@ -94,7 +95,7 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart == view.photo, chart.detection.corners_px, layout,
             records.calibrate.whites[with_chart.name], calibration,
-            None if view.name else records.drift(capture), view.lamp,
+            None if view.name else drift_of(capture, records), view.lamp,
             clipped_bands(chart.samples, layout.neutrals)))
     return photos
 
