@@ -1,19 +1,46 @@
 """Sessions of several photos: whose chart, whose drift, and what a drift of colour adds."""
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from calibrate_cameras import (
+    GRID,
+    cameras,
+    daylight,
+    on_grid,
+    prior,
+    reflectances,
+    samples,
+    signals,
+)
+from small_captures import (
+    chart_records,
+    measured_chart,
+    photo_records,
+    records_of,
+    scene_capture,
+    scene_view,
+    work,
+)
 from test_error_budget import calibration, curves_and_covariance, joint
 
+from spectrabox.measure.captured import Sensitivity
+from spectrabox.measure.records import CalibrationRecords
 from spectrabox.measure.scene import photo_errors as scene_errors
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_signals
-from spectrabox.measure.surfaces.surface_spectra import resample_summary
-from spectrabox.radiometry.chart import CLASSIC
-from spectrabox.radiometry.error_model import drift_covariance
+from spectrabox.measure.steps import calibration as calibration_step
+from spectrabox.measure.steps import inversion
+from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
+from spectrabox.measure.surface_spectra import resample_summary
+from spectrabox.radiometry.error_model import DRIFT, drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import LightDrift, LightScale, SpectrumSummary, StrayLight
-from spectrabox.session.stages import calibrate_stage, reconstruct_stage
+from spectrabox.radiometry.records import (
+    LightDrift,
+    LightScale,
+    Quantity,
+    Spectrum,
+    SpectrumSummary,
+    StrayLight,
+)
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
 COLOUR = np.array([0.02, 0.0, -0.03])
@@ -23,105 +50,81 @@ def drift(changed):
     return LightDrift(1.1 * (1 + COLOUR), np.full(3, 1e-3), 1.1, 1e-3, COLOUR, changed, "warmer")
 
 
-def views(*names):
-    return [SimpleNamespace(name=name, title=name, light="lamp", scene="box.xml", lights_by_id={},
-                            turn_deg=0.0, spectrum_stated=True, same_light=lambda other: True)
-            for name in names]
+@pytest.fixture
+def even_light(monkeypatch):
+    """Chart scenes that need not be rendered: one irradiance for all patches, exactly known."""
+    monkeypatch.setattr(calibration_step, "_irradiance", lambda *_: np.full(24, np.pi))
+    monkeypatch.setattr(calibration_step, "_with_lamp_error", lambda _, calibrations: calibrations)
+
+
+def lit_charts(views, reflectances, strengths):
+    """Records of charts that a camera saw under a lamp of these strengths."""
+    camera = on_grid(cameras(1, 3)[0])
+    return records_of(
+        chart=chart_records({view.name: measured_chart(samples(
+            strengths[view.name] * 1e-3 * signals(camera, daylight(), reflectances), 1e-3))
+            for view in views if view.chart}),
+        photo=photo_records(*(view.name for view in views)))
+
+
+def views_of_charts(*with_chart):
+    """Four photos under one lamp, those of these numbers with a chart."""
+    lamp = Spectrum(GRID, daylight(), Quantity.RELATIVE, "lamp")
+    return [scene_view(name, chart=f"chart-{name}.dng" if number in with_chart else None,
+                       light=lamp)
+            for number, name in enumerate(("", "second", "third", "fourth"))]
 
 
 @pytest.mark.parametrize("with_chart", [(0, 1, 2), (0, 2), (0, 1, 3), (0, 2, 3)])
-def test_every_photo_has_the_light_scale_of_its_own_chart(monkeypatch, with_chart):
-    camera = calibration(np.ones(61), COEFFICIENTS, COVARIANCE)
-    every = views("", "second", "third", "fourth")
-    scales = {number: 10.0 + number for number in with_chart}
-    charts = {}
-    for number, view in enumerate(every):
-        view.chart = number in with_chart
-        if view.chart:
-            charts[view.name] = SimpleNamespace(samples=number, thumbnail=None)
-
-    def calibrated(photos, *_):
-        # charts in the order of the photos that were given, each by what it shows
-        states = [SimpleNamespace(light_scale=LightScale(scales[photo.samples], 0.1, None,
-                                                         "chart photo"), white=None)
-                  for photo in photos]
-        return SimpleNamespace(calibration=dataclasses.replace(
-            camera, light_scale=states[0].light_scale),
-            prior_fit=SimpleNamespace(photos=states, sensitivity=camera.sensitivity))
-
-    for name, replacement in (
-            ("read_light_of", lambda *_: camera.light), ("calibrate_chart", calibrated),
-            ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
-            ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
-            ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),
-            ("_with_lamp_error", lambda _, calibrations: calibrations),
-            ("_uneven_notes", lambda *_: ()), ("band_names", lambda *_: ()),
-            ("_chart_photo", lambda _, view, chart, irradiance, *rest: SimpleNamespace(
-                samples=chart.samples, irradiance=irradiance, reflectances=None))):
-        monkeypatch.setattr(calibrate_stage, name, replacement)
-    config = SimpleNamespace(
-        all_views=every, views_with_chart=[view for view in every if view.chart], flat=False,
-        sensitivity=SimpleNamespace(from_chart=True, method=None, prior=None, coefficients=None))
-    records = calibrate_stage.calibrate_views(SimpleNamespace(
-        config=config, records=SimpleNamespace(chart=SimpleNamespace(charts=charts),
-                                               photo=SimpleNamespace(bands=())), device="cpu",
-        progress=lambda *_: None))
-    for number, view in enumerate(every):
-        found = records.calibrations[view.name].light_scale.value
+def test_every_photo_has_the_light_scale_of_its_own_chart(even_light, with_chart):
+    views, surfaces = views_of_charts(*with_chart), reflectances()
+    strengths = {view.name: 1.0 + 0.1 * number for number, view in enumerate(views)}
+    records = calibration_step.calibrate_views(
+        scene_capture(*views, reflectances=surfaces, sensitivity=Sensitivity(prior=prior())),
+        lit_charts(views, surfaces, strengths), work())
+    scales = {name: each.light_scale.value for name, each in records.calibrations.items()}
+    for number, view in enumerate(views):
         # without a chart of its own, under the first photo's light: that of the first
-        assert found == scales.get(number, scales[0]), view.name
+        own = strengths[view.name] if number in with_chart else 1.0
+        # patches are known to a thousandth; scales differ by a tenth
+        assert scales[view.name] / scales[""] == pytest.approx(own, rel=2e-3), view.name
 
 
-def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(monkeypatch):
-    camera = calibration(np.ones(61), COEFFICIENTS, COVARIANCE)
-    soiled, excluded = np.arange(24) == 3, []
-    first, second = views("", "second")
-    for view in (first, second):
-        view.chart = True
+def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(even_light):
+    views, surfaces, soiled = views_of_charts(0, 1)[:2], reflectances(), np.arange(24) == 3
+    seen = np.where(soiled[:, None], 0.3, 1.0) * surfaces
 
-    def calibrated(photos, *_):
-        excluded.extend(photo.excluded for photo in photos)
-        return SimpleNamespace(calibration=camera, prior_fit=None, scale=camera.light_scale)
+    def scales(surfaces_seen, excluded):
+        made = calibration_step.calibrate_views(
+            scene_capture(*views, reflectances=surfaces, excluded=excluded,
+                          sensitivity=Sensitivity(method="smooth")),
+            lit_charts(views, surfaces_seen, {"": 1.0, "second": 1.1}), work())
+        return [made.calibrations[view.name].light_scale.value for view in views]
 
-    for name, replacement in (
-            ("read_light_of", lambda *_: camera.light), ("calibrate_chart", calibrated),
-            ("_irradiance", lambda *_: np.ones(24)), ("_chart_fit", lambda *_: None),
-            ("held_out_patches", lambda *_: None), ("chart_level_notes", lambda *_: ()),
-            ("session_chart", lambda _: CLASSIC), ("require_curves_of_bands", lambda _: None),
-            ("_with_lamp_error", lambda _, calibrations: calibrations),
-            ("_uneven_notes", lambda *_: ()), ("band_names", lambda *_: ()),
-            ("excluded_patches", lambda _: soiled),
-            ("read_chart_reference", lambda _: None),
-            ("ChartPhoto", lambda _, reference, light, irradiance, excluded, *rest:
-             SimpleNamespace(irradiance=irradiance, excluded=excluded, reflectances=None))):
-        monkeypatch.setattr(calibrate_stage, name, replacement)
-    chart = SimpleNamespace(samples=None, thumbnail=None)
-    records = SimpleNamespace(chart=SimpleNamespace(charts={"": chart, "second": chart}),
-                              photo=SimpleNamespace(bands=()))
-    config = SimpleNamespace(
-        all_views=[first, second], views_with_chart=[first, second], flat=False,
-        sensitivity=SimpleNamespace(from_chart=True, method="smooth", prior=None, coefficients=10))
-    calibrate_stage.calibrate_views(SimpleNamespace(
-        config=config, records=records, device="cpu", progress=lambda *_: None))
-    assert len(excluded) == 2 and all(each is soiled for each in excluded)
+    clean, without = scales(surfaces, soiled), scales(seen, soiled)
+    assert without == clean
+    assert all(abs(one / other - 1) > 1e-3
+               for one, other in zip(scales(seen, ~soiled & soiled), clean, strict=True))
 
 
 def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(monkeypatch):
-    drifts = {}
-    camera = calibration(np.ones(61), COEFFICIENTS, COVARIANCE)
-
-    def scale(config, view, photo, calibrated, stored, drift):
-        drifts[view.name] = drift
-    photo = SimpleNamespace(signal=np.ones((4, 5, 3)))
-    for name, replacement in (
-            ("scale_of_view", scale), ("View", lambda *_: None), ("read_materials", lambda *_: ()),
-            ("band_names", lambda *_: ("R", "G", "B")), ("read_session_scene", lambda *_: None)):
-        monkeypatch.setattr(reconstruct_stage, name, replacement)
-    measured, names = drift(True), ("", "second", "third")
-    records = SimpleNamespace(photo=SimpleNamespace(photos=dict.fromkeys(names, photo), bands=()),
-                              calibrations=lambda _: [camera] * 3)
-    reconstruct_stage.views_of(SimpleNamespace(all_views=views(*names)), records, measured)
-    assert drifts == {"": measured, "second": None, "third": None}
+    """Of photos that each have a chart of their own, under one light."""
+    monkeypatch.setattr(inversion, "View", lambda *given: given)
+    monkeypatch.setattr(inversion, "materials_of", lambda *_: ())
+    names, measured = ("", "second", "third"), drift(True)
+    views = [scene_view(name, chart=f"chart-{name}.dng") for name in names]
+    camera = dataclasses.replace(calibration(np.ones(61), COEFFICIENTS, COVARIANCE),
+                                 light_scale=LightScale(5.0, 0.1, None, "chart photo"))
+    records = records_of(
+        chart=chart_records(dict.fromkeys(names, measured_chart())), photo=photo_records(*names),
+        calibrate=CalibrationRecords(dict.fromkeys(names, camera), {}, None, {}, ()))
+    scales = {title: scale for title, *_, scale, _ in inversion.views_of(
+        scene_capture(*views), records, measured)}
+    drifted = {title for title, scale in scales.items()
+               if DRIFT in [error.cause for error in scale.common_errors]}
+    assert drifted == {"photo"}
+    # 10 % brighter in the photo than on its chart
+    assert scales["photo"].value == pytest.approx(1.1 * scales["second"].value)
 
 
 @pytest.mark.parametrize("changed", [True, False])
