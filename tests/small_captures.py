@@ -1,5 +1,4 @@
 """Captures and records of a few fields, for tests of single steps."""
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,8 @@ from spectrabox.measure.captured import (
     SceneCapture,
     SceneView,
 )
-from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.steps.order import InMemory
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import CLASSIC
@@ -26,7 +25,7 @@ def photo_of(name):
     return {ONE_PHOTO: (InputFile(name, Path(name)),)}
 
 
-def image(signal=None, exposure_s=float(Fraction(1, 60))):
+def image(signal=None, exposure_s=1 / 60):
     """A photo of a few pixels, of no noise and nothing clipped."""
     signal = np.full((4, 5, 3), 0.4) if signal is None else signal
     return LinearImage(signal, 1e-8 * np.ones(signal.shape), np.zeros(signal.shape, bool), 1.0,

@@ -7,27 +7,36 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small_captures import (
+    chart_records,
+    image,
+    measured_chart,
+    records_of,
+    scene_capture,
+    scene_view,
+)
 from test_posterior_laws import SMOOTH, mixture_of
-from test_session_laws import drift, views
+from test_session_laws import drift
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure.chart_check import patches_without
+from spectrabox.measure.options import Repeatability, StrayLight
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
-from spectrabox.measure.regions.white import PhotoWhite
-from spectrabox.measure.surfaces.surface_spectra import score
+from spectrabox.measure.pictures.spectra_files import PictureLayout
+from spectrabox.measure.pictures.texture_files import write_textures
+from spectrabox.measure.steps import inversion
+from spectrabox.measure.surface_spectra import score
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.measure.verdict.judge import _clipped
-from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL
+from spectrabox.measure.white import PhotoWhite
+from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
 from spectrabox.radiometry.records import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.session.pictures.spectra_files import PictureLayout
-from spectrabox.session.pictures.texture_files import write_textures
-from spectrabox.session.stages import reconstruct_stage
 
 SIGMAS = 3.9
 CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 35) ** 2)
@@ -37,45 +46,42 @@ CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) 
 
 def test_glare_as_stated_and_as_the_chart_shows_are_independent():
     shown = np.array([0.0, 0.004, 0.0225])
-    records = SimpleNamespace(calibrate=SimpleNamespace(chart=SimpleNamespace(glare=shown)))
-    config = SimpleNamespace(stray_light=SimpleNamespace(glare=0.003))
-    found = reconstruct_stage.glare_error(config, records)
+    records = records_of(calibrate=SimpleNamespace(chart=SimpleNamespace(glare=shown)))
+    capture = scene_capture(stray_light=StrayLight(glare=0.003))
+    found = inversion.glare_error(capture, records)
     np.testing.assert_allclose(found**2, 0.003**2 + shown**2)
 
 
 def test_a_photo_without_a_chart_takes_that_under_its_own_light():
-    first, same, other, own = views("", "same", "other", "own")
-    first.chart, same.chart, other.chart, own.chart = "chart", None, None, "its chart"
-    other.same_light = own.same_light = lambda _: False
-    config = SimpleNamespace(all_views=(first, same, other, own))
-    found = [reconstruct_stage.view_of_chart(config, view) for view in config.all_views]
-    assert found == [first, first, None, own]
+    views = (scene_view(chart="chart.dng"), scene_view("same"), scene_view("other", lamp="other"),
+             scene_view("own", chart="own.dng", lamp="own"))
+    capture = scene_capture(*views)
+    first, _, _, own = views
+    assert [inversion.view_of_chart(capture, view) for view in views] == [first, first, None, own]
 
 
 @pytest.mark.parametrize("photo, measured, causes", [
     ("chart.dng", False, ()), ("box.dng", False, (REPEATABILITY,)), ("box.dng", True, ())])
-def test_light_and_shutter_repeat_from_photo_to_photo_alone(monkeypatch, photo, measured, causes):
+def test_light_and_shutter_repeat_from_photo_to_photo_alone(photo, measured, causes):
     """A photo of chart and box in one has nothing to repeat, and a measured drift says it all."""
-    scale = LightScale(5.0, 0.1, None, "chart photo")
-    charts = {"": SimpleNamespace(thumbnail=None)}
-    told = []       # whether exposure and lamp are measured: then nothing is said of their rounding
-    monkeypatch.setattr(reconstruct_stage, "scale_for_photo",
-                        lambda found, before, after, known: told.append(known) or found)
-    view = SimpleNamespace(chart="chart", chart_files=("chart.dng",), photo_files=(photo,),
-                           light="lamp", name="")
-    config = SimpleNamespace(all_views=(view,), scale=SimpleNamespace(source="chart"),
-                             repeatability=SimpleNamespace(relative_error=0.02, scene_level=0.03))
-    found = reconstruct_stage.scale_of_view(config, view, None, SimpleNamespace(light_scale=scale),
-                                            SimpleNamespace(chart=SimpleNamespace(charts=charts)),
-                                            drift(False) if measured else None)
-    stated = [(error.cause, error.relative) for error in found.common_errors]
+    calibrated = SimpleNamespace(light_scale=LightScale(5.0, 0.1, None, "chart photo"))
+    shown = image(exposure_s=1 / 50)        # as cameras round it: the chart's is 1/60
+    records = records_of(chart=chart_records({"": measured_chart(thumbnail=image())}))
+    view = scene_view(photo=photo, chart="chart.dng")
+    stated = Repeatability(light=0.012, shutter=0.016, scene_level=0.03)    # 0.02 together
+    capture = scene_capture(view, repeatability=stated)
+    found = inversion.scale_of_view(capture, view, shown, calibrated, records,
+                                    drift(False) if measured else None)
+    errors = {error.cause: error.relative for error in found.common_errors}
     # where lamp and chart stood is as uncertain in one photo, and nothing measured it
-    assert stated[0] == (SCENE_LEVEL, 0.03)
-    assert [cause for cause, _ in stated if cause == REPEATABILITY] == list(causes)
-    assert told == [measured]
-    assert all(relative == 0.02 for cause, relative in stated if cause == REPEATABILITY)
-    config.scale.source = "material"        # whose known spectrum says how bright the light is
-    assert reconstruct_stage.scale_of_view(config, view, None, None, None, None) is None
+    assert errors[SCENE_LEVEL] == 0.03
+    assert [cause for cause in errors if cause == REPEATABILITY] == list(causes)
+    assert all(errors[cause] == pytest.approx(0.02) for cause in causes)
+    # exposure and lamp are measured by references in both: nothing is said of their rounding
+    assert (ROUNDED_EXPOSURES in errors) == (not measured)
+    # a material whose known spectrum says how bright the light is
+    from_material = scene_capture(view, scale_from_chart=False)
+    assert inversion.scale_of_view(from_material, view, shown, calibrated, records, None) is None
 
 
 def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_picture():
