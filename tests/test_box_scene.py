@@ -12,9 +12,13 @@ from spectrabox.reconstruct.scene.box_scene import box_edges, box_xml, chart_xml
 from spectrabox.reconstruct.scene.box_tables import WALLS, BoxTable
 from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
 from spectrabox.session.box.box_camera import box_camera, corners_in_photo
+from spectrabox.session.box.scenes import read_session_scene
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.session_schema import SessionTables
 from spectrabox.session.config.template import TEMPLATES, template_names
+from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.keys import step_keys
 
 SIZE = (312, 208)
 # the eight inner corners are in view from here
@@ -277,7 +281,6 @@ def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(ca
     names = [name.rsplit("/", 1)[-1] for name in json.loads(answer.output)["files"]]
     assert names == ["scene.xml", "chart-scene.xml", "box.png"]
     shutil.copy(captured / "scene.xml", captured / "scene" / "mine.xml")
-    from spectrabox.session.stages.scenes import read_session_scene
     taken, drawn = read_scene(captured / "scene" / "mine.xml"), read_session_scene(config)
     assert taken.surfaces == drawn.surfaces and set(drawn.surfaces) == {*WALLS, "block"}
     assert (taken.width, taken.height) == (312, 208)
@@ -285,16 +288,17 @@ def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(ca
 
 def test_only_what_a_measure_changes_is_stale(captured):
     """The chart's place is nothing to the photo's scene, and the other way round."""
-    from spectrabox.session.keys import stage_keys
-    from spectrabox.session.store.input_files import InputFiles
-    before = rewritten(captured, **FAR)
+    def keys_of(config):
+        return step_keys(capture_of(config), InputFiles(config))
+
+    one = keys_of(rewritten(captured, **FAR))
     text = (captured / "session.toml").read_text(encoding="utf-8")
 
     def changed(old, new):
         assert old in text
         (captured / "session.toml").write_text(text.replace(old, new), encoding="utf-8")
         config = read_session(captured)
-        one, other = (stage_keys(each, InputFiles(each)) for each in (before, config))
+        other = keys_of(config)
         return {name for name in one if {**one[name], "stages": {}} != {**other[name],
                                                                          "stages": {}}}
     assert changed("at_mm = [90, 170, -360]", "at_mm = [80, 170, -360]") == {"calibrate"}

@@ -5,20 +5,23 @@ import re
 import numpy as np
 import pytest
 from colmap_views import CAMERAS, PLACES, SCALE, as_opencv, pixels, world_to_camera, write_model
+from small_captures import records_of, work
 from test_box_scene import as_toml, template_box
 from typer.testing import CliRunner
 
 from spectrabox.calibrate.geometry.colmap_model import for_photo, read_colmap
 from spectrabox.calibrate.geometry.lens import camera_position
 from spectrabox.calibrate.geometry.model_in_scene import model_in_scene, pose_in_scene
+from spectrabox.measure.steps import scene_picture
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.box.box_camera import box_camera, box_text, corners_in_photo, lens_of_view
+from spectrabox.session.box.scenes import read_session_scene
 from spectrabox.session.cli import app
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.template import TEMPLATES
-from spectrabox.session.pictures import scene_stage
-from spectrabox.session.stages.records import SessionRecords
-from spectrabox.session.stages.stage_task import StageTask
+from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.keys import step_keys
 
 CORNERS = template_box().corner_positions()
 TIES = ("back bottom left", "back bottom right", "back top left", "back top right",
@@ -203,11 +206,10 @@ def test_a_picture_is_undistorted_by_the_lens_of_the_model(captured, monkeypatch
 
     def undistorted(_, lens):
         raise Undistorted(lens.matrix.tolist())
-    monkeypatch.setattr(scene_stage, "undistorted", undistorted)
-    with_model(captured, view="[picture]\n")
-    task = StageTask(read_session(captured), "cpu", SessionRecords({}), captured, lambda *_: None)
+    monkeypatch.setattr(scene_picture, "undistorted", undistorted)
+    capture = capture_of(read_session(with_model(captured, view="[picture]\n")))
     with pytest.raises(Undistorted) as ended:
-        scene_stage.traced_photo(task)
+        scene_picture.traced_photo(capture, records_of(), work(capture))
     np.testing.assert_allclose(ended.value.args[0], as_opencv("OPENCV")[0], atol=1e-9)
 
 
@@ -236,7 +238,6 @@ def test_every_view_may_have_a_camera_of_its_own(captured):
 
 
 def test_a_view_may_have_a_measured_camera_or_one_from_corners(captured):
-    from spectrabox.session.stages.scenes import read_session_scene
     corners = as_toml({name: list(px) for name, px in marks("PINHOLE")["left.jpg"].items()})
     view = ('[views.left]\nphoto = "photos/box.dng"\n[views.left.camera]\n'
             f"corners_px = {corners}\n"
@@ -288,14 +289,28 @@ def test_check_says_what_is_wrong_with_the_model(captured, spoil, message):
     assert message in " ".join(checked.output.split())
 
 
-def test_another_model_makes_photo_and_reconstruction_stale(captured):
-    from spectrabox.session.keys import stage_keys
-    from spectrabox.session.store.input_files import InputFiles
-    before = read_session(with_model(captured))
-    one = stage_keys(before, InputFiles(before))
+def test_another_model_makes_photo_and_reconstruction_stale_and_a_comment_nothing(captured):
+    def keys_now():
+        config = read_session(captured)
+        return step_keys(capture_of(config), InputFiles(config))
+
+    def changed(one, other):
+        return {name for name in one if {**one[name], "stages": {}} != {**other[name],
+                                                                        "stages": {}}}
+    with_model(captured)
+    before = keys_now()
     images = captured / "colmap" / "images.txt"
-    images.write_text(images.read_text(encoding="utf-8") + "# another day\n", encoding="utf-8")
-    other = stage_keys(before, InputFiles(before))
-    changed = {name for name in one if {**one[name], "stages": {}} != {**other[name],
-                                                                       "stages": {}}}
-    assert changed == {"photo", "reconstruct"}
+    text = images.read_text(encoding="utf-8")
+    images.write_text(text + "# another day\n", encoding="utf-8")
+    assert keys_now() == before
+    (own,) = re.findall(r"\n1 (.*) 7 box.jpg", text)
+    pose = own.split()
+    pose[-1] = repr(float(pose[-1]) + 1e-3)                 # 0.1 mm of the camera's place
+    images.write_text(text.replace(own, " ".join(pose)), encoding="utf-8")
+    assert changed(before, keys_now()) == {"reconstruct"}
+    images.write_text(text, encoding="utf-8")
+    cameras = captured / "colmap" / "cameras.txt"
+    cameras.write_text(cameras.read_text(encoding="utf-8").replace("-0.08", "-0.0801"),
+                       encoding="utf-8")
+    # by whose lens the photo is undistorted
+    assert changed(before, keys_now()) == {"photo", "reconstruct"}

@@ -13,7 +13,7 @@ from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.spectral_files import NM
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import FINE_GRID, visible_grid
 from spectrabox.radiometry.published.make_tables import tables_of_rawtoaces
 from spectrabox.radiometry.published.published_tables import (
     CAMERAS,
@@ -22,6 +22,10 @@ from spectrabox.radiometry.published.published_tables import (
 )
 from spectrabox.radiometry.spectra import kept_cameras
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
+from spectrabox.session.config.captured_session import capture_of, read_sensitivities
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.keys import step_keys
 
 from tests.session_runs import call
 
@@ -168,7 +172,6 @@ def test_a_fit_is_kept_with_its_errors_and_used_by_its_name(captured, own):
 
 
 def with_camera(captured, name):
-    from spectrabox.session.config.session_file import read_session
     path = captured / "session.toml"
     text = path.read_text(encoding="utf-8")
     before, after = text.split('[sensitivity]\nfrom = "chart"')
@@ -177,33 +180,34 @@ def with_camera(captured, name):
 
 
 def test_a_session_names_a_published_camera(captured):
-    from spectrabox.radiometry.grid import FINE_GRID as WORKING
-    from spectrabox.session.stages.inputs import read_sensitivities
     config = with_camera(captured, "Nikon 5100 (NPL)")
     assert not config.sensitivity.from_chart
     names, curves = read_sensitivities(config)
-    published = sensitivities("Nikon 5100 (NPL)", WORKING)
+    published = sensitivities("Nikon 5100 (NPL)", FINE_GRID)
     assert names == ("R", "G", "B")
     np.testing.assert_allclose(curves, np.maximum(published, 0) / published.max())
 
 
 def test_a_session_names_a_camera_of_ones_own_and_notices_another(captured, tmp_path, own):
-    from spectrabox.session.keys import stage_keys
-    from spectrabox.session.store.input_files import InputFiles
     curves = sensitivities("Nikon 5100 (NPL)", visible_grid(5))
     nm = visible_grid(5).nm
     assert call("camera", "add", rawtoaces_file(tmp_path, "Mine", curves, nm)).exit_code == 0
     [kept] = kept_cameras.own_cameras()
     config = with_camera(captured, kept)
-    keys = [stage_keys(config, InputFiles(config))["calibrate"] for _ in range(2)]
-    assert keys[0] == keys[1]
+
+    def key():
+        return step_keys(capture_of(config), InputFiles(config))["calibrate"]
+    before = key()
     path = kept_cameras.own_cameras()[kept]
-    path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert stage_keys(config, InputFiles(config))["calibrate"] != keys[0]
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + "\n", encoding="utf-8")
+    assert key() == before          # the same curves
+    *rows, last = text.splitlines()
+    path.write_text("\n".join([*rows, last + "5"]) + "\n", encoding="utf-8")    # of a digit more
+    assert key() != before
 
 
 def test_a_session_that_names_no_camera_is_told_the_nearest(captured):
-    from spectrabox.session.stages.inputs import read_sensitivities
     config = with_camera(captured, "Nikon 5100 NPL")
     with pytest.raises(InputError, match=r"Nikon 5100 \(NPL\)"):
         read_sensitivities(config)

@@ -16,13 +16,13 @@ from spectrabox.fixtures.demos.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.lamp import radiance
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.measure.steps.inversion import scale_of_view
 from spectrabox.radiometry.error_model import DRIFT, LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import load_finished
-from spectrabox.session.pipeline import run_stages
-from spectrabox.session.stages.reconstruct_stage import scale_of_view
+from spectrabox.session.pipeline import load_finished, run_stages
 
 pytestmark = pytest.mark.usefixtures("light_as_stated")
 
@@ -122,12 +122,13 @@ def test_without_a_reference_light_and_shutter_are_taken_to_repeat_as_stated(fin
 
 
 def test_a_chart_in_the_object_photo_itself_has_seen_the_same_light(captured, finished):
-    records = load_finished(read_session(finished)).records
-    calibration, = records.calibrations(read_session(captured))
+    made = load_finished(read_session(finished))
+    records = made.records
+    calibration, = records.calibrations(made.capture.views)
     path = captured / "session.toml"
     path.write_text(path.read_text().replace("photos/box.dng", "photos/chart.dng"))
-    config = read_session(captured)
-    scale = scale_of_view(config, config.all_views[0], records.chart.charts[""].thumbnail,
+    capture = capture_of(read_session(captured))
+    scale = scale_of_view(capture, capture.views[0], records.chart.charts[""].thumbnail,
                           calibration, records, None)
     assert REPEATABILITY not in [error.cause for error in scale.common_errors]
 
