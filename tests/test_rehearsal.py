@@ -7,26 +7,28 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.measure.scene import rehearsal
+from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.steps.inversion import settings_of, views_of
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.agreement import within_to_block
 from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, set_stage
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import load_finished
-from spectrabox.session.rehearsal import facts, rehearse
-from spectrabox.session.stages.reconstruct_stage import settings_of, views_of
-from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal, too_narrow
+from spectrabox.session.pipeline import load_finished
+from spectrabox.session.rehearsal import rehearse
+from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal
 
-from tests.session_runs import silent
+from tests.session_runs import edit, run, silent
+
+pytestmark = pytest.mark.usefixtures("figures_undrawn")
 
 TIMES, FEW = 20, 6
 
 
 def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished):
-    config = read_session(finished)
-    records = load_finished(config).records
-    joint = records.reconstruct.joint
-    stage = set_stage(views_of(config, records, None), settings_of(config), silent)
+    made = load_finished(read_session(finished))
+    joint = made.records.reconstruct.joint
+    stage = set_stage(views_of(made.capture, made.records, None), settings_of(made.capture), silent)
     view = stage.views[0].view
     truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
                   (view.response[None] * joint.views[0].light_scale.value,),
@@ -59,9 +61,8 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
 
 
 def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished):
-    config = read_session(finished)
-    stage = set_stage(views_of(config, load_finished(config).records, None), settings_of(config),
-                      silent)
+    made = load_finished(read_session(finished))
+    stage = set_stage(views_of(made.capture, made.records, None), settings_of(made.capture), silent)
     traced = dataclasses.replace(stage.views[0], nuisances=dataclasses.replace(
         stage.views[0].nuisances, block_error=0.02))
     surfaces = np.unique(traced.group)
@@ -83,10 +84,11 @@ def honest(_finished):
 
 
 def test_bands_of_the_demo_hold_truths_that_its_own_errors_explain(honest):
-    coverage = np.mean([each.coverage for each in honest])
+    coverage = np.mean([each.coverage for each in honest.materials])
     # 80 truths; coverage of one truth scatters by about 0.1, so the mean by about 0.012
     assert 0.91 < coverage <= 1
-    assert sum(each.ranks.sum() for each in honest) == TIMES * len(honest) * 11
+    assert honest.times == TIMES and not honest.too_narrow
+    assert all(sum(each.ranks) == TIMES * 11 for each in honest.materials)
 
 
 def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, honest, monkeypatch):
@@ -97,10 +99,10 @@ def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, ho
     monkeypatch.setattr(rehearsal, "_response", under_another_light)    # of truths alone
     monkeypatch.setattr(rehearsal, "MIN_TIMES", FEW)
     mistaken = rehearse(read_session(finished), FEW, 4, "cpu", silent)
-    held = [np.mean([each.coverage for each in some]) for some in (honest, mistaken)]
+    held = [np.mean([each.coverage for each in some.materials]) for some in (honest, mistaken)]
     # bands of about 0.15 in reflectance hold few bright truths that are off by a quarter
     assert held[1] < held[0] - 0.1
-    assert too_narrow(facts(mistaken, 0.95, 4))
+    assert mistaken.too_narrow
 
 
 def test_the_command_answers_and_the_report_hears_it(finished, monkeypatch):
@@ -112,7 +114,9 @@ def test_the_command_answers_and_the_report_hears_it(finished, monkeypatch):
     assert {"level", "seed", "times", "materials", "file"} <= set(answers)
     config = read_session(finished)
     kept = stored_rehearsal(config)
-    assert kept is not None and kept["materials"] == answers["materials"]
+    assert kept is not None
+    assert [dataclasses.asdict(each) | {"ranks": [*each.ranks]}
+            for each in kept.materials] == answers["materials"]
     report = CliRunner().invoke(app, ["report", str(finished)])
     assert report.exit_code == 0
     assert "Known truth inside the band, rehearsed" in (finished / "report.html").read_text()
@@ -120,10 +124,10 @@ def test_the_command_answers_and_the_report_hears_it(finished, monkeypatch):
 
 def test_a_rehearsal_of_other_results_is_not_shown(finished):
     config = read_session(finished)
-    save_rehearsal(config, {"level": 0.95, "times": 20, "seed": 1, "materials": []})
+    save_rehearsal(config, Rehearsed(0.95, 1, 20, ()))
     assert stored_rehearsal(config) is not None
-    path = config.results_folder / "sample" / "facts.json"
-    path.write_text(path.read_text().replace('"seed": 1', '"seed": 2'))
+    edit(finished, "[sampling]\n", "[sampling]\nlevel = 0.9\n")
+    assert run(finished).states["sample"] == "run"
     assert stored_rehearsal(config) is None
 
 
@@ -131,8 +135,7 @@ def test_the_same_seed_gives_the_same_rehearsal(finished, monkeypatch):
     config = read_session(finished)
     monkeypatch.setattr(rehearsal, "MIN_TIMES", 2)
     first, second = (rehearse(config, 2, 8, "cpu", silent) for _ in range(2))
-    for a, b in zip(first, second, strict=True):
-        np.testing.assert_array_equal(a.coverage, b.coverage)
+    assert first == second
 
 
 def test_too_few_rehearsals_are_refused(finished):

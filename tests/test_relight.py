@@ -13,9 +13,9 @@ from spectrabox.measure.scene.relight import colour_spread
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.relight import OBSERVER
-from spectrabox.session.stages.inputs import read_reflectance
 from spectrabox.session.store.locks import outputs_writer
 
 from tests.killed_runs import started
@@ -34,10 +34,9 @@ def test_the_spread_of_the_draws_holds_the_true_colour_under_another_light(finis
                    "cpu", "--json")
     assert outcome.exit_code == 0, outcome.output
     facts = json.loads(outcome.stdout)
-    config = read_session(finished)
+    materials = capture_of(read_session(finished)).materials
     for found in facts["colours"]:
-        truth = spectrum_on_grid(read_reflectance(config, config.materials[found["name"]].truth),
-                                 FINE_GRID)
+        truth = spectrum_on_grid(materials[found["name"]].truth, FINE_GRID)
         apart = colour.delta_E(np.array(found["lab"]), lab_of(truth, name), method="CIE 2000")
         assert 0 < found["delta_e00_median"] < found["delta_e00_95"]
         # four materials: twice the radius of 95 % is rarely exceeded

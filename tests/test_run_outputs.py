@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.store.rehearsals import save_rehearsal
@@ -80,9 +81,8 @@ def test_a_changed_name_truth_or_result_makes_the_report_again(reported):
 
 def test_a_rehearsal_since_the_report_is_shown_by_the_next_run(reported):
     config = read_session(reported)
-    save_rehearsal(config, {"times": 40, "level": 0.95, "seconds": 1.0, "materials": [
-        {"name": "cube", "coverage": 0.953, "coverage_standard_error": 0.01, "rmse": 0.05,
-         "width": 0.2, "ranks": [4] * 10}]})
+    save_rehearsal(config, Rehearsed(0.95, 1, 40, (
+        RehearsedMaterial("cube", 0.953, 0.01, 0.05, 0.2, (4,) * 10),)))
     assert run_again(reported)[1] == set(FILES)
     page = (reported / "report.html").read_text(encoding="utf-8")
     assert "Known truth inside the band, rehearsed" in page

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spectrabox.measure.surfaces.surface_spectra import score
+from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
+from spectrabox.measure.surface_spectra import score
 from spectrabox.measure.verdict.calibration import root_mean_square
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.measure.verdict.scene import _rehearsal, median_surface_error, worst_entry
@@ -69,9 +70,9 @@ def test_two_readings_contradict_each_other_by_the_error_of_their_difference(apa
 
 
 def test_a_rehearsal_is_judged_by_the_material_whose_bands_hold_least():
-    facts = {"level": 0.95, "times": 40, "materials": [
-        {"name": name, "coverage": coverage, "coverage_standard_error": 0.005}
-        for name, coverage in (("good", 0.97), ("poor", 0.88), ("fair", 0.94))]}
-    criterion, = _rehearsal(SimpleNamespace(rehearsal=facts))
+    rehearsed = Rehearsed(0.95, 1, 40, tuple(
+        RehearsedMaterial(name, coverage, 0.005, 0.05, 0.2, (4,) * 10)
+        for name, coverage in (("good", 0.97), ("poor", 0.88), ("fair", 0.94))))
+    criterion, = _rehearsal(SimpleNamespace(rehearsal=rehearsed))
     assert criterion.value == 0.88 and criterion.status is Status.WARN
     assert "(poor) holds 88.0%" in criterion.sentence
