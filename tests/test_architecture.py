@@ -212,7 +212,6 @@ OWN_WAY = {"radiometry/files.py": "is the one way",
            "radiometry/published/make_tables.py": "is run by developers",
            "session/store/store.py": "fills a folder that is replaced whole",
            "session/store/record_files.py": "writes into such a folder",
-           "session/report/figures.py": "draws into memory",
            "session/store/draws_files.py": "writes in such a block, a function for each format",
            "capture/transcripts/transcript.py": "is written line by line, so that nothing is lost"}
 

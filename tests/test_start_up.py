@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from flat_example import write_flat
 
 ROOT = Path(__file__).resolve().parent.parent
 # Each takes a tenth of a second to seconds to import.
@@ -57,3 +58,8 @@ def test_a_command_imports_what_it_uses(command, captured, tmp_path):
     imported = set(modules_of(*(word.format(session=captured, new=tmp_path / "new")
                                 for word in arguments)))
     assert HEAVY & imported <= allowed
+
+
+def test_the_status_of_flat_samples_computes_nothing(tmp_path):
+    imported = set(modules_of("status", str(write_flat(tmp_path / "session"))))
+    assert HEAVY & imported <= {"pydantic", "numpy"}

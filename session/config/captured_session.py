@@ -45,8 +45,6 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
-from spectrabox.session.box.box_camera import lens_of_view
-from spectrabox.session.box.scene_geometry import scene_geometry
 from spectrabox.session.box.scenes import read_chart_scene, read_session_scene
 from spectrabox.session.config.curve_sources import FilterTable, LightTable, SpectrumTable
 from spectrabox.session.config.session_chart import chart_files, session_chart
@@ -127,6 +125,10 @@ def _flat_capture(config: SessionConfig, reader: _Reader) -> FlatCapture:
 
 
 def _scene_capture(config: SessionConfig, reader: _Reader) -> SceneCapture:
+    # What estimates cameras loads OpenCV and SciPy's optimisers, and only scenes have cameras.
+    from spectrabox.session.box.box_camera import lens_of_view
+    from spectrabox.session.box.scene_geometry import scene_geometry
+
     chart_scene = reader.read(read_chart_scene, config) if config.views_with_chart else None
     views = tuple(
         SceneView(**_stated_of_view(config, reader, view), scene_name=view.scene,

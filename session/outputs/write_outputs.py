@@ -4,7 +4,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from spectrabox.session.box.scene_files import write_scene_files
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.assemble import assemble
@@ -42,5 +41,7 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     facts, text = run_facts(results, report), run_text(results)
     files = write_surface_files(results)
     if isinstance(results, SceneResults):
+        # it loads what estimates cameras: OpenCV and SciPy's optimisers
+        from spectrabox.session.box.scene_files import write_scene_files
         files += write_scene_files(config)
     return facts, text, [report, report.with_name(NUMBERS_NAME), *files]
