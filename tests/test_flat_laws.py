@@ -16,6 +16,7 @@ from spectrabox.calibrate.light_field import (
     RegionLight,
     light_at_regions,
 )
+from spectrabox.measure.pictures import picture_maps
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.regions import white as module
 from spectrabox.measure.regions.region_signals import errors_of_region, flat_signals
@@ -45,7 +46,6 @@ from spectrabox.radiometry.records import (
     SensitivityFit,
     Spectrum,
 )
-from spectrabox.session.pictures import picture_maps
 
 SIGMAS, DRAWS = 3.9, 40_000
 LEVEL, GLARE = np.array([0.6, 0.8, 0.5]), np.array([0.004, 0.006, 0.003])

@@ -7,6 +7,7 @@ import OpenImageIO as oiio
 import pytest
 from flat_example import HEAD, light_over, picture, write_spectra
 from sampling_cameras import surface
+from small_captures import work
 
 from spectrabox.capture.photo import regions
 from spectrabox.fixtures import lamp
@@ -14,13 +15,12 @@ from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import pixel_spectra
+from spectrabox.measure.steps.flat_picture import lit_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.write_outputs import write_outputs
-from spectrabox.session.pictures.flat_stage import lit_photo
-from spectrabox.session.stages.stage_task import StageTask
 from spectrabox.session.terminal.progress_display import with_time_left
 
 from tests.session_runs import run
@@ -189,8 +189,7 @@ def test_a_pixel_in_all_bands_errs_as_a_region_of_one_pixel_does(session, monkey
     finished = run(session)
     signals = finished.records.signals
     dot = signals.names.index("dot")
-    lit = lit_photo(StageTask(read_session(session), "cpu", finished.records, session,
-                              lambda *_: None))
+    lit = lit_photo(finished.capture, finished.records, work(finished.capture))
     block, pixel = lit.block(0, 8, direct=True), np.array([lit.size[1] * 2 + 1])
     # a region's points are spread over it, where the light is even to 1e-5
     np.testing.assert_allclose(block.measured[pixel[0]], signals.signal[dot], rtol=1e-4)

@@ -14,13 +14,11 @@ from spectrabox.reconstruct.agreement import within_to_block
 from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, set_stage
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.rehearsal import rehearse
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal
 
 from tests.session_runs import edit, run, silent
-
-pytestmark = pytest.mark.usefixtures("figures_undrawn")
 
 TIMES, FEW = 20, 6
 
@@ -126,7 +124,7 @@ def test_a_rehearsal_of_other_results_is_not_shown(finished):
     config = read_session(finished)
     save_rehearsal(config, Rehearsed(0.95, 1, 20, ()))
     assert stored_rehearsal(config) is not None
-    edit(finished, "[sampling]\n", "[sampling]\nlevel = 0.9\n")
+    edit(finished, "draws = ", "draws = 1")     # a digit before the number
     assert run(finished).states["sample"] == "run"
     assert stored_rehearsal(config) is None
 

@@ -9,6 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from sampling_cameras import surface
+from small_captures import work
 from typer.testing import CliRunner
 
 from spectrabox.fixtures.demos.painted_box import (
@@ -20,6 +21,7 @@ from spectrabox.fixtures.demos.painted_box import (
 from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
+from spectrabox.measure.steps.scene_picture import traced_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
 from spectrabox.reconstruct.pixels import pixel_light
@@ -31,9 +33,6 @@ from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.run_outputs import rewritten_outputs
-from spectrabox.session.pictures import scene_stage
-from spectrabox.session.stages.inputs import OpenPhotos
-from spectrabox.session.stages.stage_task import StageTask
 
 from tests.session_runs import run
 
@@ -67,11 +66,10 @@ def finished(tmp_path_factory):
 @pytest.fixture(scope="module")
 def scene(finished):
     """The traced photo, as the stage has it."""
-    folder, made = finished
+    made = finished[1]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pixel_light, "PATHS_OF_NODE", 400)
-        return scene_stage.traced_photo(StageTask(read_session(folder), "cpu", made.records, folder,
-                                              lambda *_: None, OpenPhotos()))
+        return traced_photo(made.capture, made.records, work(made.capture))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
-from spectrabox.measure.surface_spectra import score
+from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.measure.verdict.calibration import root_mean_square
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.measure.verdict.scene import _rehearsal, median_surface_error, worst_entry

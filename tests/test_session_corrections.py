@@ -22,7 +22,8 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, run_stages
+from spectrabox.session.kept_stages import load_finished
+from spectrabox.session.pipeline import run_stages
 
 pytestmark = pytest.mark.usefixtures("light_as_stated")
 

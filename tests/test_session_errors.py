@@ -28,11 +28,11 @@ from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.pictures.spectra_files import PictureLayout
 from spectrabox.measure.pictures.texture_files import write_textures
+from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.steps import inversion
-from spectrabox.measure.surface_spectra import score
+from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.measure.verdict.judge import _clipped
-from spectrabox.measure.white import PhotoWhite
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
 from spectrabox.radiometry.records import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read

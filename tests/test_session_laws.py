@@ -29,8 +29,8 @@ from spectrabox.measure.records import CalibrationRecords
 from spectrabox.measure.scene import photo_errors as scene_errors
 from spectrabox.measure.steps import calibration as calibration_step
 from spectrabox.measure.steps import inversion
-from spectrabox.measure.surface_signals import errors_by_cause, scene_signals
-from spectrabox.measure.surface_spectra import resample_summary
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_signals
+from spectrabox.measure.surfaces.surface_spectra import resample_summary
 from spectrabox.radiometry.error_model import DRIFT, drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import (
