@@ -5,27 +5,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import open_channels
 from spectrabox.measure.signals.estimate import SampleOptions, SignalEstimate
 from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
-from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
     column_index,
     on_grid,
     spectrum_of,
 )
-from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
-from spectrabox.sampling.judge.cubes import Cube, cube_of_channels
+from spectrabox.sampling.judge.cubes import Cube
 from spectrabox.sampling.judge.judgement import (
     ScoredSpectrum,
     SpectrumScores,
@@ -185,15 +181,6 @@ def compared(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray
                   for name, other in (ours | others).items() if other is not None}
     singles = {name: None if other is None else other[0] for name, other in others.items()}
     return replace(estimate, baselines=singles if with_baselines else None, judged=scores)
-
-
-def open_picture(path: Path, wavelengths: np.ndarray | None, variable: str | None) -> Cube:
-    """A hyperspectral picture of any known format, an EXR being one by what it begins with."""
-    if path.is_file():
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) == MAGIC:
-                return cube_of_channels(path.name, *open_channels(path))
-    return open_cube(path, wavelengths, variable)
 
 
 def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable | None,

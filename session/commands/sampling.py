@@ -139,7 +139,8 @@ def judge(request: JudgeRequest) -> Answer:
     """Score another method's hyperspectral picture next to ours, by the same measures."""
     check_ending(request.out, {".csv": "the regions' spectra"})
     from spectrabox.capture.photo.image_files import read_plane
-    from spectrabox.measure.signals.judgement import JudgeOptions, judge_picture, open_picture
+    from spectrabox.measure.signals.judgement import JudgeOptions, judge_picture
+    from spectrabox.measure.signals.spectral_pictures import open_picture
     from spectrabox.radiometry.errors import InputError
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.named_spectra import relative_response

@@ -12,9 +12,9 @@ from spectrabox.measure.signals.judgement import (
     JudgeOptions,
     PictureJudgement,
     judge_picture,
-    open_picture,
 )
 from spectrabox.measure.signals.prior_training import train_prior as learn_prior
+from spectrabox.measure.signals.spectral_pictures import open_picture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
