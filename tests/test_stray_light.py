@@ -94,9 +94,9 @@ def test_the_lamps_position_moves_the_light_on_the_chart_as_a_moved_lamp_does(tm
 
 
 def test_a_session_names_each_cause_in_its_budget(finished):
-    config = read_session(finished)
-    records = load_finished(config).records
-    session, calibrations = records.reconstruct.joint, records.calibrations(config)
+    run = load_finished(read_session(finished))
+    session = run.records.reconstruct.joint
+    calibrations = run.records.calibrations(run.capture.views)
     parts = errors_by_cause(scene_signals(session, calibrations), 0)
     assert parts.keys() <= CAUSES.keys()
     assert {GLARE, STRAY_LIGHT, LAMP_AT_CHART} <= set(parts)

@@ -20,8 +20,9 @@ from spectrabox.measure.captured import (
 
 def inputs_of_charts(capture: Capture) -> dict[str, Any]:
     """What of a capture the charts depend on."""
-    return {"chart": capture.chart, "photos": {view.name: view.chart
-                                               for view in capture.views_with_chart},
+    chart = capture.chart
+    return {"chart": chart and [chart.layout, chart.reflectances, chart.corners_px],
+            "photos": {view.name: view.chart for view in capture.views_with_chart},
             "lights": lights_of(capture), "development": capture.development,
             "drift": capture.drift}
 
@@ -59,8 +60,9 @@ def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
 
 def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
     """What of a capture the calibration depends on."""
+    chart = capture.chart
     return {"lights": lights_of(capture), "sensitivity": capture.sensitivity,
-            "chart": capture.chart, "chart scene": capture.chart_scene, "seed": capture.seed,
+            "chart": chart and [chart.layout, chart.reflectances, chart.excluded], "chart scene": capture.chart_scene, "seed": capture.seed,
             "lamp position": capture.repeatability.lamp_position}
 
 
