@@ -104,8 +104,7 @@ OWN_PROCESS = {("capture/transcripts/player.py", "threading"): "plays an instrum
 
 
 def test_the_library_leaves_the_process_alone():
-    """A notebook can call any of it. Parallel work is given out by session/batch and session/tiles.
-    """
+    """A notebook can call any of it. Parallel work is given out by session/batch."""
     none_of(f"{name_of(path)} uses {name}: that changes the process of whoever calls it; do it in "
             "session/" for path in modules()
             if path.relative_to(ROOT).parts[0] not in ("session", "fixtures")

@@ -22,9 +22,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "reference" / "json.md"
 CAMERA = ("--sensitivity", "Nikon 5100 (NPL)", "--light", "LED-B3")
 SIGNAL = ("--signal", "0.21,0.33,0.14", "--noise", "0.002,0.003,0.0015")
 # Names in the text of a cell that are no keys of that command's answer.
-IN_PASSING = {"uplift": {"rms", "largest", "bound",
-                         "tasks", "done_before"},       # of --workers: test_tiles.py
-              "run": {"flat", "picture"}, "flat": {"flat", "size_px"},
+IN_PASSING = {"run": {"flat", "picture"}, "flat": {"flat", "size_px"},
               "sample": {"run", "spectra", "coefficients"},
               "camera profile": {"value", "standard_deviation"}}
 TOKEN = re.compile(r"`([^`]+)`|(\[?\{)|(\}\]?)")
