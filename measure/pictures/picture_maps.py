@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import png_rows
@@ -164,5 +163,6 @@ def _srgb_table() -> np.ndarray:
 
 
 def _coloured(name: str, end: float) -> Callable[[np.ndarray], np.ndarray]:
-    table = (255 * matplotlib.colormaps[name](np.arange(CODES))[:, :3] + 0.5).astype(np.uint8)
+    from matplotlib import colormaps  # a second, which a run without a picture does not need
+    table = (255 * colormaps[name](np.arange(CODES))[:, :3] + 0.5).astype(np.uint8)
     return lambda values: table[(np.clip(values[:, 0] / end, 0, 1) * (CODES - 1)).astype(np.int32)]

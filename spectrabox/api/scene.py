@@ -39,7 +39,7 @@ from spectrabox.measure.captured import (
     SceneView,
 )
 from spectrabox.measure.options import Inversion, PictureOptions, Repeatability, Sampling
-from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit
+from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.scene.rehearsed import Rehearsed
 from spectrabox.measure.steps.order import InMemory, MemoryKeeper, measure
 from spectrabox.measure.verdict.criteria import Verdict
@@ -243,7 +243,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
                                                                flat=flat_field)
     if (camera is None) == (chart_photo is None):
         raise InputError("the camera is needed: give camera= or the photo of a chart, chart_photo=")
-    kept, scale, chart = {}, None, None
+    kept: dict[str, KeptRecord] = {}
+    scale, chart = None, None
     chart_files: PhotoFiles = {}
     if camera is not None:
         calibration, fit, scale = _calibration(camera, spectrum, opened, chosen)
