@@ -62,7 +62,8 @@ def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
     """What of a capture the calibration depends on."""
     chart = capture.chart
     return {"lights": lights_of(capture), "sensitivity": capture.sensitivity,
-            "chart": chart and [chart.layout, chart.reflectances, chart.excluded], "chart scene": capture.chart_scene, "seed": capture.seed,
+            "chart": chart and [chart.layout, chart.reflectances, chart.excluded],
+            "chart scene": capture.chart_scene, "seed": capture.seed,
             "lamp position": capture.repeatability.lamp_position}
 
 
