@@ -7,9 +7,10 @@ import pytest
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.store.rehearsals import save_rehearsal
 
-from tests.session_runs import call, edit
+from tests.session_runs import call, edit, run
 
 FILES = ("report.html", "spectra.csv", "spectra.csv-metadata.json", "materials.xml",
          "materials.csv", "comparison.exr", "comparison.png")
@@ -37,6 +38,17 @@ def run_again(folder):
     facts = json.loads(call("run", folder, "--json").stdout)
     return facts, {name for name in FILES
                    if (folder / name).stat().st_mtime_ns != before.get(name)}
+
+
+def write_truth(folder, change):
+    """Change the text of the truth of one material."""
+    path = folder / "spectra" / "truth_red.csv"
+    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def with_another_digit(text):
+    """The last value of a table, a digit longer."""
+    return text.rstrip() + "5\n"
 
 
 def test_nothing_is_written_again_and_the_same_is_said(reported):
@@ -72,11 +84,20 @@ def test_a_file_that_was_touched_or_lost_is_made_again(reported):
 def test_a_changed_name_truth_or_result_makes_the_report_again(reported):
     edit(reported, 'name = "', 'name = "another ')
     assert run_again(reported)[1] == set(FILES)
-    with (reported / "spectra" / "truth_red.csv").open("a") as stream:
-        stream.write("\n")
+    write_truth(reported, lambda text: text + "\n")
+    assert not run_again(reported)[1]
+    write_truth(reported, with_another_digit)
     assert run_again(reported)[1] == set(FILES)
     (reported / "results" / "sample" / "arrays.npz").write_bytes(b"damaged")
     assert run_again(reported)[1] == set(FILES)
+
+
+def test_a_truth_that_changed_after_it_was_read_makes_the_report_again(reported):
+    finished = run(reported)
+    write_truth(reported, with_another_digit)
+    rewritten_outputs(read_session(reported), finished, ["spectrabox"], "cpu")
+    assert run_again(reported)[1] == set(FILES)
+    assert not run_again(reported)[1]
 
 
 def test_a_rehearsal_since_the_report_is_shown_by_the_next_run(reported):

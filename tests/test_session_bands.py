@@ -12,6 +12,10 @@ from spectrabox.measure.opened_photos import OpenPhotos, develop
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.keys import step_keys
+
+from tests.session_runs import edit
 
 BANDS = {"red filter": 0, "green filter": 1, "blue filter": 2}
 EXPOSED = (1.0, 0.5, 2.0)   # of each band, times the photo's own
@@ -46,6 +50,22 @@ def test_bands_are_stacked_at_one_exposure(captured):
     stacked, _ = develop(capture, capture.views[0].photo)
     assert stacked.exposure_s == pytest.approx(whole.exposure_s * min(EXPOSED))
     np.testing.assert_allclose(stacked.signal / min(EXPOSED), whole.signal, rtol=1e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("banded, stale", [(True, {"chart", "photo", "calibrate"}),
+                                           (False, {"calibrate"})])
+def test_measured_curves_choose_the_channels_of_bands_anew(captured, banded, stale):
+    """One curve for each photo, where a chart is fitted in every channel that is not dark."""
+    def keys():
+        config = read_session(captured)
+        return step_keys(capture_of(config), InputFiles(config))
+    if banded:
+        split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
+    before = keys()
+    edit(captured, '[sensitivity]\nfrom = "chart"', '[sensitivity]\nfrom = "Nikon 5100 (NPL)"')
+    after = keys()
+    assert stale == {name for name in before if {**before[name], "stages": {}}
+                     != {**after[name], "stages": {}}}
 
 
 def test_photos_of_other_bands_are_named(captured):

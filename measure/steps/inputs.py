@@ -20,24 +20,27 @@ from spectrabox.measure.captured import (
 
 def inputs_of_charts(capture: Capture) -> dict[str, Any]:
     """What of a capture the charts depend on."""
-    chart = capture.chart
-    return {"chart": chart and [chart.layout, chart.reflectances, chart.corners_px],
+    chart = capture.lit_chart
+    return {"chart": [chart.layout, chart.reflectances, chart.corners_px],
             "photos": {view.name: view.chart for view in capture.views_with_chart},
             "lights": lights_of(capture), "development": capture.development,
-            "drift": capture.drift}
+            "drift": capture.drift, "channels": channels_from(capture)}
 
 
 def lights_of(capture: Capture) -> dict[str, Any]:
     """What is stated of the light of each view."""
-    return {view.name: [view.light, view.lamp, view.filter] for view in capture.views}
+    return {view.name: [view.light, view.lamp, view.filter, view.filter_words]
+            for view in capture.views}
 
 
-def channels_from(capture: Capture) -> list[PhotoFiles]:
-    """The photo that tells the channel of each band of a table of photos; none of a colour camera.
+def channels_from(capture: Capture) -> list[PhotoFiles | bool]:
+    """What tells the channels of each band of a table of photos; nothing of a colour camera: the
+    photo that shows them, and whether there are curves, one for each photo.
     """
     if ONE_PHOTO in capture.views[0].photo:
         return []
-    return [view.chart for view in capture.views_with_chart[:1]]
+    return [*(view.chart for view in capture.views_with_chart[:1]),
+            capture.sensitivity.curves is not None]
 
 
 def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:

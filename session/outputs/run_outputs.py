@@ -14,6 +14,7 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.keys import digest_of_parts
 from spectrabox.session.store.locks import outputs_writer
 from spectrabox.session.store.program import LIBRARY, room_digests, versions
 from spectrabox.session.store.rehearsals import FILE
@@ -119,12 +120,12 @@ def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> di
     the program.
     """
     rehearsal = config.results_folder / FILE
-    truths = [material.truth.file for material in config.surfaces.values() if material.truth]
-    if config.sensitivity.truth is not None:
-        truths.append(config.sensitivity.truth.file)
-    # as it was read: the file may have been edited since
+    curves = config.sensitivity.truth
+    # as they were read: the files may have been edited since
+    truths = {name: surface.truth for name, surface in finished.capture.surfaces.items()}
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
-    return {"settings": settings, "files": inputs.digests(*truths),
+    return {"settings": settings, "truths": digest_of_parts(truths),
+            "files": inputs.digests(None if curves is None else curves.file),
             "results": finished.result_digests(),
             "rehearsal": sha256_of(rehearsal) if rehearsal.is_file() else "",
             "versions": versions(), "code": room_digests((*LIBRARY, "session"))}
