@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from flat_example import HEAD, PAINTS, picture, rect_of, write_flat
+from flat_example import HEAD, PAINTS, picture, rect_of, regions_toml, write_flat
 from test_both_doors import command, entered
 
 import spectrabox as sb
@@ -114,6 +114,24 @@ def assert_one_way(by_library, by_session):
     beside = sorted(each for each in by_session - by_library
                     if each[0] not in LAYOUT and each[1] not in NAMED | STATED)
     assert not beside, beside
+
+
+def test_a_photo_taken_again_and_a_picture_of_every_pixel(tmp_path):
+    folder = write_flat(tmp_path / "session")
+    again = take(folder, "again", lamp.radiance(NM))
+    result = sb.flat(folder / "photos" / "sample.dng", {name: rect_of(name) for name in PAINTS},
+                     light=folder / "spectra" / "light.csv", also={again: "same"},
+                     picture=tmp_path / "picture", draws=1000)
+    (folder / "session.toml").write_text(
+        f'{HEAD}[views.again]\nphoto = "photos/again.dng"\n[picture]\n{regions_toml()}',
+        encoding="utf-8")
+    session = sb.Session(folder).run()
+    for name in PAINTS:
+        np.testing.assert_array_equal(session[name].mean, result[name].mean)
+    assert session.spectra.picture.files == result.picture.files
+    for name in result.picture.files:
+        assert (folder / "results" / "picture" / name).read_bytes() \
+            == (tmp_path / "picture" / name).read_bytes()
 
 
 @pytest.mark.usefixtures("mitsuba")
