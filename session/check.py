@@ -109,8 +109,7 @@ def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEV
     capture, faults = capture_with_faults(config)
     for fault in faults:
         attempt(_refuse, fault)
-    if not faults:
-        _attempt_together(capture, attempt)
+    _attempt_together(capture, attempt)
     tracing_bytes = None if problems else attempt(_run_up_to_tracing, config, device, shared)
     if problems:        # a stage stops at its first fault: say those of the other photos too
         _attempt_photos(capture, attempt)
@@ -131,11 +130,17 @@ def _refuse(fault: SpectraboxError) -> None:
 
 
 def _attempt_together(capture: Capture, attempt: Attempt) -> None:
-    """Look for inputs that were each read and do not go together."""
-    attempt(require_curves_of_bands, capture)
+    """Look for inputs that were each read and do not go together; what could not be read is None in
+    the capture.
+    """
+    files = [file for view in capture.views for file in files_of(view.photo)]
+    if capture.sensitivity is not None and all(
+            file.path is not None and file.path.is_file() for file in files):
+        attempt(require_curves_of_bands, capture)
     if isinstance(capture, SceneCapture):
         for view in capture.views:
-            attempt(require_materials, view.scene, capture.bsdfs)
+            if view.scene is not None:
+                attempt(require_materials, view.scene, capture.bsdfs)
 
 
 def _attempt_photos(capture: Capture, attempt: Attempt) -> None:
@@ -168,9 +173,10 @@ def _attempt_photos(capture: Capture, attempt: Attempt) -> None:
             scene = getattr(view, "scene", None)
             if scene is not None:
                 attempt(require_same_shape, photo, scene, view.photo_names[0])
-        if view.chart and view.light is not None and capture.chart is not None \
-                and (chart := developed_photo(view.chart)) is not None:
-            attempt(require_chart, capture, view, chart)
+        if view.chart and capture.chart is not None:
+            chart = developed_photo(view.chart)
+            if chart is not None:
+                attempt(require_chart, capture, view, chart)
 
 
 def readable(read: Callable[..., Any], *arguments: Any) -> Any:
