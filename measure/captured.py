@@ -5,6 +5,7 @@ scenes and layouts are read by then; photos are files, or open already.
 """
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -210,7 +211,7 @@ class Material(Surface):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Capture:
+class Capture(ABC):
     """What flat samples and scenes have in common."""
 
     name: str = ""                          # of the whole, in sentences
@@ -252,9 +253,9 @@ class Capture:
         return self.chart
 
     @property
+    @abstractmethod
     def surfaces(self) -> Mapping[str, Surface]:
         """What is measured, by name."""
-        raise NotImplementedError
 
     @property
     def families(self) -> dict[str, tuple[str, ...]]:
