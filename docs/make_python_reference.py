@@ -18,8 +18,8 @@ GROUPS = {
     "Priors and their proof": ["train_prior", "certify", "judge"],
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "SpectrumEstimate",
-                                  "SpectrumEstimates", "FlatSpectra", "SceneSpectra", "ChartCheck",
-                                  "ColourProfile"],
+                                  "SpectrumEstimates", "MeasuredSpectra", "FlatSpectra",
+                                  "SceneSpectra", "ChartCheck", "ColourProfile"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")

@@ -138,7 +138,7 @@ def require_exposed(photo: LinearImage, name: str) -> None:
     ClippedPhotoError
         With the saturated share.
     """
-    clipped = float(photo.saturated.any(axis=2).mean())
+    clipped = photo.clipped_share
     if clipped > MAX_CLIPPED:
         raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the "
                                 "exposure until the surfaces are not, the light itself may be")

@@ -4,12 +4,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Protocol, TypeVar
+from typing import Annotated, Any, Protocol, TypeVar
 
 import numpy as np
 
 from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import View
+from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
     Calibration,
@@ -148,6 +149,25 @@ class PictureRecords(Record):
     # largest relative change of the light in each round in which light and spectra converged
     rounds: Annotated[np.ndarray, "I"] | None = None
     notes: tuple[str, ...] = ()
+
+    def sentence(self, folder: str) -> str:
+        """Where its files are."""
+        return f"picture: {len(self.files)} files in {folder}"
+
+    @property
+    def reasons(self) -> list[tuple[str, str, float]]:
+        """Words, colour on the map and share of every reason for which a pixel has no spectrum."""
+        return [(words, f"#{bytes(colour).hex()}", share) for code, (words, colour, share)
+                in enumerate(zip(WORDS, COLOURS.tolist(), self.flag_shares.tolist(), strict=True))
+                if code != SEEN and share > 0]
+
+    def facts(self, folder: str) -> dict[str, Any]:
+        """What is known of it, as plain numbers; its files are named as they lie in the folder."""
+        return {"files": [f"{folder}/{name}" for name in self.files],
+                "size_px": list(self.size_px), "masked": self.masked,
+                "masked_because": {words: share for words, _, share in self.reasons},
+                "beyond_white": self.beyond_white, "unlike": self.novel,
+                "standard_deviation": self.standard_deviation, "notes": list(self.notes)}
 
 
 class CaptureRecords:

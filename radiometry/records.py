@@ -172,6 +172,11 @@ class LinearImage(Record):
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
     matrix_of_file: bool = False
 
+    @property
+    def clipped_share(self) -> float:
+        """Share of pixels of which any band is saturated."""
+        return float(self.saturated.any(axis=2).mean())
+
 
 @dataclass(frozen=True, eq=False)
 class ChartDetection(Record):

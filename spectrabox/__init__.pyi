@@ -4,6 +4,7 @@ from .api.camera import fit_camera as fit_camera
 from .api.chart_check import ChartCheck as ChartCheck
 from .api.colour_profile import ColourProfile as ColourProfile
 from .api.estimate import SpectrumEstimate as SpectrumEstimate
+from .api.estimates import MeasuredSpectra as MeasuredSpectra
 from .api.estimates import SpectrumEstimates as SpectrumEstimates
 from .api.flat import FlatSpectra as FlatSpectra
 from .api.flat import flat as flat

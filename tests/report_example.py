@@ -3,13 +3,16 @@ for tests.
 """
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 from matplotlib import image as raster
 
+from spectrabox.measure.results.capture_result import ChartResult
+from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.surface_spectra import Scores
-from spectrabox.measure.verdict.evidence import ChartResult, MaterialResult
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import (
@@ -28,7 +31,7 @@ from spectrabox.radiometry.records import (
     SpectrumSummary,
     SurfaceAgreement,
 )
-from spectrabox.session.outputs.results import SceneResults
+from spectrabox.session.outputs.results import SessionResults, StageRun, UsedFile
 
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12
@@ -43,7 +46,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
                     truth: bool = True, materials: tuple[str, ...] = ("white", "red paint",
                                                                       "green paint"),
                     name: str = "Yellow box",
-                    notes: str = "Second session of the day.") -> SceneResults:
+                    notes: str = "Second session of the day.") -> SessionResults:
     """A session of a box with a back wall, two side walls, a floor and a box; the last material is
     a given one.
     """
@@ -55,28 +58,31 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
     raster.imsave(folder / "overlay.png", rng.uniform(size=(40, 60, 3)))
     preview = np.clip(made.measured[..., :3] * 1.6, 0, 1)
     raster.imsave(folder / "preview.png", preview.repeat(4, 0).repeat(4, 1))
-    return SceneResults(
-        folder=folder, name=name, operator="A. Operator", notes=notes, bands=bands,
-        inputs=[{"role": "object photo", "file": "photos/scene.dng", "sha256": "9f" * 32,
-                 "bytes": 25_000_123, "exposure_s": 1 / 60, "iso": 100.0,
-                 "camera": "Maker Model 1234", "clipped": 0.004},
-                {"role": "light", "file": "spectra/lamp.csv", "sha256": "0a" * 32, "bytes": 4321}],
-        chart=_chart(rng, len(bands)) if chart else None,
+    found = SceneResult(
+        bands=bands, chart=_chart(rng, len(bands)) if chart else None,
         calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, ("light "
                                                                                           "covers "
                                                                                           "400-700 "
                                                                                           "nm",)),
+        photo=_photo(made), grid=GRID, reconstruction=made, by_flat_field=True,
+        surfaces=tuple(_surface(rng, made, m, bands, truth) for m in range(len(materials))),
+        signal_bands=bands, surfaces_stated=False)
+    return SessionResults(
+        found=found, folder=folder, name=name, operator="A. Operator", notes=notes,
+        inputs=(UsedFile("object photo", "photos/scene.dng", "9f" * 32, 25_000_123, 1 / 60, 0.004,
+                         {"iso": 100.0, "camera": "Maker Model 1234"}),
+                UsedFile("light", "spectra/lamp.csv", "0a" * 32, 4321)),
         sensitivity_truth=(GRID.nm, fit.curves * 0.98) if truth else None,
-        photo=_photo(made), previews={"": folder / "preview.png"},
-        chart_overlay=folder / "overlay.png", grid=GRID, reconstruction=made,
-        materials=[_material(rng, made, m, truth) for m in range(len(materials))],
-        signal_bands=bands, surfaces_stated=False,
-        stages=[{"name": "chart", "seconds": 2.31, "state": "run"},
-                {"name": "sample", "seconds": 0.8, "state": "kept"}],
+        previews={"": folder / "preview.png"}, chart_overlay=folder / "overlay.png",
+        stages=(StageRun("chart", 2.31, "run"), StageRun("sample", 0.8, "kept")),
         provenance={"spectrabox": "0.1.0", "numpy": np.__version__,
                     "command": "spectrabox run session", "seed": 7,
-                    "machine": {"cores": 2, "gpu": False}},
-        warnings=[])
+                    "machine": {"cores": 2, "gpu": False}})
+
+
+def with_found(results: SessionResults, **changes: object) -> SessionResults:
+    """The session with other fields of what was found."""
+    return dataclasses.replace(results, found=dataclasses.replace(results.found, **changes))
 
 
 def _spectra(count: int) -> np.ndarray:
@@ -146,14 +152,16 @@ def _chart(rng: np.random.Generator, bands: int) -> ChartResult:
                        measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
 
 
-def _material(rng: np.random.Generator, made: Reconstruction, m: int,
-              truth: bool) -> MaterialResult:
+def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tuple[str, ...],
+             truth: bool) -> SurfaceResult:
     name, estimate = made.materials[m], made.spectra[m]
     measured = Spectrum(GRID, np.clip(estimate + 0.012 * np.cos(GRID.nm / 25), 0, 1),
                         Quantity.REFLECTANCE, "spectroradiometer") if truth else None
-    known = (name, estimate, made.signal[m], made.signal_covariance[m], made.model_covariance[m])
+    known = {"name": name, "grid": GRID, "spectrum": estimate, "bands": bands,
+             "signal": made.signal[m], "signal_covariance": made.signal_covariance[m],
+             "model_covariance": made.model_covariance[m], "truth": measured}
     if made.known[m]:
-        return MaterialResult(*known, None, None, {}, measured, None)
+        return SurfaceResult(**known)
     centre = np.linalg.lstsq(BASIS, estimate, rcond=None)[0]
     coefficients = np.clip(centre + rng.normal(0, 0.06, (200, COEFFICIENTS)), 0, 1)
     draws = coefficients @ BASIS.T
@@ -164,12 +172,12 @@ def _material(rng: np.random.Generator, made: Reconstruction, m: int,
                               423.0)
     samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
                               Outcome.EXACT, Outcome.EXACT.value)
-    bands = made.signal.shape[1]
-    budget = {cause: rng.uniform(0.2, 1) * size * rng.uniform(0.7, 1.3, bands)
+    budget = {cause: rng.uniform(0.2, 1) * size * rng.uniform(0.7, 1.3, len(bands))
               for cause, size in {"photo noise": 2e-3, "Monte Carlo noise": 3e-3,
                                   "sensitivities": 8e-3,
                                   "light": 5e-3, "photo and model disagree": 1.2e-2}.items()}
     scores = Scores(rmse_mean=0.0112, rmse_inverse_rendering=0.0151, coverage=0.93,
                     coverage_95=0.93, coverage_bounds=1.0, band_width=float((upper - lower).mean()),
                     delta_e00_mean=0.84)
-    return MaterialResult(*known, summary, samples, budget, measured, scores if truth else None)
+    return SurfaceResult(**known, summary=summary, samples=samples, error_budget=budget,
+                         scores=scores if truth else None)

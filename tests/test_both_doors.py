@@ -1,6 +1,7 @@
 """Signals and cameras have one way: command and library enter the same functions and give the same
 numbers. What a command enters besides lays out its answer, or reads its options.
 """
+import inspect
 import json
 import sys
 from pathlib import Path
@@ -27,7 +28,9 @@ WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "light_word
 
 
 def entered(call):
-    """The functions of the library's rooms that a call enters, and what it returns."""
+    """The functions of the library's rooms that a call enters, and what it returns; bodies of
+    classes, which run as their module is first imported, are none.
+    """
     codes = set()
 
     def watch(frame, *_):
@@ -40,7 +43,7 @@ def entered(call):
     finally:
         sys.settrace(before)
     paths = {code: Path(code.co_filename).resolve() for code in codes
-             if not code.co_name.startswith("<")}
+             if not code.co_name.startswith("<") and code.co_flags & inspect.CO_NEWLOCALS}
     return {(path.relative_to(ROOT).as_posix(), code.co_name) for code, path in paths.items()
             if path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in ROOMS}, answer
 

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from spectrabox.capture.photo.image_files import write_exr
 from spectrabox.fixtures.meter_transcripts import FOLDER as RECORDINGS
+from spectrabox.measure.results.surface_result import SURFACE_FACTS
 from spectrabox.session.cli import app
 
 PAGE = Path(__file__).parents[1] / "docs" / "reference" / "json.md"
@@ -29,7 +30,7 @@ TOKEN = re.compile(r"`([^`]+)`|(\[?\{)|(\}\]?)")
 
 
 def documented():
-    """{command: nested dictionary of keys} of the page's first table."""
+    """{command: nested dictionary of keys} of the page's first table and of that of facts."""
     commands = {}
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         first, _, cell = line.strip("| \n").partition(" | ")
@@ -40,6 +41,11 @@ def documented():
                 commands[name] = {key: below for key, below in keys.items()
                                   if key not in IN_PASSING.get(name, ())}
         if line.startswith("| exit code"):
+            facts = {fact.name: {} for fact in SURFACE_FACTS}
+            commands["run"]["materials"] = {name: {} for name in facts
+                                            if name not in ("light", "light_error", "scatter")}
+            commands["flat"]["regions"] = {name: {} for name in facts
+                                           if name != "rmse_inverse_rendering"}
             return commands
     raise AssertionError("the page has no table of exit codes")
 
@@ -74,6 +80,11 @@ def missing(keys, answers, path=""):
     for name, below in keys.items():
         absent += missing(below, [each[name] for each in found if name in each], f"{path}{name}.")
     return absent
+
+
+def test_facts_of_a_surface_are_tabulated_as_they_are_declared():
+    rows = "".join(f"| `{fact.name}` | {fact.meaning} |\n" for fact in SURFACE_FACTS)
+    assert f"| fact | what |\n|---|---|\n{rows}\n" in PAGE.read_text(encoding="utf-8")
 
 
 def test_the_page_is_read_as_it_is_written():

@@ -22,14 +22,13 @@ from flat_example import (
 
 from spectrabox.fixtures.flat_sample import lamplight, vignetting, write_photo
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.measure.results.of_records import result_of
 from spectrabox.measure.verdict.criteria import Status
-from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.outputs.assemble import assemble
 
 from tests.session_runs import run
 
@@ -287,11 +286,11 @@ def test_a_card_stated_off_its_level_is_doubted(flat_session):
     finished = run(flat_session)
     notes = finished.records.flat.notes
     assert any("standard errors darker than the chart's light" in note for note in notes)
-    results = assemble(read_session(flat_session), finished, {})
-    verdict = judge(results)
+    found = result_of(finished.capture, finished.records)
+    verdict = found.verdict
     assert verdict.status is Status.WARN and "The level of “white_wall”" in verdict.sentence
-    photo = replace(results.photos[0], level_misfits={"bright": 3.5, "dark": -4.5})
-    verdict = judge(replace(results, photos=[photo]))
+    photo = replace(found.photos[0], level_misfits={"bright": 3.5, "dark": -4.5})
+    verdict = replace(found, photos=(photo,)).verdict
     assert "The level of “dark”, of known spectrum, is 4.5 standard errors" in verdict.sentence
 
 
@@ -299,7 +298,8 @@ def test_a_region_of_several_paints_and_a_truth_of_another_are_warnings(flat_ses
     text = (flat_session / "session.toml").read_text(encoding="utf-8")
     x0, y0, x1, y1 = rect_of("cube")
     other = rect_of("red_wall")
-    right = judge(assemble(read_session(flat_session), run(flat_session), {}))
+    finished = run(flat_session)
+    right = result_of(finished.capture, finished.records).verdict
     assert {each.name.split()[0]: each.status for each in right.criteria}.items() >= {
         "Scatter": Status.PASS, "Measured": Status.PASS}.items()
     both = [min(x0, other[0]), min(y0, other[1]), max(x1, other[2]), max(y1, other[3])]
@@ -309,7 +309,8 @@ def test_a_region_of_several_paints_and_a_truth_of_another_are_warnings(flat_ses
         encoding="utf-8")
     text = text.replace('"spectra/cube.csv"', '"spectra/other.csv"')
     (flat_session / "session.toml").write_text(text, encoding="utf-8")
-    verdict = judge(assemble(read_session(flat_session), run(flat_session), {}))
+    finished = run(flat_session)
+    verdict = result_of(finished.capture, finished.records).verdict
     assert verdict.status is Status.WARN
     assert "The pixels of “both” scatter by" in verdict.sentence
     assert "The stated truth disagrees with every band of “cube”: it lies" in verdict.sentence

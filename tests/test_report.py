@@ -9,11 +9,10 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from report_example import SURFACES, WORST_RATIO, example_session
+from report_example import SURFACES, WORST_RATIO, example_session, with_found
 
 from spectrabox.measure.verdict.calibration import DOUBTS
 from spectrabox.measure.verdict.criteria import Status
-from spectrabox.measure.verdict.judge import judge
 from spectrabox.measure.verdict.scene import scene_conditions
 from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
@@ -24,9 +23,8 @@ from spectrabox.sampling.prior.family_coverage import (
     FamilyCertificate,
     FamilyCoverage,
 )
-from spectrabox.session.outputs.facts import run_facts, run_text
 from spectrabox.session.report.maps import residual_maps
-from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.numbers import scene_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import plain_line
 
@@ -110,22 +108,22 @@ def test_the_page_is_balanced_and_needs_nothing_from_outside(tmp_path, case):
 def test_hostile_names_are_shown_and_never_run(tmp_path):
     results = example_session(tmp_path, materials=NAMES, name=HOSTILE, notes=HOSTILE,
                               bands=("R", HOSTILE, "B"))
-    results.inputs[0]["file"] = HOSTILE
-    results.warnings.append(HOSTILE)
+    results = with_found(dataclasses.replace(
+        results, inputs=(dataclasses.replace(results.inputs[0], file=HOSTILE),)), notes=(HOSTILE,))
     text = written(results)
     assert HOSTILE not in text
     assert html.escape(HOSTILE) in text
     page = Page(text)
     assert page.numbers["materials"][0]["name"] == HOSTILE
-    assert page.numbers["warnings"] == [HOSTILE]
+    assert page.numbers["warnings"][0] == HOSTILE
     assert text.count("<script") == text.count("</script>") == len(re.findall(r"<script[ >]", text))
 
 
 def test_numbers_in_the_json_equal_the_records(usual):
     results, text = usual
-    numbers, made = Page(text).numbers, results.reconstruction
+    numbers, made = Page(text).numbers, results.found.reconstruction
     # JSON writes the shortest digits that read back as the same float, so nothing may differ.
-    for entry, material in zip(numbers["materials"], results.materials, strict=True):
+    for entry, material in zip(numbers["materials"], results.found.surfaces, strict=True):
         m = made.materials.index(material.name)
         np.testing.assert_array_equal(entry["inverse_rendering"]["reflectance"], made.spectra[m])
         if material.summary is not None:
@@ -137,14 +135,14 @@ def test_numbers_in_the_json_equal_the_records(usual):
                                   made.agreement.ratio)
     np.testing.assert_array_equal(numbers["reconstruction"]["loss_history"], made.loss_history)
     np.testing.assert_array_equal(numbers["calibration"]["sensitivity"]["curves"],
-                                  results.calibration.sensitivity.curves)
-    assert numbers["calibration"]["light_scale"]["value"] == results.light_scale.value
-    assert numbers["inputs"][0]["sha256"] == results.inputs[0]["sha256"]
+                                  results.found.calibration.sensitivity.curves)
+    assert numbers["calibration"]["light_scale"]["value"] == results.found.light_scale.value
+    assert numbers["inputs"][0]["sha256"] == results.inputs[0].sha256
 
 
 def test_the_surface_that_does_not_fit_is_named_in_words(usual):
     results, text = usual
-    verdict = judge(results)
+    verdict = results.found.verdict
     assert verdict.status is Status.WARN
     assert verdict.sentence == ("The surface “left wall” does not fit: in band R the photo is "
                             f"{percent(WORST_RATIO - 1)} brighter than the rendering.")
@@ -158,7 +156,7 @@ def test_the_surface_that_does_not_fit_is_named_in_words(usual):
 def test_the_verdict_follows_the_worst_criterion(tmp_path, median, worst, status):
     ratio = np.full((len(SURFACES), 3), median)
     ratio[2, 1] = worst
-    assert judge(with_ratio(example_session(tmp_path), ratio)).status is status
+    assert with_ratio(example_session(tmp_path), ratio).found.verdict.status is status
 
 
 @pytest.mark.parametrize("outcome, status", [
@@ -166,8 +164,8 @@ def test_the_verdict_follows_the_worst_criterion(tmp_path, median, worst, status
                              (Outcome.CONVERGED, Status.PASS)])
 def test_a_fit_that_was_stopped_early_is_a_warning(tmp_path, outcome, status):
     results = with_ratio(example_session(tmp_path), np.ones((len(SURFACES), 3)))
-    made = dataclasses.replace(results.reconstruction, outcome=outcome)
-    verdict = judge(dataclasses.replace(results, reconstruction=made))
+    made = dataclasses.replace(results.found.reconstruction, outcome=outcome)
+    verdict = with_found(results, reconstruction=made).found.verdict
     assert verdict.status is status
     assert any(outcome.value in criterion.sentence for criterion in verdict.criteria)
 
@@ -175,21 +173,21 @@ def test_a_fit_that_was_stopped_early_is_a_warning(tmp_path, outcome, status):
 @pytest.mark.parametrize("deviation, status", [(-0.08, Status.WARN), (0.31, Status.FAIL)])
 def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation, status):
     results = example_session(tmp_path)
-    ratio = np.ones_like(results.reconstruction.agreement.ratio)
+    ratio = np.ones_like(results.found.reconstruction.agreement.ratio)
     results = with_ratio(results, ratio)
-    assert judge(results).status is Status.PASS
+    assert results.found.verdict.status is Status.PASS
     misfit = SurfaceMisfit("white / panel", deviation, "white / panel does not fit: gloss")
-    made = dataclasses.replace(results.reconstruction, misfits=(misfit,))
-    verdict = judge(dataclasses.replace(results, reconstruction=made))
+    made = dataclasses.replace(results.found.reconstruction, misfits=(misfit,))
+    verdict = with_found(results, reconstruction=made).found.verdict
     assert verdict.status is status and "white / panel does not fit: gloss" in verdict.sentence
 
 
 @pytest.mark.parametrize("doubt", CalibrationDoubt)
 def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path, doubt):
     results = example_session(tmp_path)
-    results = with_ratio(results, np.ones_like(results.reconstruction.agreement.ratio))
-    doubted = dataclasses.replace(results.calibration, doubts=(doubt,))
-    verdict = judge(dataclasses.replace(results, calibration=doubted))
+    results = with_ratio(results, np.ones_like(results.found.reconstruction.agreement.ratio))
+    doubted = dataclasses.replace(results.found.calibration, doubts=(doubt,))
+    verdict = with_found(results, calibration=doubted).found.verdict
     assert verdict.status is Status.WARN and verdict.sentence == f"Calibration: {doubt.value}."
     names = [each.name for each in verdict.criteria if each.status is Status.WARN]
     assert names == [DOUBTS[doubt]]
@@ -197,11 +195,11 @@ def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path, doubt):
 
 def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_shown(tmp_path):
     results = example_session(tmp_path)
-    first = results.materials[0]
+    first = results.found.surfaces[0]
     samples = dataclasses.replace(first.samples, outcome=Outcome.UNFAMILIAR,
                                   sentence=Outcome.UNFAMILIAR.value)
-    materials = [dataclasses.replace(first, samples=samples), *results.materials[1:]]
-    page = written(dataclasses.replace(results, materials=materials))
+    surfaces = (dataclasses.replace(first, samples=samples), *results.found.surfaces[1:])
+    page = written(with_found(results, surfaces=surfaces))
     section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
     assert f'<p class="doubt">{Outcome.UNFAMILIAR.value}</p>' in section
     assert 'class="doubt"' not in page.split('<h3 id="material-2">')[1]
@@ -212,43 +210,43 @@ def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path
     certificate = FamilyCertificate(False, 2, 600, BandCertificate(0.915, 0.193),
                                     BandCertificate(0.891, 0.164))
     families = (FamilyCoverage("textile", 0.7, False, certificate),)
-    first = dataclasses.replace(results.materials[0], families=families)
-    results = dataclasses.replace(results, materials=[first, *results.materials[1:]])
+    first = dataclasses.replace(results.found.surfaces[0], families=families)
+    results = with_found(results, surfaces=(first, *results.found.surfaces[1:]))
     page = written(results)
     said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"
     section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
     assert said in section and page.count("Tested on unseen surfaces") == 1
-    assert "textile" not in run_text(results)
-    facts = run_facts(results, tmp_path / "report.html")["materials"]
+    assert "textile" not in results.text()
+    facts = results.facts()["materials"]
     assert facts[0]["families"] == [{"name": "textile", "share": 0.7, "stated": False,
                                      "measured": False, "coverage": 0.891, "width": 0.164}]
     assert facts[1]["families"] == []
-    numbers = report_numbers(results, judge(results))["materials"]
+    numbers = scene_numbers(results.found)["materials"]
     assert [each["families"] for each in numbers[:2]] == [facts[0]["families"], []]
 
 
 def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
     results = example_session(tmp_path)
-    scale = with_common_error(results.light_scale, REPEATABILITY, 0.015)
-    materials = [dataclasses.replace(material, variance_shares={REPEATABILITY: share})
-                 for material, share in zip(results.materials, (0.1, 0.3), strict=False)]
-    fit = dataclasses.replace(results.reconstruction, light_scale=scale)
-    cost = judge(dataclasses.replace(results, reconstruction=fit, materials=materials))
+    scale = with_common_error(results.found.light_scale, REPEATABILITY, 0.015)
+    surfaces = [dataclasses.replace(material, variance_shares={REPEATABILITY: share})
+                 for material, share in zip(results.found.surfaces, (0.1, 0.3), strict=False)]
+    fit = dataclasses.replace(results.found.reconstruction, light_scale=scale)
+    cost = with_found(results, reconstruction=fit, surfaces=surfaces).found.verdict
     said, = (criterion.sentence for criterion in cost.criteria
              if criterion.name.startswith("Light and shutter"))
     assert "repeat to 1.5 %" in said and "20 % of the variance" in said and "[drift]" in said
     assert not any(criterion.name.startswith("Light and shutter")
-                   for criterion in judge(results).criteria)
+                   for criterion in results.found.verdict.criteria)
 
 
 def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_stated(tmp_path):
     results = example_session(tmp_path)
-    scale = with_common_error(with_common_error(results.light_scale, REPEATABILITY, 0.015),
+    scale = with_common_error(with_common_error(results.found.light_scale, REPEATABILITY, 0.015),
                               SCENE_LEVEL, 0.03)
 
     def sentence(scale, **stated):
-        fit = dataclasses.replace(results.reconstruction, light_scale=scale)
-        return scene_conditions(dataclasses.replace(results, reconstruction=fit, **stated))
+        fit = dataclasses.replace(results.found.reconstruction, light_scale=scale)
+        return scene_conditions(with_found(results, reconstruction=fit, **stated).found)
     whole = sentence(scale)
     for condition in ("lamp and shutter repeated within 3 % between chart photo and object photo",
                       "geometry gives the light on the scene within 6 %", "as matt as the scene"):
@@ -260,7 +258,7 @@ def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_st
 
 def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):
     results = example_session(tmp_path)
-    ratio = results.reconstruction.agreement.ratio.copy()
+    ratio = results.found.reconstruction.agreement.ratio.copy()
     ratio[3] = np.nan
     text = written(with_ratio(results, ratio))
     assert "Not compared in every band: floor." in text
@@ -271,7 +269,7 @@ def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):
 
 def test_a_session_without_any_compared_surface_is_no_pass(tmp_path):
     results = with_ratio(example_session(tmp_path), np.full((len(SURFACES), 3), np.nan))
-    assert judge(results).status is Status.WARN
+    assert results.found.verdict.status is Status.WARN
     assert "No surface could be compared" in written(results)
 
 
@@ -300,7 +298,7 @@ def test_the_same_session_gives_the_same_page(usual):
 
 
 def test_residuals_are_relative_to_the_photo_and_absent_where_not_used(usual):
-    made = usual[0].reconstruction
+    made = usual[0].found.reconstruction
     residuals = residual_maps(made)
     # One division and one subtraction of numbers near 1: a few eps.
     np.testing.assert_allclose((1 - residuals[made.used]) * made.measured[made.used],
@@ -321,7 +319,6 @@ def test_numbers_are_written_for_people(said, expected):
 
 def with_ratio(results, ratio):
     """The session with other ratios of photo to rendering."""
-    made = results.reconstruction
+    made = results.found.reconstruction
     agreement = dataclasses.replace(made.agreement, ratio=ratio)
-    return dataclasses.replace(results, reconstruction=dataclasses.replace(made,
-                                                                           agreement=agreement))
+    return with_found(results, reconstruction=dataclasses.replace(made, agreement=agreement))

@@ -6,12 +6,11 @@ import pytest
 from report_example import example_session
 
 from spectrabox.measure.surfaces.metamers import LIGHTS, metamer_pair
-from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Outcome, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.session.report.metamers import metamer_drawing, metamer_facts
-from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.numbers import scene_numbers
 from spectrabox.session.report.page import render_report
 
 GRID = visible_grid(5.0)
@@ -66,8 +65,8 @@ def test_a_reading_is_advised_where_the_two_are_furthest_apart():
 
 def test_page_and_numbers_say_the_same(tmp_path):
     results = example_session(tmp_path, materials=("white", "red", "green"))
-    page, numbers = render_report(results).page, report_numbers(results, judge(results))
-    drawn = [one for one in results.materials if one.samples is not None]
+    page, numbers = render_report(results).page, scene_numbers(results.found)
+    drawn = [one for one in results.found.surfaces if one.samples is not None]
     assert page.count('class="metamers"') == len(drawn) > 0
     facts = [one["metamers"] for one in numbers["materials"] if one["metamers"]]
     assert len(facts) == len(drawn)

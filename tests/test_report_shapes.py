@@ -5,15 +5,14 @@ import re
 
 import numpy as np
 import pytest
-from report_example import GRID, example_session
+from report_example import GRID, example_session, with_found
 
 from spectrabox.calibrate.trust import chart_colour_differences
-from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.records import HeldOutPatches, PriorInfluence
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage
-from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.numbers import report_numbers, scene_numbers
 from spectrabox.session.report.page import render_report
 from spectrabox.session.report.safe_json import plain_values
 from spectrabox.session.report.small_figures import (
@@ -23,7 +22,7 @@ from spectrabox.session.report.small_figures import (
     WIDTH,
     prior_share_figure,
 )
-from spectrabox.session.report.swatches import swatch_facts, swatch_section
+from spectrabox.session.report.swatches import swatch_pairs
 
 SOILED = 7
 
@@ -34,7 +33,7 @@ def session(tmp_path_factory):
     within 0.2 %.
     """
     results = example_session(tmp_path_factory.mktemp("shapes"))
-    grid = results.reconstruction.grid
+    grid = results.found.reconstruction.grid
     reference = chart_reflectances(CLASSIC.references[0], grid)
     predicted = reference @ relative_response("cie_2_1931", "D65", grid).T
     measured = predicted * np.random.default_rng(3).normal(1, 0.002, predicted.shape)
@@ -42,29 +41,29 @@ def session(tmp_path_factory):
     left_out = HeldOutPatches(grid, reference, reference - 0.05, reference + 0.05, reference,
                               np.zeros(24, dtype=bool), np.full(24, 0.95), 0.95)
     chart = dataclasses.replace(
-        results.chart, predicted=predicted, left_out=left_out,
-        samples=dataclasses.replace(results.chart.samples, mean=measured),
+        results.found.chart, predicted=predicted, left_out=left_out,
+        samples=dataclasses.replace(results.found.chart.samples, mean=measured),
         prior=PriorInfluence(np.linspace(0, 1, 3 * grid.nm.size).reshape(3, -1),
                             ("Maker <A>", "Maker B"), np.array([0.9, 0.1])))
-    fit = dataclasses.replace(results.calibration.sensitivity, residuals=1 - predicted / measured,
+    fit = dataclasses.replace(results.found.calibration.sensitivity,
+                              residuals=1 - predicted / measured,
                               held_out_residuals=1 - 1.01 * predicted / measured)
     families = (FamilyCoverage("paint", 0.7, False, None), FamilyCoverage("earth", 0.3, False,
                                                                           None))
-    material = dataclasses.replace(results.materials[0], families=families)
-    return dataclasses.replace(results, chart=chart, materials=[material, *results.materials[1:]],
-                               calibration=dataclasses.replace(results.calibration,
-                                                               sensitivity=fit))
+    material = dataclasses.replace(results.found.surfaces[0], families=families)
+    return with_found(results, chart=chart, surfaces=(material, *results.found.surfaces[1:]),
+                      calibration=dataclasses.replace(results.found.calibration, sensitivity=fit))
 
 
 @pytest.fixture(scope="module")
 def written(session):
-    numbers = plain_values(report_numbers(session, judge(session)))
+    numbers = plain_values(report_numbers(session) | scene_numbers(session.found))
     return numbers, render_report(session)
 
 
 def test_the_difference_is_that_of_the_chart_and_the_worst_patch_comes_first(session):
-    facts = swatch_facts(session)
-    grid, chart = session.reconstruction.grid, session.chart
+    facts = swatch_pairs(session.found).numbers
+    grid, chart = session.found.reconstruction.grid, session.found.chart
     # predicted from the others: 1 % brighter, which a map of signals to colours takes off again
     wanted = chart_colour_differences(chart.samples.mean, 1.01 * chart.predicted,
                                       chart.left_out.reference, grid)
@@ -76,50 +75,50 @@ def test_the_difference_is_that_of_the_chart_and_the_worst_patch_comes_first(ses
 
 def test_an_ideal_camera_sees_the_colours_of_the_chart(session):
     """White is white, and the soiled patch is darker than predicted."""
-    section = swatch_section(session)
-    by_patch = {pair["patch"]: pair for pair in section["large"] + section["others"]}
-    level = {key: [int(value) for value in re.findall(r"\d+", by_patch[18][key])]
+    section = swatch_pairs(session.found)
+    by_patch = {pair.patch: pair for pair in section.pairs}
+    level = {key: [int(value) for value in re.findall(r"\d+", getattr(by_patch[18], key))]
              for key in ("measured", "predicted")}
     # the white patch reflects 88 to 92 % at all wavelengths: 240 to 248 as sRGB, within noise
     assert all(236 <= value <= 252 for values in level.values() for value in values)
-    one, other = ([int(value) for value in re.findall(r"\d+", by_patch[SOILED][key])]
+    one, other = ([int(value) for value in re.findall(r"\d+", getattr(by_patch[SOILED], key))]
                   for key in ("measured", "predicted"))
     assert all(a <= b for a, b in zip(one, other, strict=True)) and sum(one) < sum(other) - 30
 
 
 def test_another_chart_is_seen_at_a_glance(session):
     """Patches of a turned chart differ throughout, not here and there."""
-    turned = dataclasses.replace(session.chart.left_out,
-                                 reference=session.chart.left_out.reference[::-1])
-    predicted = session.chart.predicted[::-1]
-    measured = session.chart.samples.mean
-    fit = dataclasses.replace(session.calibration.sensitivity, residuals=1 - predicted / measured,
+    turned = dataclasses.replace(session.found.chart.left_out,
+                                 reference=session.found.chart.left_out.reference[::-1])
+    predicted = session.found.chart.predicted[::-1]
+    measured = session.found.chart.samples.mean
+    fit = dataclasses.replace(session.found.calibration.sensitivity,
+                              residuals=1 - predicted / measured,
                               held_out_residuals=None)
-    results = dataclasses.replace(
-        session, chart=dataclasses.replace(session.chart, left_out=turned),
-        calibration=dataclasses.replace(session.calibration, sensitivity=fit))
-    differences = np.asarray(swatch_facts(results)["delta_e00"])
+    results = with_found(
+        session, chart=dataclasses.replace(session.found.chart, left_out=turned),
+        calibration=dataclasses.replace(session.found.calibration, sensitivity=fit))
+    differences = np.asarray(swatch_pairs(results.found).numbers["delta_e00"])
     assert np.median(differences) > 20
-    assert np.median(np.asarray(swatch_facts(session)["delta_e00"])) < 2
+    assert np.median(np.asarray(swatch_pairs(session.found).numbers["delta_e00"])) < 2
 
 
 def test_without_a_reference_no_difference_is_said(session):
-    chart = dataclasses.replace(session.chart, left_out=None)
-    results = dataclasses.replace(session, chart=chart)
-    section = swatch_section(results)
-    assert section["mean"] is None and section["large"][0]["patch"] == SOILED
+    chart = dataclasses.replace(session.found.chart, left_out=None)
+    results = with_found(session, chart=chart)
+    section = swatch_pairs(results.found)
+    assert section.mean is None and section.large[0].patch == SOILED
     page = render_report(results).page
     assert page.count('class="halves"') == 24 and 'class="difference"' not in page
 
 
 def test_a_patch_without_signal_comes_first_and_striped(session):
-    mean = session.chart.samples.mean.copy()
+    mean = session.found.chart.samples.mean.copy()
     mean[3, 1] = np.nan
-    samples = dataclasses.replace(session.chart.samples, mean=mean)
-    results = dataclasses.replace(session, chart=dataclasses.replace(session.chart,
-                                                                     samples=samples))
-    section = swatch_section(results)
-    assert section["large"][0]["patch"] == 3 and "gradient" in section["large"][0]["measured"]
+    samples = dataclasses.replace(session.found.chart.samples, mean=mean)
+    results = with_found(session, chart=dataclasses.replace(session.found.chart, samples=samples))
+    section = swatch_pairs(results.found)
+    assert section.large[0].patch == 3 and "gradient" in section.large[0].measured
 
 
 def test_of_a_large_chart_the_worst_are_large_and_the_others_folded_away(session, monkeypatch):

@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from report_example import example_session
+from report_example import example_session, with_found
 from test_box_scene import FAR, rewritten, template_box
 from test_colmap import with_model
 from typer.testing import CliRunner
@@ -161,10 +161,9 @@ def test_what_is_stored_comes_back():
 
 
 def test_the_report_shows_what_moved(tmp_path):
-    import dataclasses
     plain = example_session(tmp_path)
     assert "What moved" not in render_report(plain).page
-    results = dataclasses.replace(plain, geometry=geometry())
+    results = with_found(plain, geometry=geometry())
     page = write_report(results)
     text = page.read_text(encoding="utf-8")
     assert "What moved" in text and "front top &lt;left&gt;" in text

@@ -32,7 +32,8 @@ from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.steps import inversion
 from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.measure.verdict.criteria import Status
-from spectrabox.measure.verdict.judge import _clipped
+from spectrabox.measure.verdict.flat import clipped_photo
+from spectrabox.measure.verdict.scene import clipped_pixels
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
 from spectrabox.radiometry.records import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
@@ -282,8 +283,10 @@ def test_errors_of_white_and_glare_are_those_of_small_changes_of_all_unknowns():
 def test_a_pixel_is_clipped_where_any_band_is():
     saturated = np.zeros((10, 20, 3), bool)
     saturated[0, :10, 1] = saturated[0, 5:15, 2] = True
-    found = _clipped(SimpleNamespace(photo=SimpleNamespace(saturated=saturated)))
-    assert found.value == pytest.approx(15 / 200) and found.status is not Status.PASS
+    share = dataclasses.replace(image(np.full((10, 20, 3), 0.4)), saturated=saturated).clipped_share
+    assert share == pytest.approx(15 / 200)
+    for criterion in (clipped_photo(share), clipped_pixels(share)):
+        assert criterion.value == share and criterion.status is Status.WARN
 
 
 def test_a_band_is_as_wide_as_it_is_in_the_mean():

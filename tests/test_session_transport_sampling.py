@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from spectrabox.measure.results.of_records import result_of
 from spectrabox.measure.scene.draws import _common_errors, _of_stray_light, _of_tails
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.steps.inversion import settings_of, views_of
@@ -13,7 +14,6 @@ from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
-from spectrabox.session.outputs.assemble import assemble
 from spectrabox.session.pipeline import run_stages
 
 
@@ -30,16 +30,18 @@ def run(config):
 
 
 def test_the_whole_scene_tells_more_than_each_surface_and_its_bands_still_hold(finished):
-    alone = assemble(read_session(finished), load_finished(read_session(finished)), {})
+    before = load_finished(read_session(finished))
+    alone = result_of(before.capture, before.records)
     config = through(finished, "transport")
-    jointly = assemble(config, run(config), {})
-    widths = [np.mean([material.scores.band_width for material in found.materials])
+    after = run(config)
+    jointly = result_of(after.capture, after.records)
+    widths = [np.mean([material.scores.band_width for material in found.surfaces])
               for found in (jointly, alone)]
     assert widths[0] < widths[1]
-    assert np.mean([material.scores.coverage_95 for material in jointly.materials]) > 0.9
+    assert np.mean([material.scores.coverage_95 for material in jointly.surfaces]) > 0.9
     assert all("through the light transport" in material.samples.method
-               for material in jointly.materials)
-    drawn = {material.name: material.samples.spectra for material in jointly.materials}
+               for material in jointly.surfaces)
+    drawn = {material.name: material.samples.spectra for material in jointly.surfaces}
     # draw t of every material is of one scene
     assert len({spectra.shape for spectra in drawn.values()}) == 1
 

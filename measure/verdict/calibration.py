@@ -2,14 +2,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from spectrabox.measure.chart_check import held_out_sentence, poor_patches
 from spectrabox.measure.verdict.criteria import Criterion, Status, graded, limit_words
-from spectrabox.measure.verdict.evidence import CommonEvidence
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.records import Calibration, CalibrationDoubt, HeldOutPatches
+
+if TYPE_CHECKING:
+    from spectrabox.measure.results.capture_result import CaptureResult
 
 CHART_LIMITS = (0.03, 0.10)   # rms of (photo - predicted) / photo
 # of wavelengths of patches left out, that the band should hold and does not: simulated charts of
@@ -23,7 +26,7 @@ DOUBTS = {CalibrationDoubt.UNLIKE_CAMERAS: "Calibration like that of measured ca
           CalibrationDoubt.BANDS: "Bands against the chart"}
 
 
-def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
+def calibration_doubts(found: CaptureResult) -> list[Criterion]:
     """Whether the calibrations were made with doubts, each a criterion of its own; of further
     photos those alone that are doubtful.
 
@@ -31,7 +34,7 @@ def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
     on each patch is given no drift over the chart is looked for. A veil and bands that disagree are
     named where they are.
     """
-    calibration, rows = evidence.calibration, []
+    calibration, rows = found.calibration, []
     for doubt, name in DOUBTS.items():
         given = (calibration.light_scale is not None if doubt is CalibrationDoubt.TWO_LIGHTS
                  else calibration.products)
@@ -44,7 +47,7 @@ def calibration_doubts(evidence: CommonEvidence) -> list[Criterion]:
     return rows + [
         Criterion(DOUBTS[doubt] + where_of(view), None, "doubtful", "no doubt", Status.WARN,
                   sentence)
-        for view, made in {"": calibration, **evidence.other_calibrations}.items()
+        for view, made in {"": calibration, **found.other_calibrations}.items()
         for doubt, sentence in zip(made.doubts, doubt_sentences(made, view), strict=True)]
 
 
@@ -67,14 +70,14 @@ def where_of(view: str) -> str:
     return view and f" in the photo “{view}”"
 
 
-def held_out_patches(evidence: CommonEvidence) -> list[Criterion]:
+def held_out_patches(found: CaptureResult) -> list[Criterion]:
     """How well each chart patch is predicted by a calibration without it; nothing without a chart.
 
     Parameters
     ----------
-    evidence : CommonEvidence
+    found : CaptureResult
     """
-    chart = evidence.chart
+    chart = found.chart
     if chart is None or chart.left_out is None:
         return []
     return [row for view, patches in {"": chart.left_out, **chart.others}.items()
@@ -103,17 +106,17 @@ def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> lis
     return rows
 
 
-def chart_agreement(evidence: CommonEvidence) -> list[Criterion]:
+def chart_agreement(found: CaptureResult) -> list[Criterion]:
     """How well each calibration reproduces the first chart that it was fitted to."""
-    name, chart = "Chart residual, rms over patches and bands", evidence.chart
-    residuals = chart_residuals(evidence)
+    name, chart = "Chart residual, rms over patches and bands", found.chart
+    residuals = chart_residuals(found)
     if residuals is not None and chart is not None:
         residuals = residuals[~chart.samples.clipped]
     each = {"": root_mean_square(residuals)}
     if each[""] is None:
         return [Criterion(name, None, "no chart", limit_words(CHART_LIMITS), Status.INFO,
                           "Sensitivities were read from a file; no chart photo tests them.")]
-    for view, made in evidence.other_calibrations.items():
+    for view, made in found.other_calibrations.items():
         assert chart is not None and made.sensitivity.residuals is not None
         each[view] = root_mean_square(made.sensitivity.residuals[chart.others[view].judged])
     return [graded(name + where_of(view), value, CHART_LIMITS, "The calibration"
@@ -121,12 +124,12 @@ def chart_agreement(evidence: CommonEvidence) -> list[Criterion]:
             for view, value in each.items() if value is not None]
 
 
-def chart_residuals(evidence: CommonEvidence) -> np.ndarray | None:
+def chart_residuals(found: CaptureResult) -> np.ndarray | None:
     """(photo - predicted) / photo of the patches (I, K), or None where no chart was used."""
-    residuals = evidence.calibration.sensitivity.residuals
-    if residuals is None and evidence.chart is not None:
-        measured = evidence.chart.samples.mean
-        return (measured - evidence.chart.predicted) / measured
+    residuals = found.calibration.sensitivity.residuals
+    if residuals is None and found.chart is not None:
+        measured = found.chart.samples.mean
+        return (measured - found.chart.predicted) / measured
     return residuals
 
 

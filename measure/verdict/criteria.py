@@ -6,9 +6,12 @@ from enum import Enum
 
 import numpy as np
 
-from spectrabox.measure.verdict.evidence import VALID_OUTCOMES
+from spectrabox.measure.results.surface_result import VALID_OUTCOMES
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.records import Outcome
+
+# of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
+CLIPPED_LIMITS = (0.05, float("inf"))
 
 
 class Status(Enum):
@@ -54,6 +57,16 @@ class Verdict:
     status: Status
     sentence: str
     criteria: tuple[Criterion, ...]
+
+    @property
+    def word(self) -> str:
+        """"pass", "warn" or "fail"."""
+        return self.status.name.lower()
+
+    @property
+    def line(self) -> str:
+        """For a terminal."""
+        return f"verdict: {self.status.name}. {self.sentence}"
 
     @property
     def headline(self) -> str:

@@ -1,12 +1,21 @@
 """Criteria and conditions of flat samples: light, known levels, uneven regions."""
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from spectrabox.measure.regions.white import FAR, LEVEL_DOUBTED
-from spectrabox.measure.verdict.criteria import Criterion, Status, graded
-from spectrabox.measure.verdict.evidence import FlatEvidence
+from spectrabox.measure.verdict.criteria import (
+    CLIPPED_LIMITS,
+    Criterion,
+    Status,
+    graded,
+)
 from spectrabox.measure.words import listed, percent
+
+if TYPE_CHECKING:
+    from spectrabox.measure.results.flat_result import FlatResult
 
 LIGHT_LIMITS = (FAR, 0.15)    # relative error of the light on a region of a flat sample
 # Relative scatter of a region's pixels. One paint whose relief slopes by 20 degrees (rms) scatters
@@ -15,14 +24,14 @@ LIGHT_LIMITS = (FAR, 0.15)    # relative error of the light on a region of a fla
 ONE_PAINT = 0.25
 
 
-def flat_criteria(evidence: FlatEvidence) -> list[Criterion]:
+def flat_criteria(found: FlatResult) -> list[Criterion]:
     """Light on the regions, levels of known ones, scatter of their pixels."""
-    return [*_light(evidence), *_known_levels(evidence), *_uneven_regions(evidence)]
+    return [*_light(found), *_known_levels(found), *_uneven_regions(found)]
 
 
-def _light(evidence: FlatEvidence) -> list[Criterion]:
+def _light(found: FlatResult) -> list[Criterion]:
     """How well the light on the worst region is known, and how much it changes."""
-    light = {(photo.name, name): level_and_error for photo in evidence.photos
+    light = {(photo.name, name): level_and_error for photo in found.photos
              for name, level_and_error in photo.light.items()}
     (_, worst), (_, error) = max(light.items(), key=lambda item: item[1][1])
     levels = np.array([level for level, _ in light.values()] + [1.0])
@@ -40,9 +49,9 @@ def _light(evidence: FlatEvidence) -> list[Criterion]:
                              "which is corrected within its error.")]
 
 
-def _known_levels(evidence: FlatEvidence) -> list[Criterion]:
+def _known_levels(found: FlatResult) -> list[Criterion]:
     """How far the stated levels of known regions are from what the chart's light gives."""
-    misfits = {name: misfit for photo in evidence.photos
+    misfits = {name: misfit for photo in found.photos
                for name, misfit in photo.level_misfits.items()}
     if not misfits:
         return []
@@ -58,9 +67,9 @@ def _known_levels(evidence: FlatEvidence) -> list[Criterion]:
                             if abs(misfit) > LEVEL_DOUBTED))]
 
 
-def _uneven_regions(evidence: FlatEvidence) -> list[Criterion]:
+def _uneven_regions(found: FlatResult) -> list[Criterion]:
     """Whether each region can be one paint, by what its pixels scatter."""
-    scatter = {name: value for photo in evidence.photos for name, value in photo.scatter.items()}
+    scatter = {name: value for photo in found.photos for name, value in photo.scatter.items()}
     if not scatter:
         return []
     worst = max(scatter, key=lambda name: scatter[name])
@@ -75,9 +84,16 @@ def _uneven_regions(evidence: FlatEvidence) -> list[Criterion]:
         tuple(name for name, value in scatter.items() if value > ONE_PAINT))]
 
 
-def flat_conditions(evidence: FlatEvidence) -> str:
+def clipped_photo(share: float) -> Criterion:
+    """Whether much of the photo is clipped; of a region nothing is, or it would have been refused.
+    """
+    return graded("Clipped parts of the photo", share, CLIPPED_LIMITS,
+                  f"{percent(share)} of the photo is clipped, none of it in a region.")
+
+
+def flat_conditions(found: FlatResult) -> str:
     """What no photo shows and the estimates rest on: how the samples must lie."""
-    matt = [] if evidence.surfaces_stated else ["matt"]
-    card = all(photo.level_misfits for photo in evidence.photos if photo.light)
+    matt = [] if found.surfaces_stated else ["matt"]
+    card = all(photo.level_misfits for photo in found.photos if photo.light)
     return "the samples are " + listed([*matt, "flat", *(
         ["in the white card's plane"] if card else ["in the chart's plane", "in no shadow"])])

@@ -2,26 +2,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.measure.verdict.calibration import where_of
+from spectrabox.measure.captured import FIRST_PHOTO
+from spectrabox.measure.verdict.calibration import root_mean_square, where_of
 from spectrabox.measure.verdict.criteria import (
+    CLIPPED_LIMITS,
     Criterion,
     Status,
     graded,
     limit_words,
     outcome_criterion,
 )
-from spectrabox.measure.verdict.evidence import SceneEvidence
 from spectrabox.measure.words import deviation_words, listed, percent
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
 from spectrabox.radiometry.records import Reconstruction, SurfaceAgreement
 from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause
 
+if TYPE_CHECKING:
+    from spectrabox.measure.results.scene_result import SceneResult
+
 # |photo / rendering - 1|: pass up to the first, fail beyond the second
 MEDIAN_LIMITS = (0.02, 0.05)
 WORST_LIMITS = (0.05, 0.15)
+CHART_WARNING, SURFACE_WARNING = 0.03, 0.05     # of what a warning names
 MAX_NAMED = 3                         # surfaces that the verdict names
 WITHIN = 2                            # standard errors within which a condition is said to hold
 # what is assumed of the light on a scene: criterion, what repeats or agrees, what measures it
@@ -37,21 +43,21 @@ PATTERNS = ("One spectrum for each material does not fit every surface. It canno
             "plain surfaces check light, position and paint.")
 
 
-def scene_criteria(evidence: SceneEvidence) -> list[Criterion]:
+def scene_criteria(found: SceneResult) -> list[Criterion]:
     """Photo against rendering, misfits, the fit, changes between the photos, rehearsal."""
-    photos = [("", evidence.reconstruction, evidence.bands)]
+    photos = [("", found.reconstruction, found.bands)]
     photos += [(where_of(view.name), view.reconstruction, view.bands)
-               for view in evidence.views]
+               for view in found.views]
     agreement = [*(_median_surface(photo.agreement, where) for where, photo, _ in photos),
                  *(_worst_surface(photo.agreement, bands, where) for where, photo, bands in photos)]
     misfits = [_misfits(photo, bands, where) for where, photo, bands in photos]
-    if evidence.with_picture:
+    if found.picture is not None:
         agreement = [replace(each, status=Status.INFO) for each in agreement]
         misfits = [each if each.status is Status.PASS else
                    replace(each, status=Status.WARN, sentence=PATTERNS) for each in misfits]
     return [*agreement, *misfits,
-            outcome_criterion("Inverse rendering", evidence.reconstruction.outcome),
-            *_between_photos(evidence), *_rehearsal(evidence)]
+            outcome_criterion("Inverse rendering", found.reconstruction.outcome),
+            *_between_photos(found), *_rehearsal(found)]
 
 
 def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
@@ -102,15 +108,15 @@ def _misfits(made: Reconstruction, bands: tuple[str, ...], where: str) -> Criter
                                          if misfit.surface in materials)))
 
 
-def _between_photos(evidence: SceneEvidence) -> list[Criterion]:
+def _between_photos(found: SceneResult) -> list[Criterion]:
     """What it costs that nobody measured the light on the scene itself."""
     rows = []
     for cause, (name, assumed, measured_by) in ASSUMED.items():
-        stated = [error.relative for error in evidence.light_scale.common_errors
+        stated = [error.relative for error in found.light_scale.common_errors
                   if error.cause == cause]
         if not stated:
             continue
-        shares = [material.variance_shares[cause] for material in evidence.materials
+        shares = [material.variance_shares[cause] for material in found.surfaces
                   if cause in material.variance_shares]
         cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra "
                 f"(up to {percent(max(shares))} of a material's)" if shares else "")
@@ -120,9 +126,9 @@ def _between_photos(evidence: SceneEvidence) -> list[Criterion]:
     return rows
 
 
-def _rehearsal(evidence: SceneEvidence) -> list[Criterion]:
+def _rehearsal(found: SceneResult) -> list[Criterion]:
     """Whether bands held known truths in the last rehearsal."""
-    rehearsed = evidence.rehearsal
+    rehearsed = found.rehearsal
     if rehearsed is None:
         return []
     worst = rehearsed.worst.coverage
@@ -132,9 +138,53 @@ def _rehearsal(evidence: SceneEvidence) -> list[Criterion]:
                       f"R{rehearsed.sentence[1:]}.")]
 
 
-def scene_conditions(evidence: SceneEvidence) -> str:
+def clipped_pixels(share: float) -> Criterion:
+    """Whether much of the object photo is clipped."""
+    return graded("Clipped pixels, left out of the fit", share, CLIPPED_LIMITS,
+                  f"{percent(share)} of the object photo is clipped and was left out.")
+
+
+def scene_warnings(found: SceneResult) -> list[str]:
+    """What to beware of in the reconstruction of a scene."""
+    warnings = []
+    views = {FIRST_PHOTO: found.reconstruction,
+             **{view.name: view.reconstruction for view in found.views}}
+    misfits = [(name, misfit) for name, made in views.items() for misfit in made.misfits]
+    named = {misfit.surface: None for _, misfit in misfits}
+    if misfits and found.picture is not None:
+        warnings.append(f"One spectrum each does not fit {', '.join(named)}: it cannot where there "
+                        "are patterns, of which the picture has every pixel's; elsewhere check "
+                        "light, position and paint.")
+    elif len(views) == 1:
+        warnings += [misfit.sentence for _, misfit in misfits]
+    else:
+        warnings += [f"In the photo “{name}” {misfit.sentence}" for name, misfit in misfits]
+    rms = root_mean_square(found.calibration.sensitivity.residuals)
+    if rms is not None and rms > CHART_WARNING:
+        warnings.append(f"The chart's patches disagree with the fitted camera by {rms:.1%} rms: "
+                        "look for glare, uneven light or another chart.")
+    agreement = found.reconstruction.agreement
+    for name, ratio in zip(agreement.names, agreement.ratio, strict=True):
+        off = ratio - 1
+        if np.abs(off).max() > SURFACE_WARNING and name not in named:
+            warnings.append(f"Photo and rendering disagree on {name} by "
+                            f"{off[np.argmax(np.abs(off))]:+.0%} in the worst band: geometry, "
+                            "light or material of this surface is not as the scene says.")
+    if not found.by_flat_field:
+        warnings.append("No flat-field photo: vignetting is not corrected and counts as "
+                        "reflectance.")
+    if not found.scale_from_chart or found.calibration.light_scale is None:
+        warnings.append("The light scale rests on the spectrum given for a known material.")
+    fit = found.calibration.sensitivity
+    if fit.basis is None and fit.residuals is None:
+        warnings.append("The sensitivities were taken from a file and not checked against a chart "
+                        "photo.")
+    return warnings
+
+
+def scene_conditions(found: SceneResult) -> str:
     """The same of a scene: what of the light only the chart photo tells, geometry, surfaces."""
-    scales = [evidence.light_scale, *(view.reconstruction.light_scale for view in evidence.views)]
+    scales = [found.light_scale, *(view.reconstruction.light_scale for view in found.views)]
 
     def within(*causes: str) -> str:
         errors = [np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
@@ -142,14 +192,14 @@ def scene_conditions(evidence: SceneEvidence) -> str:
         return percent(WITHIN * max(errors), 0) if max(errors) else ""
 
     repeat, light = within(REPEATABILITY), within(SCENE_LEVEL, LAMP_AT_CHART)
-    known = [f"“{material.name}”" for material in evidence.materials if material.summary is None]
+    known = [f"“{material.name}”" for material in found.surfaces if material.known]
     return listed([
         *([f"lamp and shutter repeated within {repeat} between chart photo and object photo"]
           if repeat else []),
         f"the geometry gives the light on the scene within {light}" if light else
         "the geometry is right",
         *([f"the spectrum of {listed(known)} is right"] if known else []),
-        *([] if evidence.surfaces_stated else ["the surfaces are as matt as the scene says"])])
+        *([] if found.surfaces_stated else ["the surfaces are as matt as the scene says"])])
 
 
 def worst_entry(agreement: SurfaceAgreement) -> tuple[int, int] | None:

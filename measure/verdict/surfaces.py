@@ -1,12 +1,16 @@
 """Criteria of surfaces of any kind: draws, coverage, stated truths."""
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from spectrabox.measure.verdict.criteria import Criterion, Status
-from spectrabox.measure.verdict.evidence import CommonEvidence
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+
+if TYPE_CHECKING:
+    from spectrabox.measure.results.capture_result import CaptureResult
 
 # Standard deviations, rms over wavelengths, of a stated truth from the mean. Of 119 surfaces of
 # published sets in a simulated camera's signals (1 %, D65) right truths reach 3.5, 1 in 100 exceeds
@@ -15,12 +19,12 @@ ANOTHER_TRUTH = 4.0
 SMALLEST_SPREAD = 0.002               # of white: what measured spectra repeat to
 
 
-def samplers(evidence: CommonEvidence) -> list[Criterion]:
+def samplers(found: CaptureResult) -> list[Criterion]:
     """Whether the draws of every estimated surface are as intended."""
-    drawn = [(m.name, m.samples) for m in evidence.materials if m.samples is not None]
+    drawn = [(m.name, m.samples) for m in found.surfaces if m.samples is not None]
     if not drawn:
         return []
-    doubtful = [(m.name, m.samples.sentence) for m in evidence.materials
+    doubtful = [(m.name, m.samples.sentence) for m in found.surfaces
                 if m.doubtful and m.samples is not None]
     if not doubtful:
         return [Criterion("Samplers", None, "as intended", "as intended", Status.PASS,
@@ -31,9 +35,9 @@ def samplers(evidence: CommonEvidence) -> list[Criterion]:
                       f"Sampler of {reservations}", tuple(name for name, _ in doubtful))]
 
 
-def truth_coverage(evidence: CommonEvidence) -> Criterion:
+def truth_coverage(found: CaptureResult) -> Criterion:
     name = "Measured truth inside the band"
-    tested = [(m.scores.coverage, m.summary.level) for m in evidence.materials
+    tested = [(m.scores.coverage, m.summary.level) for m in found.surfaces
               if m.scores is not None and m.summary is not None]
     if not tested:
         return Criterion(name, None, "no truth given", "its level", Status.INFO,
@@ -45,10 +49,10 @@ def truth_coverage(evidence: CommonEvidence) -> Criterion:
                      f"{percent(share)} of wavelengths; {percent(level)} is intended.")
 
 
-def stated_truths(evidence: CommonEvidence) -> list[Criterion]:
+def stated_truths(found: CaptureResult) -> list[Criterion]:
     """Whether each stated truth can be that of its surface."""
     far = {}
-    for surface in evidence.materials:
+    for surface in found.surfaces:
         if surface.truth is not None and surface.summary is not None:
             off = spectrum_on_grid(surface.truth, surface.summary.grid) - surface.summary.mean
             spread = np.maximum(surface.summary.standard_deviation, SMALLEST_SPREAD)

@@ -10,12 +10,12 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from spectrabox.measure.tables import text_table
 from spectrabox.radiometry.files import whole_file
 from spectrabox.session.batch.manifest import Outcome
 from spectrabox.session.report.page import TEMPLATES, style_sheet, templates
 from spectrabox.session.terminal.command_line import tell
 from spectrabox.session.terminal.progress_display import StageProgress
-from spectrabox.session.terminal.tables import text_table
 
 MAX_SENTENCE = 60       # of its characters in the table; the page has all
 FILE = "batch.html"

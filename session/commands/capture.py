@@ -131,7 +131,7 @@ def _photo_facts(image: LinearImage) -> dict[str, Any]:
     return {"camera": image.camera, "exposure_s": image.exposure_s, "iso": image.iso,
             "f_number": image.f_number, "kind": image.kind.value, "source": image.source,
             "sha256": image.sha256,
-            "saturated_fraction": float(image.saturated.any(axis=2).mean()),
+            "saturated_fraction": image.clipped_share,
             "noise_at_half": [value / HALF_SCALE for value in noise if value is not None]}
 
 

@@ -216,7 +216,7 @@ def match(request: MatchRequest) -> Answer:
 
 def _match_text(match: SurfaceMatch) -> str:
     from spectrabox.measure.signals.matching import HEADINGS
-    from spectrabox.session.terminal.tables import text_table
+    from spectrabox.measure.tables import text_table
     lines = [text_table(HEADINGS, match.rows(MATCHES_SHOWN), text=("spectrum", "library", ""),
                         title=match.surface), match.says]
     hidden = sum(each.indistinguishable for each in match.matches[MATCHES_SHOWN:])

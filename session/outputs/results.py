@@ -1,61 +1,148 @@
-"""Everything a finished session knows, as the report and the command line read it."""
+"""Everything that a finished session shows: what was found, and what is known of its folder."""
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.verdict.evidence import (
-    CommonEvidence,
-    FlatEvidence,
-    PhotoOfRegions,
-    SceneEvidence,
-)
-from spectrabox.radiometry.placements import SceneGeometry
-from spectrabox.radiometry.records import WavelengthGrid
-from spectrabox.session.pictures.picture_results import PictureOfSpectra
+from spectrabox.measure.captured import Capture
+from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.results.capture_result import CaptureResult
+from spectrabox.measure.results.of_records import result_of
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.kept_stages import FinishedRun
+from spectrabox.session.store.input_files import InputFiles
+from spectrabox.session.store.input_roles import input_roles
+from spectrabox.session.store.rehearsals import stored_rehearsal
+
+
+@dataclass(frozen=True)
+class UsedFile:
+    """An input file of a session; of photos also what the camera says of itself."""
+
+    role: str
+    file: str                       # relative to the session folder
+    sha256: str
+    bytes: int
+    exposure_s: float | None = None
+    clipped: float | None = None    # share of pixels; None of what is no photo
+    facts: Mapping[str, Any] = field(default_factory=dict)     # iso, f_number, camera, kind
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """For JSON."""
+        file = {"role": self.role, "file": self.file, "sha256": self.sha256, "bytes": self.bytes}
+        if self.clipped is None:
+            return file
+        return {**file, "exposure_s": self.exposure_s, **self.facts, "clipped": self.clipped}
+
+
+@dataclass(frozen=True)
+class StageRun:
+    """A step of the session's last run."""
+
+    name: str
+    seconds: float
+    state: str                      # "run", "kept", or "copied"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CommonResults(CommonEvidence):
-    """What the report of any session shows; ``folder`` is the session folder."""
+class SessionResults:
+    """What the report of a session shows; ``folder`` is the session folder."""
 
+    found: CaptureResult
     folder: Path
     name: str
     operator: str
     notes: str
-    grid: WavelengthGrid              # of the spectra
-    # role, file (relative), sha256, bytes; of photos also exposure_s, iso, camera ...
-    inputs: list[dict[str, Any]]
+    inputs: tuple[UsedFile, ...]
+    stages: tuple[StageRun, ...]
     sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)
-    previews: dict[str, Path]         # PNG of each whole object photo by view, "" the first
+    previews: Mapping[str, Path]      # PNG of each whole object photo by view, "" the first
     chart_overlay: Path               # PNG of the chart, where it was detected
-    signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
-    stages: list[dict[str, Any]]      # name, seconds, state ("run", "kept")
     # versions, command, seed, started, finished, machine facts without paths
-    provenance: dict[str, Any]
-    warnings: list[str] = field(default_factory=list)
+    provenance: Mapping[str, Any]
     # digests of session.toml, of input files and of stored results
-    input_digests: dict[str, Any] = field(default_factory=dict)
-    swatches: str = ""                # what they did; empty without any
-    picture: PictureOfSpectra | None = None     # where the session asks for one
+    input_digests: Mapping[str, Any] = field(default_factory=dict)
+    # titles of the picture's maps, and a reduced PNG of each
+    picture_maps: tuple[tuple[str, Path], ...] = ()
+
+    def facts(self) -> dict[str, Any]:
+        """The ``--json`` object of ``run``, ``demo`` and ``flat``."""
+        return {"report": str(self.folder / "report.html"),
+                "spectra": str(self.folder / "spectra.csv"), **self.found.facts(),
+                "stages": [asdict(stage) for stage in self.stages],
+                "seconds": float(sum(stage.seconds for stage in self.stages
+                                     if stage.state == "run"))}
+
+    def text(self) -> str:
+        """The same for a person."""
+        return self.found.text(self.name)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SceneResults(CommonResults, SceneEvidence):
-    """What the report of a session of a scene shows."""
+def session_results(config: SessionConfig, run: FinishedRun,
+                    provenance: Mapping[str, Any]) -> SessionResults:
+    """What the stored results of a finished run show.
 
-    geometry: SceneGeometry | None = None       # None where camera and lamp stand as stated
+    Parameters
+    ----------
+    config : SessionConfig
+    run : FinishedRun
+    provenance : mapping
+        As of ``store.program.provenance``.
+    """
+    capture, records, folder = run.capture, run.records, config.results_folder
+    pictures = folder / "picture"
+    maps = () if records.picture is None else tuple(
+        (title, pictures / name) for title, name
+        in zip(records.picture.titles, records.picture.previews, strict=True))
+    return SessionResults(
+        found=result_of(capture, records, stored_rehearsal(config),
+                        pictures.relative_to(config.folder).as_posix()),
+        folder=config.folder, name=config.session.name, operator=config.session.operator,
+        notes=config.session.notes, inputs=_used_files(config, run),
+        stages=tuple(StageRun(name, stage.seconds, run.states[name])
+                     for name, stage in run.stored.items()),
+        sensitivity_truth=_sensitivity_truth(config),
+        previews={view.name: folder / "photo" / f"{view.label('preview')}.png"
+                  for view in capture.views},
+        chart_overlay=folder / "chart" / "overlay.png", provenance=provenance,
+        input_digests=run.input_digests(config), picture_maps=maps)
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlatResults(CommonResults, FlatEvidence):
-    """What the report of a session of flat samples shows."""
+def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:
+    truth = config.sensitivity.truth
+    if truth is None or not config.light.spectrum.stated:   # products are no sensitivities
+        return None
+    nm, _, curves = read_curves(config.path(truth.file), truth.columns, truth.wavelength_column)
+    values = on_grid(nm, curves, FINE_GRID, truth.file)
+    return FINE_GRID.nm, values / values.max()
 
-    photos: Sequence[PhotoOfRegions]
+
+def _used_files(config: SessionConfig, run: FinishedRun) -> tuple[UsedFile, ...]:
+    """Every input file once, with its role, hash, size and what is known of it."""
+    roles = input_roles(config)
+    hashes, photos = InputFiles(config).digests(*roles), _photos_by_file(run.capture, run.records)
+    used = []
+    for name, role in roles.items():
+        file = (role, name, hashes[name], config.path(name).stat().st_size)
+        if name not in photos:
+            used.append(UsedFile(*file))
+            continue
+        image = photos[name]
+        used.append(UsedFile(*file, image.exposure_s, image.clipped_share,
+                             {"iso": image.iso, "f_number": image.f_number,
+                              "camera": image.camera, "kind": image.kind.value}))
+    return tuple(used)
 
 
-SessionResults = SceneResults | FlatResults
+def _photos_by_file(capture: Capture, records: CaptureRecords) -> dict[str, LinearImage]:
+    photos = {view.photo_names[0]: records.photo.photos[view.name] for view in capture.views}
+    return photos | {view.chart_names[0]: records.chart.charts[view.name].thumbnail
+                     for view in capture.views_with_chart}

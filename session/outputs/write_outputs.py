@@ -1,17 +1,16 @@
-"""The files that a finished run leaves beside its results, and its answers."""
+"""Writes what a finished run answers: report, spectra, materials and pictures."""
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
-from spectrabox.session.outputs.assemble import assemble
-from spectrabox.session.outputs.facts import run_facts, run_text
-from spectrabox.session.outputs.results import SceneResults
+from spectrabox.session.outputs.results import session_results
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.store.program import provenance
-from spectrabox.session.store.surface_files import write_surface_files
+from spectrabox.session.store.surface_files import write_comparisons, write_surface_files
 
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
@@ -36,12 +35,13 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     files : list of Path
         All that were written.
     """
-    results = assemble(config, finished, provenance(command_line, config.session.seed, device))
-    report = write_report(results)
-    facts, text = run_facts(results, report), run_text(results)
-    files = write_surface_files(results)
-    if isinstance(results, SceneResults):
+    results = session_results(config, finished,
+                              provenance(command_line, config.session.seed, device))
+    report, found = write_report(results), results.found
+    files = [report, report.with_name(NUMBERS_NAME),
+             *write_surface_files(found, results.folder, results.name)]
+    if isinstance(found, SceneResult):
         # it loads what estimates cameras: OpenCV and SciPy's optimisers
         from spectrabox.session.box.scene_files import write_scene_files
-        files += write_scene_files(config)
-    return facts, text, [report, report.with_name(NUMBERS_NAME), *files]
+        files += [*write_comparisons(found, results.folder), *write_scene_files(config)]
+    return results.facts(), results.text(), files

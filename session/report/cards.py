@@ -6,13 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.verdict.evidence import MaterialResult
-from spectrabox.radiometry.appearance import (
-    reflectance_to_lab,
-    reflectance_to_srgb,
-)
-from spectrabox.sampling.prior.family_coverage import mostly_in_doubt
-from spectrabox.session.report.swatches import css_colour
+from spectrabox.measure.results.surface_result import SurfaceResult
+from spectrabox.session.report.swatches import css_colour, hex_colour
 
 LEFT, TOP, WIDTH, HEIGHT = 24.0, 6.0, 220.0, 104.0     # of the plotted area, in SVG units
 TICKS_NM, LEVELS = (400, 500, 600, 700), (0.0, 0.5, 1.0)
@@ -20,88 +15,49 @@ UNTESTED = "band of untested coverage"
 
 
 @dataclass(frozen=True, eq=False)
-class Colour:
-    """A surface's colour under D65: L*, a*, b* (3,) with standard errors, and sRGB."""
-
-    lab: np.ndarray
-    lab_error: np.ndarray | None        # None of a spectrum that was given, or of a single draw
-    srgb: np.ndarray                    # (3,) encoded, 0 to 1
-
-    @property
-    def hex(self) -> str:
-        """As web pages write it."""
-        return "#" + "".join(f"{round(255 * float(value)):02x}" for value in self.srgb)
-
-
-@dataclass(frozen=True, eq=False)
 class Card:
     """What a reader who stops here should know of one surface."""
 
     id: str                     # of its section on the page
-    surface: MaterialResult
-    colour: Colour
+    surface: SurfaceResult
     spectrum: Markup            # small SVG
     doubts: tuple[str, ...]     # in few words; empty where nothing speaks against the estimate
 
     @property
     def css(self) -> str:
         """The colour as CSS writes it."""
-        return css_colour(self.colour.srgb)
+        return css_colour(self.surface.srgb)
+
+    @property
+    def hex(self) -> str:
+        """The colour as web pages write it."""
+        return hex_colour(self.surface.srgb)
 
 
-def surface_colour(surface: MaterialResult, grid_nm: np.ndarray) -> Colour:
-    """Colour of a surface, the error of L*, a*, b* from its draws.
-
-    Parameters
-    ----------
-    surface : MaterialResult
-    grid_nm : (P,) array
-        Of a spectrum that was given.
-    """
-    samples, (nm, mean) = surface.samples, _shown(surface, grid_nm)
-    error = None if samples is None or len(samples.spectra) < 2 else reflectance_to_lab(
-        samples.grid.nm, samples.spectra).std(axis=0)
-    return Colour(reflectance_to_lab(nm, mean), error, reflectance_to_srgb(nm, mean))
-
-
-def _shown(surface: MaterialResult, grid_nm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths (P,) and mean (P,) of an estimated surface, or the spectrum that was given."""
-    if surface.summary is not None:
-        return surface.summary.grid.nm, surface.summary.mean
-    assert surface.spectrum is not None, "a surface is estimated or given"
-    return grid_nm, surface.spectrum
-
-
-def answer_card(number: int, surface: MaterialResult, grid_nm: np.ndarray,
-                doubts: tuple[str, ...]) -> Card:
+def answer_card(number: int, surface: SurfaceResult, doubts: tuple[str, ...]) -> Card:
     """The card of one surface.
 
     Parameters
     ----------
     number : int
         On the page.
-    surface : MaterialResult
-    grid_nm : (P,) array
-        Of a spectrum that was given.
+    surface : SurfaceResult
     doubts : tuple of str
         Names of the criteria that it does not pass.
     """
-    if mostly_in_doubt(surface.families):
+    if surface.untested:
         doubts += (UNTESTED,)
-    return Card(f"material-{number}", surface, surface_colour(surface, grid_nm),
-                small_spectrum(surface, grid_nm), doubts)
+    return Card(f"material-{number}", surface, small_spectrum(surface), doubts)
 
 
-def small_spectrum(surface: MaterialResult, grid_nm: np.ndarray) -> Markup:
+def small_spectrum(surface: SurfaceResult) -> Markup:
     """Mean and band of a surface, and its measured truth where there is one, as a small drawing.
 
     Parameters
     ----------
-    surface : MaterialResult
-    grid_nm : (P,) array
-        Of a spectrum that was given.
+    surface : SurfaceResult
     """
-    summary, truth, (nm, mean) = surface.summary, surface.truth, _shown(surface, grid_nm)
+    summary, truth, nm, mean = surface.summary, surface.truth, surface.nm, surface.mean
     tops = [mean, *([] if summary is None else [summary.upper]),
             *([] if truth is None else [truth.values])]
     top = max(1.0, *(float(np.nanmax(values)) for values in tops))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.verdict.evidence import PhotoOfRegions
+from spectrabox.measure.results.flat_result import PhotoOfRegions
 from spectrabox.session.report.pictures import (
     LEVELS,
     coloured,

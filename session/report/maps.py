@@ -3,14 +3,15 @@ lies, and where lamp and cameras were stated to be and where they were found.
 """
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from spectrabox.radiometry.appearance import encode_srgb
-from spectrabox.radiometry.placements import MarkedView, SceneGeometry
+from spectrabox.radiometry.placements import MarkedView, Placement, SceneGeometry
 from spectrabox.radiometry.records import Reconstruction, SensitivityFit
 from spectrabox.session.report.pictures import (
     SIGNED,
@@ -220,21 +221,29 @@ def _sheet(name: str, height: float) -> Plot:
     return Plot(name, WIDE, height, (0, WIDE), (height, 0), (0, 0, 0, 0))
 
 
-def geometry_section(geometry: SceneGeometry | None, previews: dict[str, Path]
-                     ) -> dict[str, Any] | None:
+@dataclass(frozen=True, eq=False)
+class GeometrySection:
+    """What of a scene was estimated, and the edges as every camera sees them."""
+
+    rows: tuple[Placement, ...]
+    photos: list[tuple[str, Markup]]        # names of views, and their figures
+
+
+def geometry_section(geometry: SceneGeometry | None,
+                     previews: Mapping[str, Path]) -> GeometrySection | None:
     """What the page shows of the scene's geometry; None where nothing of it was estimated.
 
     Parameters
     ----------
     geometry : SceneGeometry or None
-    previews : dict
+    previews : mapping
         PNG of each photo by the name of its view.
     """
     if geometry is None:
         return None
-    return {"rows": geometry.placements,
-            "photos": [(view.name, _marks_figure(number, view, previews[view.name]))
-                       for number, view in enumerate(geometry.views, start=1)]}
+    return GeometrySection(geometry.placements, [
+        (view.name, _marks_figure(number, view, previews[view.name]))
+        for number, view in enumerate(geometry.views, start=1)])
 
 
 def _marks_figure(number: int, view: MarkedView, preview: Path) -> Markup:

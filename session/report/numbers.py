@@ -6,50 +6,47 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.chart_check import held_out_facts, light_facts
+from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
+from spectrabox.measure.results.flat_result import FlatResult
+from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.metamers import metamer_pair
 from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
 from spectrabox.measure.verdict.criteria import Verdict
-from spectrabox.measure.verdict.evidence import ChartResult, MaterialResult
 from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
-from spectrabox.session.outputs.results import (
-    CommonResults,
-    FlatResults,
-    SceneResults,
-    SessionResults,
-)
-from spectrabox.session.report.cards import surface_colour
+from spectrabox.session.outputs.results import SessionResults
 from spectrabox.session.report.metamers import metamer_facts
-from spectrabox.session.report.spectra import every_10_nm, material_curves
-from spectrabox.session.report.swatches import swatch_facts
+from spectrabox.session.report.spectra import every_10_nm, surface_curves
+from spectrabox.session.report.swatches import hex_colour, swatch_pairs
 
 SCHEMA = "spectrabox-results/1"
 
 
-def report_numbers(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
-    """Everything the report shows, images left out; wavelengths in nm, shares as fractions."""
-    common = {
+def report_numbers(results: SessionResults) -> dict[str, Any]:
+    """What the report of any session shows, but what is of its kind; wavelengths in nm, shares as
+    fractions.
+    """
+    found = results.found
+    return {
         "schema": SCHEMA, "name": results.name, "operator": results.operator,
-        "notes": results.notes, "bands": results.bands,
-        "verdict": {"status": verdict.status, "says": verdict.sentence,
-                    "criteria": [{"name": c.name, "value": c.value, "shown": c.shown,
-                                  "limit": c.limit, "status": c.status, "says": c.sentence}
-                                 for c in verdict.criteria]},
-        "signal_bands": results.signal_bands, "calibration": _calibration(results),
-        "chart": None if results.chart is None else _chart(results, results.chart),
-        "clipped_share": results.photo.saturated.any(axis=2).mean(),
-        "inputs": results.inputs, "stages": results.stages, "warnings": results.warnings,
+        "notes": results.notes, "bands": found.bands, "verdict": _verdict(found.verdict),
+        "signal_bands": found.signal_bands,
+        "calibration": _calibration(found, results.sensitivity_truth),
+        "chart": None if found.chart is None else _chart(found, found.chart),
+        "clipped_share": found.photo.clipped_share,
+        "inputs": [file.numbers for file in results.inputs],
+        "stages": [vars(stage) for stage in results.stages], "warnings": found.warnings,
         "provenance": results.provenance, "made_from": results.input_digests,
         }
-    return common | (_flat_numbers(results) if isinstance(results, FlatResults)
-                     else _scene_numbers(results, common["calibration"]))
 
 
-def _scene_numbers(results: SceneResults, calibration: dict[str, Any]) -> dict[str, Any]:
-    fit = results.reconstruction
+def scene_numbers(found: SceneResult) -> dict[str, Any]:
+    """What the report of a scene shows beside that."""
+    fit = found.reconstruction
     return {
-        "materials": [_material(m, results.grid.nm) for m in results.materials],
+        "materials": [_surface(surface) for surface in found.surfaces],
         "agreement": _agreement(fit.agreement),
         "views": [{"name": view.name, "bands": view.bands,
                    "agreement": _agreement(view.reconstruction.agreement),
@@ -57,26 +54,31 @@ def _scene_numbers(results: SceneResults, calibration: dict[str, Any]) -> dict[s
                                     "source"),
                    "light_scale": _fields(view.reconstruction.light_scale, "value",
                                           "standard_error", "source")}
-                  for view in results.views],
-        "calibration": calibration | {"light_scale": _fields(
-            results.light_scale, "value", "standard_error", "residuals", "source")},
+                  for view in found.views],
         "reconstruction": {"engine": fit.engine, "spp": fit.spp, "seed": fit.seed,
                            "outcome": fit.outcome, "loss_history": fit.loss_history,
                            "pixels_used": int(fit.used.sum()),
                            "pixels": fit.used.size, "white_signal": fit.white_signal},
-        "geometry": None if results.geometry is None else _geometry(results.geometry),
+        "geometry": None if found.geometry is None else _geometry(found.geometry),
         }
 
 
-def _flat_numbers(results: FlatResults) -> dict[str, Any]:
+def flat_numbers(found: FlatResult) -> dict[str, Any]:
+    """What the report of flat samples shows beside that."""
     return {
-        "regions": [_material(region, results.grid.nm) for region in results.materials],
+        "regions": [_surface(region) for region in found.surfaces],
         "photos": [{"name": photo.name, "size_px": photo.size_px, "outlines_px": photo.outlines,
                     "light": {name: {"level": level, "standard_error": error}
                               for name, (level, error) in photo.light.items()}}
-                   for photo in results.photos],
-        "light": light_facts(results.calibration),
+                   for photo in found.photos],
+        "light": light_facts(found.calibration),
         }
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    return {"status": verdict.status, "says": verdict.sentence,
+            "criteria": [{"name": c.name, "value": c.value, "shown": c.shown, "limit": c.limit,
+                          "status": c.status, "says": c.sentence} for c in verdict.criteria]}
 
 
 def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
@@ -90,33 +92,28 @@ def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
                       for view in geometry.views]}
 
 
-def _material(material: MaterialResult, nm: np.ndarray) -> dict[str, Any]:
-    shown_nm, curves = material_curves(material, nm)
-    single = None if material.spectrum is None else {"nm": nm, "reflectance": material.spectrum}
+def _surface(surface: SurfaceResult) -> dict[str, Any]:
+    curves, samples = surface_curves(surface), surface.samples
+    single = None if surface.spectrum is None else {"nm": surface.grid.nm,
+                                                    "reflectance": surface.spectrum}
     return {
-        "name": material.name, "known": material.summary is None, "inverse_rendering": single,
-        "signal": material.signal, "signal_covariance": material.signal_covariance,
-        "model_covariance": material.model_covariance, "error_budget": material.error_budget,
-        "variance_shares": material.variance_shares, "families": family_facts(material),
-        "summary": _fields(material.summary, "mean", "standard_deviation", "lower", "upper",
+        "name": surface.name, "known": surface.known, "inverse_rendering": single,
+        "signal": surface.signal, "signal_covariance": surface.signal_covariance,
+        "model_covariance": surface.model_covariance, "error_budget": surface.error_budget,
+        "variance_shares": surface.variance_shares, "families": coverage_facts(surface.families),
+        "summary": _fields(surface.summary, "mean", "standard_deviation", "lower", "upper",
                            "bound_lower", "bound_upper", "level", "conditional_on",
                            "next_measurement_nm"),
-        "band_width": material.band_width,
-        "colour": _fields(surface_colour(material, nm), "lab", "lab_error", "hex"),
-        "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(shown_nm, curves)},
-        "samples": _samples(material.samples),
-        "metamers": None if material.samples is None or len(material.samples.spectra) < 2
-        else metamer_facts(metamer_pair(material.samples)),
-        "truth": _fields(material.truth, "values", "standard_error", "source"),
-        "scores": None if material.scores is None else vars(material.scores),
+        "band_width": surface.band_width,
+        "colour": {"lab": surface.lab, "lab_error": surface.lab_error,
+                   "hex": hex_colour(surface.srgb)},
+        "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(surface.nm, curves)},
+        "samples": _samples(surface.samples),
+        "metamers": None if samples is None or len(samples.spectra) < 2
+        else metamer_facts(metamer_pair(samples)),
+        "truth": _fields(surface.truth, "values", "standard_error", "source"),
+        "scores": None if surface.scores is None else vars(surface.scores),
         }
-
-
-def family_facts(material: MaterialResult) -> list[dict[str, Any]]:
-    """The families that a material may be of, and what 95 % bands of each held when it was judged;
-    None where it was not.
-    """
-    return coverage_facts(material.families)
 
 
 def _samples(samples: SpectrumSamples | None) -> dict[str, Any] | None:
@@ -141,9 +138,9 @@ def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
             name in enumerate(agreement.names)]
 
 
-def _calibration(results: CommonResults) -> dict[str, Any]:
-    calibration = results.calibration
-    truth = results.sensitivity_truth
+def _calibration(found: CaptureResult,
+                 truth: tuple[np.ndarray, np.ndarray] | None) -> dict[str, Any]:
+    calibration, residuals = found.calibration, chart_residuals(found)
     return {
         "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals",
                                "held_out_residuals", "condition_number", "method", "outcome"),
@@ -153,15 +150,18 @@ def _calibration(results: CommonResults) -> dict[str, Any]:
                                    "lower", "upper", "level", "sentences"),
         "doubts": [doubt.value for doubt in calibration.doubts],
         "relative_covariance": calibration.relative_covariance,
-        "chart_residuals": chart_residuals(results),
-        "chart_rms": root_mean_square(chart_residuals(results)),
+        "chart_residuals": residuals,
+        "chart_rms": root_mean_square(residuals),
         "held_out_rms": root_mean_square(calibration.sensitivity.held_out_residuals),
         "checks": calibration.checks,
+        **({} if found.light_scale is None else {"light_scale": _fields(
+            found.light_scale, "value", "standard_error", "residuals", "source")}),
         }
 
 
-def _chart(results: CommonResults, chart: ChartResult) -> dict[str, Any]:
-    return {"swatches": swatch_facts(results), "prior": _fields(
+def _chart(found: CaptureResult, chart: ChartResult) -> dict[str, Any]:
+    swatches = swatch_pairs(found)
+    return {"swatches": None if swatches is None else swatches.numbers, "prior": _fields(
                 chart.prior, "share", "families", "probabilities"),
             "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,
             "covariance_of_mean": chart.samples.covariance_of_mean,

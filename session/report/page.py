@@ -13,15 +13,18 @@ from markupsafe import Markup
 
 from spectrabox.measure import words
 from spectrabox.measure.plot_style import band_colours
-from spectrabox.measure.verdict.criteria import Verdict
-from spectrabox.measure.verdict.judge import judge
+from spectrabox.measure.results.capture_result import CaptureResult
+from spectrabox.measure.results.flat_result import FlatResult, PhotoOfRegions
+from spectrabox.measure.results.methods import scale_words
+from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records import Calibration, Reconstruction
-from spectrabox.session.outputs.results import FlatResults, SceneResults, SessionResults
+from spectrabox.session.outputs.results import SessionResults
 from spectrabox.session.report import flat_figures
 from spectrabox.session.report.cards import answer_card
 from spectrabox.session.report.figures import loss_figure
 from spectrabox.session.report.maps import (
+    GeometrySection,
     geometry_section,
     pair_figure,
     residual_figure,
@@ -29,19 +32,21 @@ from spectrabox.session.report.maps import (
     residual_maps,
     surface_figure,
 )
-from spectrabox.session.report.methods import methods_text, scale_words
-from spectrabox.session.report.numbers import report_numbers
+from spectrabox.session.report.numbers import flat_numbers, report_numbers, scene_numbers
 from spectrabox.session.report.pictures import picture_data_uri, picture_digest
 from spectrabox.session.report.safe_json import json_for_script
 from spectrabox.session.report.small_figures import field_whiskers
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
 from spectrabox.session.report.svg import Drawing
 from spectrabox.session.report.tables import (
+    ChartSection,
+    Metamers,
+    RenderedSurface,
+    SurfaceSection,
     chart_section,
     held_out_rms,
-    input_rows,
-    material_section,
-    surface_rows,
+    rendered_surfaces,
+    surface_section,
 )
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
@@ -85,17 +90,21 @@ def write_report(results: SessionResults) -> Path:
 
 def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
-    verdict = judge(results)
-    content = _common_content(results, verdict) | (
-        _flat_content(results) if isinstance(results, FlatResults) else _scene_content(results))
-    numbers = json_for_script(report_numbers(results, verdict) | {
+    found = results.found
+    if isinstance(found, FlatResult):
+        kind = _flat_page(found, results)
+    else:
+        assert isinstance(found, SceneResult)
+        kind = _scene_page(found, results)
+    content = _content(results, kind)
+    written = json_for_script(report_numbers(results) | kind.numbers | {
         "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
                   for drawing in _drawings(content)},
         "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
     page = templates().get_template("report.html.j2").render(
-        content | {"numbers": numbers, "style": style_sheet(),
+        content | {"numbers": written, "style": style_sheet(),
                    "script": Markup((TEMPLATES / "report.js").read_text(encoding="utf-8"))})
-    return RenderedReport(UNITS.sub(_with_units_kept, page), numbers)
+    return RenderedReport(UNITS.sub(_with_units_kept, page), written)
 
 
 def _with_units_kept(part: re.Match[str]) -> str:
@@ -117,100 +126,129 @@ def style_sheet() -> Markup:
     return Markup((TEMPLATES / "report.css").read_text(encoding="utf-8"))
 
 
-def _common_content(results: SessionResults, verdict: Verdict) -> dict[str, Any]:
-    """What the page of any session shows."""
-    flat = isinstance(results, FlatResults)
-    fit, light = results.calibration.sensitivity, results.calibration.light
-    surfaces = sorted(results.materials, key=lambda surface: surface.summary is None)
-    doubts = verdict.doubts
-    pictures = {}
-    if results.chart is not None and (not isinstance(results, FlatResults) or all(
-            photo.chart_px is None for photo in results.photos)):
+@dataclass(frozen=True)
+class KindOfPage:
+    """What only the page of one kind of capture shows."""
+
+    scene: bool
+    surfaces: str                   # heading of its surfaces
+    numbers: dict[str, Any]         # of its JSON
+    sections: dict[str, Any]        # for its templates, by the names that they know
+    chart_overlay: bool             # whether the chart is shown on a picture of its own
+    pictures: dict[str, str]        # by title, as data URIs
+    files: tuple[tuple[str, str], ...] = ()     # beside the page, and what is in each
+
+
+def _flat_page(found: FlatResult, results: SessionResults) -> KindOfPage:
+    """Photos with regions and light."""
+    photos = [PhotoSection(photo, flat_figures.photo_figure(f"photo-{number}", photo,
+                                                            results.previews[photo.view]),
+                           flat_figures.light_figure(f"light-map-{number}", photo),
+                           field_whiskers(photo.light))
+              for number, photo in enumerate(found.photos, start=1)]
+    return KindOfPage(scene=False, surfaces="Regions", numbers=flat_numbers(found),
+                      sections={"photos": photos, "geometry": None},
+                      chart_overlay=all(photo.chart_px is None for photo in found.photos),
+                      pictures={})
+
+
+def _scene_page(found: SceneResult, results: SessionResults) -> KindOfPage:
+    """Photo against rendering, geometry, convergence."""
+    fit = found.reconstruction
+    views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,
+                                       view.bands),
+              light_figure(f"light-{number}", view.calibration.light,
+                           view.calibration.light_posterior))
+             for number, view in enumerate(found.views, start=2)]
+    return KindOfPage(
+        scene=True, surfaces="Materials", numbers=scene_numbers(found),
+        sections={"agreement": _agreement_section("", fit, found.calibration, found.bands),
+                  "surface_map": surface_figure("surfaces", fit), "views": views,
+                  "geometry": geometry_section(found.geometry, results.previews),
+                  "loss": loss_figure("loss", fit.loss_history)},
+        chart_overlay=True,
+        pictures={f"photo {view.name}": picture_data_uri(results.previews[view.name])
+                  for view in found.views},
+        files=(("materials.xml", "for Mitsuba"),))
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoSection:
+    """A photo of flat samples on the page."""
+
+    photo: PhotoOfRegions
+    figure: Markup
+    light: Markup | None            # over the photo; None where it shows no region
+    whiskers: dict[str, Markup]     # by region: its light with its error
+
+
+def _content(results: SessionResults, kind: KindOfPage) -> dict[str, Any]:
+    """What the templates of the page know, by name."""
+    found, verdict = results.found, results.found.verdict
+    surfaces = sorted(found.surfaces, key=lambda surface: surface.known)
+    pictures = dict(kind.pictures)
+    if kind.chart_overlay and found.chart is not None:
         pictures["chart"] = picture_data_uri(results.chart_overlay)
-    if isinstance(results, SceneResults):
-        pictures |= {f"photo {view.name}": picture_data_uri(results.previews[view.name])
-                     for view in results.views}
-    if results.picture is not None:
-        pictures |= {title: picture_data_uri(path) for title, path in results.picture.maps}
-    return {
-        "results": results, "verdict": verdict, "scene": not flat, "pictures": pictures,
-        "picture": results.picture,
-        "bands": list(zip(results.bands, band_colours(results.bands), strict=True)),
-        "surfaces": {"title": "Regions" if flat else "Materials",
-                     "one": "Region" if flat else "Material", "fitted": not flat},
-        "cards": [answer_card(number, surface, results.grid.nm, doubts.get(surface.name, ()))
+    pictures |= {title: picture_data_uri(path) for title, path in results.picture_maps}
+    light = found.calibration.light
+    return kind.sections | {
+        "results": results, "found": found, "verdict": verdict, "kind": kind,
+        "pictures": pictures, "picture": found.picture,
+        "bands": list(zip(found.bands, band_colours(found.bands), strict=True)),
+        "cards": [answer_card(number, surface, verdict.doubts.get(surface.name, ()))
                   for number, surface in enumerate(surfaces, start=1)],
         "level": next((surface.summary.level for surface in surfaces
                        if surface.summary is not None), None),
         "truths": any(surface.scores is not None for surface in surfaces),
         "problems": sorted((c for c in verdict.criteria if not c.passed),
                            key=lambda c: -c.status.value),
-        "passed": [c for c in verdict.criteria if c.passed], "files": _files(results),
-        "materials": [material_section(number, surface, results.grid.nm, results.signal_bands)
-                      for number, surface in enumerate(surfaces, start=1)],
-        "calibration": {
-            "chart": chart_section(results), "held_out_rms": held_out_rms(results),
-            "scale": None if isinstance(results, FlatResults) else scale_words(
-                results.light_scale),
-            "sensitivity": sensitivity_figure("sensitivity", fit, results.bands,
-                                              results.sensitivity_truth),
-            "light": light_figure("light", light, results.calibration.light_posterior)},
-        "inputs": input_rows(results), "methods": methods_text(results),
+        "passed": [c for c in verdict.criteria if c.passed], "files": _files(found, kind),
+        "sections": [surface_section(number, surface)
+                     for number, surface in enumerate(surfaces, start=1)],
+        "chart": chart_section(found), "held_out_rms": held_out_rms(found),
+        "sensitivity_figure": sensitivity_figure("sensitivity", found.calibration.sensitivity,
+                                                 found.bands, results.sensitivity_truth),
+        "scale": None if found.light_scale is None else scale_words(found.light_scale),
+        "light_figure": light_figure("light", light, found.calibration.light_posterior),
         }
 
 
-def _files(results: SessionResults) -> list[tuple[str, str]]:
+def _files(found: CaptureResult, kind: KindOfPage) -> list[tuple[str, str]]:
     """Files next to the page that hold the spectra, and what is in each."""
     files = [("spectra.csv", "means, bands and bounds"), ("materials.csv", "colours"),
-             ("spdx/", "one IES TM-27 file a surface")]
-    if isinstance(results, SceneResults):
-        files.append(("materials.xml", "for Mitsuba"))
-    if results.picture is not None:
-        files += [(str(name), "a spectrum for every pixel") for name in results.picture.files[:1]]
+             ("spdx/", "one IES TM-27 file a surface"), *kind.files]
+    if found.picture is not None:
+        files.append((f"{found.picture_folder}/{found.picture.files[0]}",
+                      "a spectrum for every pixel"))
     return files
 
 
-def _flat_content(results: FlatResults) -> dict[str, Any]:
-    """What only the page of flat samples shows: its photos, with regions and light."""
-    return {
-        "geometry": None,
-        "photos": [{"name": photo.name, "says": photo.sentence, "regions": photo.light,
-                    "figure": flat_figures.photo_figure(f"photo-{number}", photo,
-                                                            results.previews[photo.view]),
-                    "light": flat_figures.light_figure(f"light-map-{number}", photo),
-                    "whiskers": field_whiskers(photo.light)}
-                   for number, photo in enumerate(results.photos, start=1)]}
+@dataclass(frozen=True, eq=False)
+class AgreementSection:
+    """Photo against rendering of one photo."""
 
-
-def _scene_content(results: SceneResults) -> dict[str, Any]:
-    """What only the page of a scene shows: photo against rendering, geometry, convergence."""
-    fit = results.reconstruction
-    return {
-        "agreement": _agreement_section("", fit, results.calibration, results.bands) | {
-            "surfaces": surface_figure("surfaces", fit)},
-        "views": [_agreement_section(f"-{number}", view.reconstruction, view.calibration,
-                                     view.bands)
-                  | {"name": view.name, "light_source": view.calibration.light.source,
-                     "light": light_figure(f"light-{number}", view.calibration.light,
-                                           view.calibration.light_posterior),
-                     "scale_source": view.reconstruction.light_scale.source}
-                  for number, view in enumerate(results.views, start=2)],
-        "geometry": geometry_section(results.geometry, results.previews),
-        "loss": loss_figure("loss", fit.loss_history)}
+    said: str                       # where they disagree and by how much
+    pair: Markup
+    residuals: Markup
+    limit: float                    # of the scale of residuals
+    rows: list[RenderedSurface]
+    bands: list[tuple[str, str]]    # names and colours
+    scale: str                      # of the light
+    off: float = words.OFF
 
 
 def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,
-                       bands: tuple[str, ...]) -> dict[str, Any]:
+                       bands: tuple[str, ...]) -> AgreementSection:
     """Photo against rendering of one photo; ``name`` ends the names of its figures."""
-    return {
-        "words": words.disagreement(fit.agreement, bands), "off": words.OFF,
-        "pair": pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
-        "residuals": residual_figure(f"residuals{name}", fit, bands),
-        "limit": residual_limit(residual_maps(fit)),
-        "rows": surface_rows(fit),
-        "bands": list(zip(bands, band_colours(bands), strict=True)),
-        "scale": scale_words(fit.light_scale),
-        }
+    return AgreementSection(
+        words.disagreement(fit.agreement, bands),
+        pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
+        residual_figure(f"residuals{name}", fit, bands), residual_limit(residual_maps(fit)),
+        rendered_surfaces(fit), list(zip(bands, band_colours(bands), strict=True)),
+        scale_words(fit.light_scale))
+
+
+SECTIONS = (AgreementSection, ChartSection, GeometrySection, Metamers, PhotoSection, SurfaceSection)
 
 
 def _drawings(content: Any) -> Iterator[Drawing]:
@@ -223,3 +261,5 @@ def _drawings(content: Any) -> Iterator[Drawing]:
     elif isinstance(content, list | tuple):
         for value in content:
             yield from _drawings(value)
+    elif isinstance(content, SECTIONS):
+        yield from _drawings(vars(content))

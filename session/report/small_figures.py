@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from spectrabox.measure.plot_style import band_colours
-from spectrabox.measure.verdict.evidence import MaterialResult
+from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.words import fixed
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.session.report.svg import Drawing, plain_line, rounded
@@ -102,8 +102,7 @@ def field_whiskers(light: Mapping[str, tuple[float, float]]) -> dict[str, Markup
         for name, (level, error) in light.items()}
 
 
-def error_budget_bars(name: str, material: MaterialResult,
-                      bands: tuple[str, ...]) -> Drawing | None:
+def error_budget_bars(name: str, surface: SurfaceResult) -> Drawing | None:
     """A table with a bar for each cause and band: relative standard error of the surface's signal;
     None where no cause was stated.
 
@@ -111,15 +110,15 @@ def error_budget_bars(name: str, material: MaterialResult,
     ----------
     name : str
         Of the figure on its page, unique there.
-    material : MaterialResult
-    bands : tuple of str
-        J names, those of ``material.signal``; those that do not show it have no bars.
+    surface : SurfaceResult
+        Bands that do not show it have no bars.
     """
-    budget = material.error_budget
+    budget = surface.error_budget
     if not budget:
         return None
     shown = [(band, colour) for band, colour, value
-             in zip(bands, band_colours(bands), material.signal, strict=True) if np.isfinite(value)]
+             in zip(surface.bands, band_colours(surface.bands), surface.signal, strict=True)
+             if np.isfinite(value)]
     errors = {cause: [100 * float(value) for value in values] for cause, values in budget.items()}
     largest = max(max(values) for values in errors.values()) or 1.0
     few = len(shown) <= MAX_COLUMNS
@@ -136,7 +135,7 @@ def error_budget_bars(name: str, material: MaterialResult,
         Markup("").join(Markup('<td class="n">{}</td>').format(fixed(value, 2))
                         for value in (values if few else (min(values), max(values)))))
         for cause, values in errors.items()]
-    title = f"Error budget of {plain_line(material.name)}"
+    title = f"Error budget of {plain_line(surface.name)}"
     box = Markup('<div class="plot-box" id="{}">{}<table class="shares causes" aria-label="{}">'
                  "<thead><tr><th>Cause</th><th>Relative standard error (%)</th>{}</tr></thead>"
                  "<tbody>{}</tbody></table></div>").format(

@@ -1,4 +1,4 @@
-"""Figures over wavelength: the spectra behind one material, sensitivities and light."""
+"""Figures over wavelength: the spectra behind one surface, sensitivities and light."""
 from __future__ import annotations
 
 import numpy as np
@@ -13,7 +13,7 @@ from spectrabox.measure.plot_style import (
     TRUTH,
     band_colours,
 )
-from spectrabox.measure.verdict.evidence import MaterialResult
+from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.records import (
@@ -41,33 +41,24 @@ QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradia
               Quantity.RELATIVE: "Relative spectral power"}
 
 
-def material_curves(material: MaterialResult,
-                    grid_nm: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Wavelengths (P,) and every curve known of one material, each (P,); NaN where a truth was not
+def surface_curves(surface: SurfaceResult) -> dict[str, np.ndarray]:
+    """Every curve known of one surface, each (P,) at its wavelengths; NaN where a truth was not
     measured.
-
-    Parameters
-    ----------
-    grid_nm : (P',) array
-        Of the material's single spectrum.
     """
-    estimate = material.spectrum
-    summary = material.summary
+    nm, summary = surface.nm, surface.summary
     if summary is None:
-        assert estimate is not None
-        nm, curves = grid_nm, {"given": estimate}
+        curves = {"given": surface.mean}
     else:
-        nm, level = summary.grid.nm, percent(summary.level)
+        level = percent(summary.level)
         curves = {"mean": summary.mean, "standard deviation": summary.standard_deviation,
                   f"{level} band, lower": summary.lower, f"{level} band, upper": summary.upper,
                   "lowest possible": summary.bound_lower, "highest possible": summary.bound_upper}
-        if estimate is not None:
-            curves["inverse rendering"] = np.interp(nm, grid_nm, estimate)
-    if material.truth is not None:
-        truth = material.truth
-        curves["measured truth"] = np.interp(nm, truth.grid.nm, truth.values, left=np.nan,
-                                             right=np.nan)
-    return nm, curves
+        if surface.spectrum is not None:
+            curves["inverse rendering"] = np.interp(nm, surface.grid.nm, surface.spectrum)
+    if surface.truth is not None:
+        curves["measured truth"] = np.interp(nm, surface.truth.grid.nm, surface.truth.values,
+                                             left=np.nan, right=np.nan)
+    return curves
 
 
 def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[float]]:
@@ -89,12 +80,12 @@ def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[floa
             for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
 
 
-def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) -> Markup:
+def spectrum_figure(name: str, surface: SurfaceResult) -> Markup:
     """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one
     was measured.
     """
-    nm, curves = material_curves(material, grid_nm)
-    summary, samples, truth = material.summary, material.samples, curves.get("measured truth")
+    nm, curves = surface.nm, surface_curves(surface)
+    summary, samples, truth = surface.summary, surface.samples, curves.get("measured truth")
     highest = [curves["given"] if summary is None else summary.bound_upper]
     if truth is not None and np.isfinite(truth).any():
         highest.append(truth)
@@ -118,7 +109,7 @@ def material_figure(name: str, material: MaterialResult, grid_nm: np.ndarray) ->
         plot.upright(summary.next_measurement_nm, INK, 0.6, DOTTED, "measure here next")
     if truth is not None:
         plot.line(nm, truth, TRUTH, 1.3, DOTTED, "measured truth")
-    shown = plain_line(material.name)
+    shown = plain_line(surface.name)
     return plot.drawn(f"Reflectance of {shown}", f"Reflectance of {shown} over "
                       "wavelength with what is known of its uncertainty; the table below holds the "
                       "numbers.", Readout(nm, curves, "Wavelength", "nm"))

@@ -1,143 +1,200 @@
-"""Rows of the report's tables, and the figures that belong to one row."""
+"""Sections of the report: what its templates lay out of a surface, the chart, and a rendering."""
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 
 from spectrabox.measure.chart_check import held_out_sentence
-from spectrabox.measure.surfaces.metamers import LIGHTS, metamer_pair
+from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
+from spectrabox.measure.results.surface_result import SurfaceResult
+from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair, metamer_pair
 from spectrabox.measure.verdict.calibration import CHART_LIMITS, chart_residuals, root_mean_square
-from spectrabox.measure.verdict.evidence import MaterialResult
 from spectrabox.measure.words import OFF
-from spectrabox.radiometry.records import Reconstruction, SpectrumSamples
-from spectrabox.sampling.prior.family_coverage import certified_sentence, mostly_in_doubt
-from spectrabox.session.outputs.results import CommonResults
-from spectrabox.session.report.figures import (
-    chart_residual_figure,
-    irradiance_figure,
-)
+from spectrabox.radiometry.records import Reconstruction
+from spectrabox.sampling.prior.family_coverage import certified_sentence
+from spectrabox.session.report.figures import chart_residual_figure, irradiance_figure
 from spectrabox.session.report.maps import surface_colours
 from spectrabox.session.report.metamers import metamer_drawing
 from spectrabox.session.report.small_figures import error_budget_bars, prior_share_figure
 from spectrabox.session.report.spectra import (
     every_10_nm,
     left_out_figure,
-    material_curves,
-    material_figure,
+    spectrum_figure,
+    surface_curves,
 )
-from spectrabox.session.report.swatches import css_colour, swatch_section
+from spectrabox.session.report.svg import Drawing
+from spectrabox.session.report.swatches import SwatchPairs, css_colour, swatch_pairs
 
 MAX_CAUSES, SMALL_SHARE = 5, 0.01     # of the spectrum's variance, named beside its plot
 
 
-def material_section(number: int, material: MaterialResult, grid_nm: np.ndarray,
-                     signal_bands: tuple[str, ...]) -> dict[str, Any]:
-    """The material, and what the report shows of it: table row, figures and data table.
+@dataclass(frozen=True, eq=False)
+class Metamers:
+    """Two spectra of a surface that the photo cannot tell apart, under several lights."""
+
+    pair: MetamerPair
+    drawing: Markup
+
+    @property
+    def lights(self) -> list[tuple[str, str, str, float]]:
+        """Of each light its name, both colours as CSS writes them, and their CIEDE2000."""
+        return [(name, css_colour(one), css_colour(other), float(difference))
+                for name, (one, other), difference
+                in zip(LIGHTS, self.pair.srgb, self.pair.delta_e00, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSection:
+    """What the report shows of one surface in detail."""
+
+    id: str                         # on the page
+    surface: SurfaceResult
+    figure: Markup
+    budget: Drawing | None
+    metamers: Metamers | None
+    columns: tuple[str, ...]
+    rows: list[list[float]]         # every 10 nm: the wavelength, then the columns
+
+    @property
+    def largest_causes(self) -> list[tuple[str, float]]:
+        """Causes of the spectrum's variance with their shares."""
+        causes = sorted(self.surface.variance_shares.items(), key=lambda cause: -cause[1])
+        return [cause for cause in causes[:MAX_CAUSES] if cause[1] >= SMALL_SHARE]
+
+    @property
+    def certified(self) -> str:
+        """What 95 % bands held of the families that it may be of."""
+        return certified_sentence(self.surface.families)
+
+
+def surface_section(number: int, surface: SurfaceResult) -> SurfaceSection:
+    """The section of one surface.
 
     Parameters
     ----------
     number : int
         On the page.
-    grid_nm : (P,) array
-        Of the material's single spectrum.
-    signal_bands : tuple of str
-        Of its signal.
+    surface : SurfaceResult
     """
-    nm, curves = material_curves(material, grid_nm)
-    causes = sorted(material.variance_shares.items(), key=lambda cause: -cause[1])
-    return {
-        "id": f"material-{number}", "material": material,
-        "largest_causes": [cause for cause in causes[:MAX_CAUSES] if cause[1] >= SMALL_SHARE],
-        "columns": list(curves), "rows": every_10_nm(nm, curves),
-        "figure": material_figure(f"spectrum-{number}", material, grid_nm),
-        "certified": certified_sentence(material.families),
-        "in_doubt": mostly_in_doubt(material.families),
-        "metamers": None if material.samples is None else metamers_section(material.samples),
-        "budget": error_budget_bars(f"budget-{number}", material, signal_bands),
-        }
+    curves, metamers = surface_curves(surface), None
+    if surface.samples is not None and len(surface.samples.spectra) > 1:
+        pair = metamer_pair(surface.samples)
+        metamers = Metamers(pair, metamer_drawing(pair))
+    return SurfaceSection(f"material-{number}", surface,
+                          spectrum_figure(f"spectrum-{number}", surface),
+                          error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),
+                          every_10_nm(surface.nm, curves))
 
 
-def metamers_section(samples: SpectrumSamples) -> dict[str, Any] | None:
-    """Two spectra that the photo cannot tell apart, under several lights; None for one draw."""
-    if len(samples.spectra) < 2:
+@dataclass(frozen=True, eq=False)
+class RenderedSurface:
+    """One surface of a photo against its rendering."""
+
+    number: int                     # in the map, from 1
+    colour: str
+    name: str
+    material: str
+    pixels: int
+    bands: list[tuple[float, float, bool]]      # ratio, spread, and whether it is off
+
+
+def rendered_surfaces(made: Reconstruction) -> list[RenderedSurface]:
+    """Every surface of a photo that was rendered."""
+    agreement, rows = made.agreement, []
+    for index, colour in enumerate(surface_colours(len(agreement.names))):
+        bands = [(float(ratio), float(spread), abs(float(ratio) - 1) > OFF) for ratio, spread
+                 in zip(agreement.ratio[index], agreement.spread[index], strict=True)]
+        rows.append(RenderedSurface(index + 1, colour, agreement.names[index],
+                                    agreement.materials[index], int(agreement.pixels[index]),
+                                    bands))
+    return rows
+
+
+@dataclass(frozen=True)
+class PatchBand:
+    """One band of a chart patch: its signal as measured and as predicted."""
+
+    measured: float
+    error: float                    # standard, of the patch's mean
+    predicted: float
+    residual: float                 # (measured - predicted) / measured
+    held_out: float | None          # the same of a fit without this patch
+
+    @property
+    def off(self) -> bool:
+        """Whether it is worth a mark."""
+        return abs(self.residual) > OFF
+
+
+@dataclass(frozen=True)
+class ChartPatch:
+    """A row of the table of patches."""
+
+    number: int
+    name: str
+    bands: list[PatchBand]
+    saturated: float                # share of its pixels in the worst band
+
+
+@dataclass(frozen=True, eq=False)
+class ChartSection:
+    """What the report shows of the chart and of the calibration by it."""
+
+    chart: ChartResult
+    patches: list[ChartPatch]
+    swatches: SwatchPairs
+    prior_figure: Markup | None     # share of the prior in each band; None where none was used
+    families: list[tuple[str, float]]   # of cameras, with their probabilities
+    residuals: Markup
+    rms: float | None
+    irradiance: Markup
+    left_out: Markup | None         # each patch by a calibration without it
+    limit: float = CHART_LIMITS[0]
+
+    @property
+    def left_out_sentence(self) -> str:
+        """One sentence on all patches."""
+        return "" if self.chart.left_out is None else held_out_sentence(self.chart.left_out)
+
+
+def chart_section(found: CaptureResult) -> ChartSection | None:
+    """Patches, residuals and irradiance of the chart photo; None where no chart was used."""
+    residuals, chart = chart_residuals(found), found.chart
+    swatches = swatch_pairs(found)
+    if chart is None or residuals is None or swatches is None:
         return None
-    pair = metamer_pair(samples)
-    return {"drawing": metamer_drawing(pair), "apart_nm": pair.apart_nm,
-            "lights": [(name, *(css_colour(srgb) for srgb in both), difference)
-                       for name, both, difference in zip(LIGHTS, pair.srgb, pair.delta_e00,
-                                                         strict=True)]}
+    fit, prior, left_out = found.calibration.sensitivity, chart.prior, chart.left_out
+    prior_figure, families, left_out_drawn = None, [], None
+    if prior is not None:
+        prior_figure = prior_share_figure("prior-share", prior.share, fit.grid, found.bands)
+        families = list(zip(prior.families, prior.probabilities.tolist(), strict=True))
+    if left_out is not None:
+        left_out_drawn = left_out_figure("left-out", left_out, chart.layout)
+    return ChartSection(
+        chart, _patches(chart, residuals, fit.held_out_residuals), swatches, prior_figure, families,
+        chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals, found.bands,
+                              CHART_LIMITS[0]),
+        root_mean_square(residuals),
+        irradiance_figure("irradiance", chart.irradiance, chart.layout.rows), left_out_drawn)
 
 
-def surface_rows(made: Reconstruction) -> list[dict[str, Any]]:
-    """One row per surface: its number and colour in the map, and ratio and spread in each band."""
-    agreement = made.agreement
-    return [{"number": s + 1, "colour": colour, "name": agreement.names[s],
-             "material": agreement.materials[s], "pixels": int(agreement.pixels[s]),
-             "bands": [(float(r), float(d), abs(float(r) - 1) > OFF)
-                       for r, d in zip(agreement.ratio[s], agreement.spread[s], strict=True)]}
-            for s, colour in enumerate(surface_colours(len(agreement.names)))]
+def _patches(chart: ChartResult, residuals: np.ndarray,
+             held_out: np.ndarray | None) -> list[ChartPatch]:
+    without = np.full(residuals.shape, None) if held_out is None else held_out
+    rows = []
+    for index, name in enumerate(chart.layout.names):
+        bands = [PatchBand(float(measured), float(error), float(predicted), float(residual),
+                           None if other is None else float(other))
+                 for measured, error, predicted, residual, other
+                 in zip(chart.samples.mean[index], chart.samples.standard_error[index],
+                        chart.predicted[index], residuals[index], without[index], strict=True)]
+        rows.append(ChartPatch(index + 1, name, bands,
+                               float(chart.samples.saturated_fraction[index].max())))
+    return rows
 
 
-def chart_section(results: CommonResults) -> dict[str, Any] | None:
-    """Overlay, patches and irradiance of the chart photo; None where no chart was used."""
-    residuals = chart_residuals(results)
-    if results.chart is None or residuals is None:
-        return None
-    held_out = results.calibration.sensitivity.held_out_residuals
-    return {
-        "patches": _patches(results, residuals, held_out), "swatches": swatch_section(results),
-        "prior": _prior_section(results),
-        "residuals": chart_residual_figure("chart-residuals", residuals, held_out, results.bands,
-                                           CHART_LIMITS[0]), "rms": root_mean_square(residuals),
-        "irradiance": irradiance_figure("irradiance", results.chart.irradiance,
-                                        results.chart.layout.rows),
-        "detection": results.chart.detection, "layout": results.chart.layout,
-        "limit": CHART_LIMITS[0],
-        "left_out": None if (patches := results.chart.left_out) is None else {
-            "figure": left_out_figure("left-out", patches, results.chart.layout),
-            "level": patches.level, "sentence": held_out_sentence(patches)},
-        }
-
-
-def _prior_section(results: CommonResults) -> dict[str, Any] | None:
-    """What of the camera's curves is the prior's, and the cameras that they are most like."""
-    standing = None if results.chart is None else results.chart.prior
-    if standing is None:
-        return None
-    return {"figure": prior_share_figure("prior-share", standing.share,
-                                         results.calibration.sensitivity.grid, results.bands),
-            "families": list(zip(standing.families, standing.probabilities.tolist(), strict=True))}
-
-
-def _patches(results: CommonResults, residuals: np.ndarray,
-             held_out: np.ndarray | None) -> list[dict[str, Any]]:
-    chart = results.chart
-    assert chart is not None
-    measured, predicted = chart.samples.mean, np.asarray(chart.predicted)
-    error = chart.samples.standard_error
-    return [{"number": p + 1, "name": chart.layout.names[p],
-             "bands": [{"measured": float(measured[p, k]), "error": float(error[p, k]),
-                        "predicted": float(predicted[p, k]), "residual": float(residuals[p, k]),
-                        "held_out": None if held_out is None else float(held_out[p, k]),
-                        "off": abs(float(residuals[p, k])) > OFF}
-                       for k in range(len(results.bands))],
-             "saturated": float(chart.samples.saturated_fraction[p].max())}
-            for p in range(len(measured))]
-
-
-def held_out_rms(results: CommonResults) -> float | None:
+def held_out_rms(found: CaptureResult) -> float | None:
     """Rms residual (a share) of patches left out of their own fit, None where nobody did that."""
-    return root_mean_square(results.calibration.sensitivity.held_out_residuals)
-
-
-def input_rows(results: CommonResults) -> list[dict[str, Any]]:
-    """One row per input file; facts that have no column of their own are kept together."""
-    return [_input_row(dict(row) | row.get("facts", {})) for row in results.inputs]
-
-
-def _input_row(row: dict[str, Any]) -> dict[str, Any]:
-    columns = {key: row.get(key) for key in ("role", "file", "sha256", "bytes", "exposure_s",
-                                             "clipped")}
-    return columns | {"facts": {key: value for key, value in row.items() if key not in columns
-                                and key != "facts"}}
+    return root_mean_square(found.calibration.sensitivity.held_out_residuals)

@@ -3,16 +3,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+from markupsafe import Markup
 
 from spectrabox.api.estimate import SpectrumEstimate, estimates_to_xarray
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.plots import frame_wavelengths
+from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records import Calibration, Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 
 if TYPE_CHECKING:
@@ -146,3 +148,78 @@ class SpectrumEstimates(Mapping[str, SpectrumEstimate]):
 
     def _repr_html_(self) -> str:
         return spectrum_html(list(self._estimates.values()))
+
+
+class MeasuredSpectra(SpectrumEstimates):
+    """Estimates of the surfaces of a photo, with the verdict on them and what they rest on.
+
+    Parameters
+    ----------
+    found : CaptureResult
+    estimates : sequence of SpectrumEstimate
+        Of its surfaces.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Sensitivities and light, or their products where the light is unknown.
+    notes : tuple of str
+        What to beware of, in sentences.
+
+    References
+    ----------
+    Criteria of the verdict: docs/how-to/report.md.
+
+    Examples
+    --------
+    >>> result = sb.flat("painting/photos/painting.dng", {"wall": (986, 462, 1073, 537)})
+    >>> print(result.text())
+    >>> result.facts()["regions"][0]["band_width"]
+    """
+
+    def __init__(self, found: CaptureResult, estimates: Sequence[SpectrumEstimate]) -> None:
+        super().__init__(estimates)
+        self.found = found
+        self.calibration: Calibration = found.calibration
+        self.notes: tuple[str, ...] = tuple(found.warnings)
+
+    @property
+    def verdict(self) -> str:
+        """"pass", "warn" or "fail", by the criteria of the report."""
+        return self.found.verdict.word
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
+        return self.found.verdict.reasons
+
+    @property
+    def methods(self) -> list[str]:
+        """Paragraphs for the methods section of a paper, as the report has them."""
+        return self.found.methods
+
+    def facts(self) -> dict[str, Any]:
+        """Everything that was found as plain numbers and sentences, by the keys of
+        ``spectrabox run --json`` (docs/reference/json.md).
+
+        Returns
+        -------
+        dict
+            Of numbers, strings, lists and dicts.
+        """
+        return self.found.facts()
+
+    def text(self) -> str:
+        """What ``spectrabox run`` prints: a row for each surface, warnings, and the verdict.
+
+        Returns
+        -------
+        str
+        """
+        return self.found.text()
+
+    def __repr__(self) -> str:
+        return f"{super().__repr__()}\n{self.found.verdict.line}"
+
+    def _repr_html_(self) -> str:
+        return super()._repr_html_() + str(Markup("<p>{}</p>").format(self.found.verdict.line))

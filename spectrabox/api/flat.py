@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.inputs import (
     FilterLike,
     KnownSpectrum,
@@ -42,15 +42,12 @@ from spectrabox.measure.captured import (
 )
 from spectrabox.measure.options import PictureOptions, Sampling
 from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.results.flat_result import flat_result
 from spectrabox.measure.steps.order import MemoryKeeper, measure
-from spectrabox.measure.verdict.criteria import Verdict
-from spectrabox.measure.verdict.evidence_of_records import flat_evidence, warnings_of
-from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import (
-    Calibration,
     Filter,
     Quantity,
     Spectrum,
@@ -68,21 +65,17 @@ BEGIN = {"chart": 0.0, "photo": 0.15, "calibrate": 0.2, "signals": 0.5, "sample"
 OutlineLike = Sequence[float] | Sequence[Sequence[float]]
 
 
-class FlatSpectra(SpectrumEstimates):
+class FlatSpectra(MeasuredSpectra):
     """Estimates of the regions of a flat sample, with the calibration that they come from.
 
     Attributes
     ----------
-    calibration : Calibration
-        Sensitivities and light, or their products where the light is unknown.
     picture : PictureRecords or None
         The files of a picture of spectra, where one was asked for.
     signals : SurfaceSignals
         Of the regions, relative to white, with their errors by cause.
     light : dict
         Of each region: the light on it relative to the chart's mean, and its relative error.
-    notes : tuple of str
-        What to beware of, in sentences.
 
     References
     ----------
@@ -96,27 +89,20 @@ class FlatSpectra(SpectrumEstimates):
     """
 
     def __init__(self, capture: FlatCapture, records: CaptureRecords) -> None:
-        signals, spectra = records.signals, records.sample.spectra
-        super().__init__([
-            surface_estimate(signals, name, spectra,
-                             prior_of(capture, name), rendered=False)
-            for name in signals.names])
-        evidence = flat_evidence(capture, records)
+        signals, found = records.signals, flat_result(capture, records)
+        super().__init__(found, [
+            surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
+                             rendered=False) for name in signals.names])
         self.signals: SurfaceSignals = signals
-        self.calibration: Calibration = evidence.calibration
         self.picture: PictureRecords | None = records.picture
-        self.notes: tuple[str, ...] = tuple(warnings_of(capture, records, evidence.materials))
-        self.light: dict[str, tuple[float, float]] = {}
-        for photo in evidence.photos:
-            self.light = {**photo.light, **self.light}
-        self._chart, self._photo = evidence.chart, evidence.photo
-        self._judged: Verdict = judge(evidence)
+        self.light: dict[str, tuple[float, float]] = found.light
 
     @property
     def chart_check(self) -> ChartCheck:
         """The chart's patches, each by a calibration without it."""
-        assert self._chart is not None and self._chart.left_out is not None
-        return ChartCheck(self._chart.layout.names, self._chart.left_out)
+        chart = self.found.chart
+        assert chart is not None and chart.left_out is not None
+        return ChartCheck(chart.layout.names, chart.left_out)
 
     def colour_profile(self, families: str | Sequence[str] | None = None) -> ColourProfile:
         """Colours under D50 of what the camera sees under this light, for colour management.
@@ -135,18 +121,7 @@ class FlatSpectra(SpectrumEstimates):
         InputError
             If the camera has other than three bands, or a word names no family.
         """
-        return profile_of(self.calibration, families_of(families), self._photo.camera_from_xyz)
-
-    @property
-    def verdict(self) -> str:
-        """"pass", "warn" or "fail", by the criteria of the report."""
-        return self._judged.status.name.lower()
-
-    @property
-    def reasons(self) -> list[str]:
-        """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
-        return self._judged.reasons
-
+        return profile_of(self.calibration, families_of(families), self.found.photo.camera_from_xyz)
 
 @one_blas_thread
 def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,

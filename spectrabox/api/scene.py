@@ -10,7 +10,7 @@ import numpy as np
 
 from spectrabox.api.camera import CameraEstimate
 from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.inputs import (
     CameraLike,
     KnownSpectrum,
@@ -40,11 +40,9 @@ from spectrabox.measure.captured import (
 )
 from spectrabox.measure.options import Inversion, PictureOptions, Repeatability, Sampling
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
+from spectrabox.measure.results.scene_result import scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
 from spectrabox.measure.steps.order import InMemory, MemoryKeeper, measure
-from spectrabox.measure.verdict.criteria import Verdict
-from spectrabox.measure.verdict.evidence_of_records import scene_evidence, warnings_of
-from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import InputError
@@ -64,17 +62,13 @@ if TYPE_CHECKING:
 CURVES_ERROR = 0.02                 # of signals predicted from measured curves
 
 
-class SceneSpectra(SpectrumEstimates):
+class SceneSpectra(MeasuredSpectra):
     """Estimates of the materials of a scene, with the reconstruction that they come from.
 
     Attributes
     ----------
     records : CaptureRecords
         What each step made: photo, calibration, fit, spectra.
-    calibration : Calibration
-        Sensitivities and light.
-    notes : tuple of str
-        What to beware of, in sentences.
 
     References
     ----------
@@ -93,16 +87,11 @@ class SceneSpectra(SpectrumEstimates):
 
     def __init__(self, capture: SceneCapture, records: CaptureRecords,
                  rehearsal: Rehearsed | None = None) -> None:
-        signals = records.signals
-        super().__init__([
-            surface_estimate(signals, name, records.sample.spectra,
-                             prior_of(capture, name), rendered=True)
-            for name in signals.names])
-        evidence = scene_evidence(capture, records, rehearsal)
+        signals, found = records.signals, scene_result(capture, records, rehearsal)
+        super().__init__(found, [
+            surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
+                             rendered=True) for name in signals.names])
         self.records = records
-        self.calibration: Calibration = evidence.calibration
-        self.notes: tuple[str, ...] = tuple(warnings_of(capture, records, evidence.materials))
-        self._judged: Verdict = judge(evidence)
 
     @property
     def reconstruction(self) -> JointReconstruction:
@@ -113,16 +102,6 @@ class SceneSpectra(SpectrumEstimates):
     def outcome(self) -> str:
         """How the fit ended, in a sentence."""
         return self.reconstruction.views[0].outcome.value
-
-    @property
-    def verdict(self) -> str:
-        """"pass", "warn" or "fail", by the criteria of the report."""
-        return self._judged.status.name.lower()
-
-    @property
-    def reasons(self) -> list[str]:
-        """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
-        return self._judged.reasons
 
     def plot_agreement(self, axes: Axes | None = None) -> Axes:
         """The relative residual (photo - rendering) / photo, mean over the bands.

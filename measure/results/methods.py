@@ -1,47 +1,50 @@
-"""Paragraphs for the methods section of a paper, with the numbers of one session."""
+"""Paragraphs for the methods section of a paper, with the numbers of one measurement."""
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
 from spectrabox.measure.verdict.scene import median_surface_error, worst_entry
 from spectrabox.measure.words import deviation_words, exposure, listed, number, percent
 from spectrabox.radiometry.records import LightScale, Spectrum
-from spectrabox.session.outputs.results import (
-    CommonResults,
-    FlatResults,
-    SceneResults,
-    SessionResults,
-)
+
+if TYPE_CHECKING:
+    from spectrabox.measure.results.capture_result import CaptureResult
+    from spectrabox.measure.results.flat_result import FlatResult
+    from spectrabox.measure.results.scene_result import SceneResult
 
 
-def methods_text(results: SessionResults) -> list[str]:
-    """Paragraphs that can be pasted into a paper."""
-    if isinstance(results, FlatResults):
-        return [_capture(results, "Flat samples were"), _camera(results), _flat_light(results),
-                _sampling(results)]
+def flat_methods(found: FlatResult) -> list[str]:
+    """Paragraphs of a measurement of flat samples."""
+    return [_capture(found, "Flat samples were"), _camera(found), _flat_light(found),
+            _sampling(found)]
+
+
+def scene_methods(found: SceneResult) -> list[str]:
+    """Paragraphs of a measurement of a scene."""
     scale = (f"The factor from rendered signal to the photo's signal, from "
-             f"{results.light_scale.source}, is {scale_words(results.light_scale)}.")
-    return [_capture(results, "The scene was"), f"{_camera(results)} {scale}",
-            _reconstruction(results), _sampling(results), _agreement(results)]
+             f"{found.light_scale.source}, is {scale_words(found.light_scale)}.")
+    return [_capture(found, "The scene was"), f"{_camera(found)} {scale}", _reconstruction(found),
+            _sampling(found), _agreement(found)]
 
 
-def _capture(results: CommonResults, subject: str) -> str:
-    photo = results.photo
+def _capture(found: CaptureResult, subject: str) -> str:
+    photo = found.photo
     settings = [f"exposure {exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
                 f"ISO {photo.iso:g}" if photo.iso is not None else "",
                 f"f/{photo.f_number:g}" if photo.f_number is not None else ""]
     stated = ", ".join(s for s in settings if s) or "exposure not stated"
-    clipped = float(photo.saturated.any(axis=2).mean())
     return (f"{subject} photographed with "
             f"{photo.camera or 'a camera that the file does not name'} ({photo.kind.value}; "
             f"{stated}). Signals are linear and black-subtracted, without white balance, in "
-            f"{len(results.bands)} bands ({', '.join(results.bands)}); {percent(clipped)} of the "
-            "pixels were clipped and left out.")
+            f"{len(found.bands)} bands ({', '.join(found.bands)}); {percent(photo.clipped_share)} "
+            "of the pixels were clipped and left out.")
 
 
-def _camera(results: CommonResults) -> str:
-    fit = results.calibration.sensitivity
+def _camera(found: CaptureResult) -> str:
+    fit = found.calibration.sensitivity
     parts = [f"Camera sensitivities: {fit.method}."]
-    rms = root_mean_square(chart_residuals(results))
+    rms = root_mean_square(chart_residuals(found))
     if rms is not None:
         parts.append(f"The rms residual over the chart patches is {percent(rms)}.")
     held_out = root_mean_square(fit.held_out_residuals)
@@ -50,7 +53,7 @@ def _camera(results: CommonResults) -> str:
                      "rms.")
     if fit.condition_number is not None:
         parts.append(f"The condition number of the fit is {number(fit.condition_number, 3)}.")
-    light: Spectrum = results.calibration.light
+    light: Spectrum = found.calibration.light
     parts.append(f"Light spectrum: {light.source}.")
     return " ".join(parts)
 
@@ -63,14 +66,14 @@ def scale_words(scale: LightScale) -> str:
             f"{percent(scale.standard_error / abs(scale.value))})")
 
 
-def _reconstruction(results: SceneResults) -> str:
-    made = results.reconstruction
-    unknown = [material.name for material in results.materials if material.summary is not None]
-    given = [material.name for material in results.materials if material.summary is None]
+def _reconstruction(found: SceneResult) -> str:
+    made = found.reconstruction
+    unknown = [material.name for material in found.surfaces if material.summary is not None]
+    given = [material.name for material in found.surfaces if material.summary is None]
     spectra = f"reflectances of {listed(unknown)} were" if unknown else "no reflectance was"
     known = f"; {listed(given)} given" if given else ""
-    further = f" and {len(results.views)} more photo(s) in one fit " \
-              f"({listed([view.name for view in results.views])})" if results.views else ""
+    further = f" and {len(found.views)} more photo(s) in one fit " \
+              f"({listed([view.name for view in found.views])})" if found.views else ""
     nm = made.grid.nm
     return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed "
             f"{made.seed}), {spectra} found from {int(made.used.sum())} of {made.used.size} "
@@ -78,8 +81,8 @@ def _reconstruction(results: SceneResults) -> str:
             f"{made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. {made.outcome.value}")
 
 
-def _sampling(results: CommonResults) -> str:
-    drawn = [m for m in results.materials if m.samples is not None and m.summary is not None]
+def _sampling(found: CaptureResult) -> str:
+    drawn = [m for m in found.surfaces if m.samples is not None and m.summary is not None]
     if not drawn:
         return "No spectra were drawn: every material was given."
     methods = listed(sorted({m.samples.method for m in drawn if m.samples}))
@@ -92,26 +95,25 @@ def _sampling(results: CommonResults) -> str:
             f"per surface, seed {seeds}; at least {effective:.0f} effective). Bands are pointwise "
             f"central {levels} bands of the draws, conditional on the sampler's prior or spline "
             "class and on the stated errors of each signal."
-            f"{' ' * bool(results.swatches)}{results.swatches}")
+            f"{' ' * bool(found.swatches)}{found.swatches}")
 
 
-def _agreement(results: SceneResults) -> str:
-    agreement = results.reconstruction.agreement
+def _agreement(found: SceneResult) -> str:
+    agreement = found.reconstruction.agreement
     worst = worst_entry(agreement)
     if worst is None:
         return "No surface could be compared between photo and rendering."
     return (f"Photo and rendering agree within {percent(median_surface_error(agreement))} (worst "
-            f"of {len(results.bands)} bands, median over {len(agreement.names)} surfaces); the "
+            f"of {len(found.bands)} bands, median over {len(agreement.names)} surfaces); the "
             f"worst surface is “{agreement.names[worst[0]]}”, where the photo is "
-            f"{deviation_words(float(agreement.ratio[worst]))} in band {results.bands[worst[1]]}.")
+            f"{deviation_words(float(agreement.ratio[worst]))} in band {found.bands[worst[1]]}.")
 
 
-def _flat_light(results: FlatResults) -> str:
-    errors = [error for photo in results.photos for _, error in photo.light.values()]
-    known = list(dict.fromkeys(name for photo in results.photos for name in photo.level_misfits))
+def _flat_light(found: FlatResult) -> str:
+    errors = [error for photo in found.photos for _, error in photo.light.values()]
+    known = list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits))
     given = f" Regions of known spectrum ({listed(known)}) corrected it." if known else ""
-    flat = any(row.get("role") == "flat-field photo" for row in results.inputs)
-    card = " The photos were divided by one of a white card." if flat else ""
+    card = " The photos were divided by one of a white card." if found.by_flat_field else ""
     return ("Signals of regions were divided by what a perfect white would read there: the white "
             "level and the quadratic light field of the chart fit, the field carried from the "
             "chart to the regions by regression over arrangements of lamps at unknown distances "

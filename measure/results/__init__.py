@@ -1,0 +1,1 @@
+"""What a measurement found, in one record that every page, file and command lays out."""

@@ -1,0 +1,245 @@
+"""What a measurement found, whatever was photographed; nothing here knows a folder or a file."""
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from spectrabox.capture.develop.developed import NOT_LINEAR
+from spectrabox.measure.captured import Capture
+from spectrabox.measure.chart_check import held_out_facts, light_facts
+from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.results.facts import columns
+from spectrabox.measure.results.surface_result import (
+    SURFACE_FACTS,
+    VALID_OUTCOMES,
+    SurfaceResult,
+    surface_result,
+)
+from spectrabox.measure.tables import text_table
+from spectrabox.measure.verdict.calibration import doubt_sentences
+from spectrabox.measure.verdict.criteria import Criterion, Verdict
+from spectrabox.measure.verdict.judge import judge
+from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.grid import WavelengthGrid
+from spectrabox.radiometry.records import (
+    Calibration,
+    ChartDetection,
+    HeldOutPatches,
+    LightScale,
+    LinearImage,
+    PatchSamples,
+    PriorInfluence,
+)
+from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
+from spectrabox.sampling.prior.mixture import load_prior, of_families
+
+
+@dataclass(frozen=True)
+class ChartResult:
+    """The chart photo as it was used."""
+
+    detection: ChartDetection
+    samples: PatchSamples
+    predicted: np.ndarray             # (I, K) signal that the calibration predicts
+    irradiance: np.ndarray            # (I,) relative irradiance of each patch, brightest 1
+    layout: Chart = CLASSIC
+    left_out: HeldOutPatches | None = None      # each patch by a calibration without it
+    prior: PriorInfluence | None = None          # None of curves that no prior was used for
+    # left out too, of charts with a fit of their own, by view
+    others: Mapping[str, HeldOutPatches] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CaptureResult(ABC):
+    """What was found, what the verdict rests on, and the words of both."""
+
+    bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
+    chart: ChartResult | None         # None where sensitivities came from a file
+    calibration: Calibration
+    # by view, of further photos whose charts are a fit of their own
+    other_calibrations: Mapping[str, Calibration] = field(default_factory=dict)
+    photo: LinearImage                # at the render's size, or a thumbnail
+    grid: WavelengthGrid              # of the spectra
+    signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
+    surfaces: tuple[SurfaceResult, ...]
+    surfaces_stated: bool             # matt, satin or glossy, of every surface that is estimated
+    processed: bool = False           # a photo by the camera, and decoded as sRGB
+    by_flat_field: bool = False       # the photos were divided by one of a white card
+    notes: tuple[str, ...] = ()       # of the steps
+    swatches: str = ""                # what they did, in a sentence; empty without any
+    picture: PictureRecords | None = None       # the spectra of every pixel, where asked for
+    picture_folder: str = ""          # where the picture's files lie, as its reader knows it
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The worst of all criteria."""
+        return judge(self)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to beware of, in sentences."""
+        fits = {"": self.calibration, **self.other_calibrations}
+        doubts = [sentence for view, calibration in fits.items()
+                  for sentence in doubt_sentences(calibration, view)]
+        return [*self.notes, *doubts, *self.own_warnings, *(
+            f"{surface.name}: {surface.samples.sentence}" for surface in self.surfaces
+            if surface.doubtful and surface.samples is not None)]
+
+    @property
+    def light_scale(self) -> LightScale | None:
+        """From rendered signal to that of the first photo; None where nothing is rendered."""
+        return None
+
+    @property
+    @abstractmethod
+    def own_criteria(self) -> list[Criterion]:
+        """What captures of this kind alone are judged by."""
+
+    @property
+    @abstractmethod
+    def good(self) -> str:
+        """What is right where nothing is wrong, in a sentence."""
+
+    @property
+    @abstractmethod
+    def conditions(self) -> str:
+        """What no photo shows and the bands rest on, as the end of "The bands hold if ..."."""
+
+    @abstractmethod
+    def clipped_criterion(self, share: float) -> Criterion:
+        """Whether much of the photo is clipped, and what that means here."""
+
+    @property
+    def own_warnings(self) -> list[str]:
+        """What to beware of in captures of this kind alone."""
+        return []
+
+    @property
+    @abstractmethod
+    def own_facts(self) -> dict[str, Any]:
+        """What is found in captures of this kind alone, for JSON."""
+
+    @property
+    def own_lines(self) -> list[str]:
+        """The same for a person."""
+        return []
+
+    @property
+    @abstractmethod
+    def methods(self) -> list[str]:
+        """Paragraphs for the methods section of a paper, with the numbers of this measurement."""
+
+    @property
+    @abstractmethod
+    def surface_word(self) -> str:
+        """What its surfaces are called: region or material."""
+
+    def facts(self) -> dict[str, Any]:
+        """Everything that was found, as plain numbers and sentences: the ``--json`` object of
+        ``spectrabox run`` but for what is known of its folder (docs/reference/json.md).
+        """
+        chart = self.chart
+        facts = {"verdict": self.verdict.word, "says": self.verdict.sentence, "left_out": None,
+                 "light": light_facts(self.calibration), **self.own_facts,
+                 "swatches": self.swatches or None,
+                 "known_camera": known_camera(self.photo.camera), "warnings": self.warnings}
+        if chart is not None and chart.left_out is not None:
+            facts["left_out"] = held_out_facts(chart.left_out, chart.layout.names)
+        if self.picture is not None:
+            facts["picture"] = self.picture.facts(self.picture_folder)
+        return facts
+
+    def text(self, title: str = "") -> str:
+        """A row for each surface, what to beware of, and the verdict with its reason.
+
+        Parameters
+        ----------
+        title : str
+            Of the table.
+        """
+        lines = [self._table(title)]
+        if self.picture is not None:
+            lines += [self.picture.sentence(self.picture_folder), *self.picture.notes]
+        if self.swatches:
+            lines.append(self.swatches)
+        lines += self.own_lines
+        known = known_camera(self.photo.camera)
+        if known is not None:
+            lines.append(known_camera_words(known))
+        lines += [f"warning: {sentence}" for sentence in self.warnings]
+        return "\n".join([*lines, self.verdict.line])
+
+    def _table(self, title: str) -> str:
+        estimated = [surface for surface in self.surfaces if not surface.known]
+        headings, cells = columns(SURFACE_FACTS, estimated)
+        rows = [[surface.name, *row] for surface, row in zip(estimated, cells, strict=True)]
+        rows += [[surface.name, "given", *[""] * (len(headings) - 1)]
+                 for surface in self.surfaces if surface.known]
+        return text_table([self.surface_word, *(headings or [""])], rows, text=[self.surface_word],
+                          title=title)
+
+
+def found_of_any(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
+    """What is known of captures of every kind, by the fields of `CaptureResult`, but the surfaces.
+
+    Parameters
+    ----------
+    capture : Capture
+    records : CaptureRecords
+        Of all steps.
+    """
+    calibrations = records.calibrate.calibrations
+    return {"bands": capture.band_names(records.photo.bands),
+            "chart": _chart_result(capture, records),
+            "calibration": records.calibrations(capture.views)[0],
+            "other_calibrations": {name: calibrations[name]
+                                   for name in records.calibrate.other_charts},
+            "grid": records.signals.grid, "signal_bands": records.signals.bands,
+            "photo": records.photo.photos[""], "surfaces_stated": capture.surfaces_stated,
+            "processed": NOT_LINEAR in records.notes,
+            "by_flat_field": bool(capture.development.flat_fields), "notes": tuple(records.notes),
+            "swatches": records.sample.swatches, "picture": records.picture}
+
+
+def found_of_surface(capture: Capture, records: CaptureRecords, name: str,
+                     inverse_rendering: np.ndarray | None = None,
+                     light: tuple[float, float] | None = None,
+                     scatter: float | None = None) -> SurfaceResult:
+    """What was found of one surface.
+
+    Parameters
+    ----------
+    capture : Capture
+    records : CaptureRecords
+        Of all steps.
+    name : str
+        Of the surface.
+    inverse_rendering, light, scatter
+        As of `surface_result`.
+    """
+    signals, stated = records.signals, capture.surfaces[name]
+    index = signals.names.index(name)
+    if signals.known[index]:
+        return surface_result(signals, index, None, stated.truth, None, (), light, scatter)
+    spectrum = records.sample.spectra[name]
+    families: tuple[FamilyCoverage, ...] = ()
+    if spectrum.family_shares and spectrum.samples.outcome in VALID_OUTCOMES:
+        prior = of_families(load_prior(), stated.families)
+        families = family_coverages(spectrum.family_shares, prior.stated, prior.certificates)
+    return surface_result(signals, index, spectrum, stated.truth, inverse_rendering, families,
+                          light, scatter)
+
+
+def _chart_result(capture: Capture, records: CaptureRecords) -> ChartResult | None:
+    fit, chart = records.calibrate.chart, records.chart.charts.get("")
+    if fit is None or chart is None:
+        return None
+    return ChartResult(chart.detection, chart.samples, fit.predicted,
+                       fit.irradiance / np.fmax.reduce(fit.irradiance), capture.layout,
+                       fit.left_out, fit.prior, records.calibrate.other_charts)

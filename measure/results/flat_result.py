@@ -1,0 +1,181 @@
+"""What was found of flat samples: their photos, the light on every region, the verdict's share."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from spectrabox.measure.captured import FlatCapture, View
+from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.results.capture_result import (
+    CaptureResult,
+    found_of_any,
+    found_of_surface,
+)
+from spectrabox.measure.results.methods import flat_methods
+from spectrabox.measure.verdict.criteria import Criterion
+from spectrabox.measure.verdict.flat import clipped_photo, flat_conditions, flat_criteria
+from spectrabox.radiometry.records import RegionSamples, SurfaceSignals
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoOfRegions:
+    """One photo of flat samples with what it shows."""
+
+    name: str
+    view: str                           # name of the photo, empty of the first
+    # of each region: light relative to the chart's mean, and its relative standard error
+    light: dict[str, tuple[float, float]]
+    # of each known region: its level against the light's, in standard errors of both
+    level_misfits: dict[str, float]
+    # of each region: relative scatter of its pixels beyond noise and a plane, in the worst band
+    scatter: dict[str, float]
+    size_px: tuple[int, int]            # width and height of the photo itself
+    outlines: dict[str, np.ndarray]     # (C, 2) corners of each region in its pixels
+    chart_px: np.ndarray | None         # (I, 4, 2) patches, where the chart lies in this photo
+    # over the photo: light and its relative error, (2, h, w); None where it shows no region
+    light_map: np.ndarray | None
+    lamp: str = ""                      # what lights it, in words
+    shift_px: float | None = None       # against the first photo; None: not compared
+    residual_px: float | None = None    # what the registration left
+    silent_bands: tuple[str, ...] = ()  # too dark or saturated on all its regions
+    # of a chart with a fit of its own: mean share of the bands of left-out patches that hold
+    chart_held: float | None = None
+
+    @property
+    def sentence(self) -> str:
+        """Its light, its chart, how it was registered and what it does not tell."""
+        said = [self.lamp]
+        if self.chart_held is not None:
+            said.append(f"bands of its chart's left-out patches hold {self.chart_held:.0%}")
+        if self.shift_px is not None:
+            left = "" if self.residual_px is None else f", within {self.residual_px:.1f}"
+            said.append(f"shifted by {self.shift_px:.1f} pixels against the first photo{left}")
+        if self.silent_bands:
+            said.append(f"too dark or saturated and left out: {', '.join(self.silent_bands)}")
+        return "; ".join(said)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"name": self.name, "says": self.sentence, "shift_px": self.shift_px,
+                "residual_px": self.residual_px, "left_out_bands": self.silent_bands,
+                "chart_held": self.chart_held}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlatResult(CaptureResult):
+    """What was found of flat samples."""
+
+    photos: tuple[PhotoOfRegions, ...]
+
+    surface_word = "region"
+    good = "The chart fits, and the light on every region is known within the limits."
+
+    @property
+    def own_criteria(self) -> list[Criterion]:
+        return flat_criteria(self)
+
+    @property
+    def conditions(self) -> str:
+        return flat_conditions(self)
+
+    def clipped_criterion(self, share: float) -> Criterion:
+        return clipped_photo(share)
+
+    @property
+    def own_facts(self) -> dict[str, Any]:
+        return {"regions": [surface.facts for surface in self.surfaces],
+                "photos": [photo.facts for photo in self.photos]}
+
+    @property
+    def own_lines(self) -> list[str]:
+        if len(self.photos) < 2:
+            return []
+        return [f"photo {photo.name}: {photo.sentence}" for photo in self.photos]
+
+    @property
+    def methods(self) -> list[str]:
+        return flat_methods(self)
+
+    @property
+    def light(self) -> dict[str, tuple[float, float]]:
+        """Of each region: the light on it in the first photo that shows it, relative to the chart's
+        mean, and its relative error.
+        """
+        return {surface.name: surface.light for surface in self.surfaces
+                if surface.light is not None}
+
+
+def flat_result(capture: FlatCapture, records: CaptureRecords,
+                picture_folder: str = "") -> FlatResult:
+    """What was found of flat samples.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of all steps.
+    picture_folder : str
+        Where the picture's files lie, as its reader knows it.
+    """
+    photos = tuple(_photo_of_regions(capture, records, view) for view in capture.views)
+    light: dict[str, tuple[float, float]] = {}
+    scatter: dict[str, float] = {}
+    for photo in photos:
+        light = photo.light | light
+        for name, value in photo.scatter.items():
+            scatter[name] = max(value, scatter.get(name, value))
+    surfaces = tuple(found_of_surface(capture, records, name, None, light.get(name),
+                                      scatter.get(name))
+                     for name in capture.surfaces if name in records.signals.names)
+    return FlatResult(**found_of_any(capture, records), surfaces=surfaces, photos=photos,
+                      picture_folder=picture_folder)
+
+
+def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
+                      view: View) -> PhotoOfRegions:
+    photo, chart = records.photo.photos[view.name], records.chart.charts.get(view.name)
+    height, width = photo.signal.shape[:2]
+    shown, light = capture.regions_in(view), records.flat.light.get(view.name)
+    known = [name for name, section in shown.items() if section.known is not None]
+    samples = records.photo.regions.get(view.name)
+    registration = records.photo.registrations.get(view.name)
+    held = records.calibrate.other_charts.get(view.name)
+    if not view.name and records.calibrate.chart is not None:
+        held = records.calibrate.chart.left_out
+    levels, misfits, scatter = {}, {}, {}
+    if light is not None:
+        levels = dict(zip(shown, zip(light.level.tolist(), light.error.tolist(), strict=True),
+                          strict=True))
+        misfits = dict(zip(known, light.level_misfits.tolist(), strict=True))
+    if samples is not None:
+        scatter = dict(zip(samples.names, samples.scatter.max(axis=1).tolist(), strict=True))
+    return PhotoOfRegions(
+        name=view.title, view=view.name, light=levels, level_misfits=misfits, scatter=scatter,
+        size_px=(round(width * photo.sensor_step), round(height * photo.sensor_step)),
+        outlines={name: np.array(region.outline) for name, region in shown.items()},
+        chart_px=None if chart is None or not view.shows_chart else chart.detection.corners_px,
+        light_map=None if light is None else light.over_photo, lamp=_lamp_words(view),
+        shift_px=None if registration is None else registration.shift_px,
+        residual_px=None if registration is None else registration.residual_px,
+        silent_bands=_silent_bands(records.signals, capture.views.index(view), samples),
+        chart_held=None if held is None else held.means[1])
+
+
+def _lamp_words(view: View) -> str:
+    """What lights a photo."""
+    lamp = view.light_words if view.lamp == view.title else f"the lamp of {view.lamp!r}"
+    if view.filter is None:
+        return f"light: {lamp}"
+    return f"light: {lamp} through {view.filter_words}"
+
+
+def _silent_bands(signals: SurfaceSignals, number: int,
+                  samples: RegionSamples | None) -> tuple[str, ...]:
+    """Bands of a photo, by its number, that say nothing of any region that it shows."""
+    rows = [] if samples is None else [signals.names.index(name) for name in samples.names]
+    return tuple(band for index, band in enumerate(signals.bands)
+                 if rows and signals.view_of_band[index] == number
+                 and np.isnan(signals.signal[rows, index]).all())

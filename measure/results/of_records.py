@@ -1,0 +1,27 @@
+"""What the steps of a measurement have made, as what was found."""
+from __future__ import annotations
+
+from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture
+from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.results.capture_result import CaptureResult
+from spectrabox.measure.results.flat_result import flat_result
+from spectrabox.measure.results.scene_result import scene_result
+from spectrabox.measure.scene.rehearsed import Rehearsed
+
+
+def result_of(capture: Capture, records: CaptureRecords, rehearsal: Rehearsed | None = None,
+              picture_folder: str = "") -> CaptureResult:
+    """What was found, of a capture of either kind.
+
+    Parameters
+    ----------
+    capture : FlatCapture or SceneCapture
+    records : CaptureRecords
+        Of all steps.
+    rehearsal, picture_folder
+        As of `scene_result`.
+    """
+    if isinstance(capture, FlatCapture):
+        return flat_result(capture, records, picture_folder)
+    assert isinstance(capture, SceneCapture)
+    return scene_result(capture, records, rehearsal, picture_folder)

@@ -1,0 +1,117 @@
+"""What was found of a scene: photo against rendering, its light, geometry, the verdict's share."""
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.results.capture_result import (
+    CaptureResult,
+    found_of_any,
+    found_of_surface,
+)
+from spectrabox.measure.results.methods import scene_methods
+from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.verdict.criteria import Criterion
+from spectrabox.measure.verdict.scene import (
+    clipped_pixels,
+    median_surface_error,
+    scene_conditions,
+    scene_criteria,
+    scene_warnings,
+)
+from spectrabox.radiometry.placements import SceneGeometry
+from spectrabox.radiometry.records import Calibration, LightScale, Reconstruction
+
+
+@dataclass(frozen=True, eq=False)
+class ViewResult:
+    """A further photo of the same materials."""
+
+    name: str
+    bands: tuple[str, ...]
+    calibration: Calibration          # with the light of this view
+    reconstruction: Reconstruction
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SceneResult(CaptureResult):
+    """What was found of a scene."""
+
+    reconstruction: Reconstruction              # of the first photo
+    views: tuple[ViewResult, ...] = ()          # photos beyond the first
+    rehearsal: Rehearsed | None = None          # the last one of these results
+    geometry: SceneGeometry | None = None       # None where camera and lamp stand as stated
+    scale_from_chart: bool = True       # else from a known material
+
+    surface_word = "material"
+    good = "Photo, rendering and calibration agree within the limits."
+
+    @property
+    def light_scale(self) -> LightScale:
+        """From rendered signal to that of the first photo."""
+        return self.reconstruction.light_scale
+
+    @property
+    def own_criteria(self) -> list[Criterion]:
+        return scene_criteria(self)
+
+    @property
+    def conditions(self) -> str:
+        return scene_conditions(self)
+
+    def clipped_criterion(self, share: float) -> Criterion:
+        return clipped_pixels(share)
+
+    @property
+    def own_warnings(self) -> list[str]:
+        return scene_warnings(self)
+
+    @property
+    def own_facts(self) -> dict[str, Any]:
+        agreement, scale = self.reconstruction.agreement, self.light_scale
+        return {"materials": [surface.facts for surface in self.surfaces],
+                "surfaces": [{"name": name, "ratio": ratio.tolist()} for name, ratio
+                             in zip(agreement.names, agreement.ratio, strict=True)],
+                "median_surface_error": median_surface_error(agreement),
+                "light_scale": {"value": scale.value, "standard_error": scale.standard_error,
+                                "common_errors": {error.cause: error.relative
+                                                  for error in scale.common_errors}}}
+
+    @property
+    def methods(self) -> list[str]:
+        return scene_methods(self)
+
+
+def scene_result(capture: SceneCapture, records: CaptureRecords,
+                 rehearsal: Rehearsed | None = None, picture_folder: str = "") -> SceneResult:
+    """What was found of a scene.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+        Of all steps.
+    rehearsal : Rehearsed, optional
+        Of these results.
+    picture_folder : str
+        Where the picture's files lie, as its reader knows it.
+    """
+    joint, names = records.reconstruct.joint, records.signals.names
+    bands, geometry = capture.band_names(records.photo.bands), records.reconstruct.geometry
+    views = tuple(ViewResult(view.name, bands, calibration, reconstruction)
+                  for view, calibration, reconstruction
+                  in zip(capture.views, records.calibrations(capture.views), joint.views,
+                         strict=True) if view.name)
+    found = found_of_any(capture, records)
+    surfaces = [found_of_surface(capture, records, name, joint.spectra[names.index(name)])
+                for name in capture.surfaces if name in names]
+    if not views:       # the bands of a single photo are not named after it
+        surfaces = [dataclasses.replace(surface, bands=bands) for surface in surfaces]
+        found["signal_bands"] = bands
+    return SceneResult(
+        **found, surfaces=tuple(surfaces), reconstruction=joint.views[0],
+        views=views, rehearsal=rehearsal, geometry=geometry if geometry.placements else None,
+        scale_from_chart=capture.scale_from_chart, picture_folder=picture_folder)
