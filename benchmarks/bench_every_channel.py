@@ -18,7 +18,7 @@ import numpy as np
 from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
 from spectrabox.capture.develop.bands import DARK_CHANNEL
 from spectrabox.fixtures.paints import NM, chart_truth
-from spectrabox.measure.chart_check import held_out_patches
+from spectrabox.measure.left_out_patches import held_out_patches
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.measure.regions.region_signals import flat_signals
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions

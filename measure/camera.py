@@ -28,9 +28,9 @@ from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
-from spectrabox.measure.chart_check import (
+from spectrabox.measure.left_out_patches import held_out_patches
+from spectrabox.measure.results.chart_words import (
     held_out_facts,
-    held_out_patches,
     held_out_sentence,
     posterior_facts,
 )

@@ -9,7 +9,8 @@ from calibrate_cameras import GRID
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
-from spectrabox.measure.chart_check import held_out_facts, held_out_patches, light_facts
+from spectrabox.measure.left_out_patches import held_out_patches
+from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.verdict.calibration import calibration_doubts
 from spectrabox.measure.verdict.calibration import held_out_patches as criteria_of_left_out
 from spectrabox.measure.verdict.criteria import Status

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.develop.developed import NOT_LINEAR
 from spectrabox.measure.captured import Capture
-from spectrabox.measure.chart_check import held_out_facts, light_facts
 from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.results.facts import columns
 from spectrabox.measure.results.surface_result import (
     SURFACE_FACTS,
@@ -33,6 +32,7 @@ from spectrabox.radiometry.records import (
     LightScale,
     LinearImage,
     PatchSamples,
+    PhotoKind,
     PriorInfluence,
 )
 from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
@@ -195,6 +195,8 @@ def found_of_any(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
         Of all steps.
     """
     calibrations = records.calibrate.calibrations
+    photos = [*records.photo.photos.values(),
+              *(chart.thumbnail for chart in records.chart.charts.values())]
     return {"bands": capture.band_names(records.photo.bands),
             "chart": _chart_result(capture, records),
             "calibration": records.calibrations(capture.views)[0],
@@ -202,7 +204,7 @@ def found_of_any(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
                                    for name in records.calibrate.other_charts},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
             "photo": records.photo.photos[""], "surfaces_stated": capture.surfaces_stated,
-            "processed": NOT_LINEAR in records.notes,
+            "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),
             "by_flat_field": bool(capture.development.flat_fields), "notes": tuple(records.notes),
             "swatches": records.sample.swatches, "picture": records.picture}
 

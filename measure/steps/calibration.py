@@ -24,7 +24,7 @@ from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.captured import Capture, FlatCapture, View
-from spectrabox.measure.chart_check import chart_level_notes, held_out_patches
+from spectrabox.measure.left_out_patches import held_out_patches
 from spectrabox.measure.opened_photos import require_curves_of_bands
 from spectrabox.measure.records import (
     CalibrationRecords,
@@ -32,6 +32,7 @@ from spectrabox.measure.records import (
     ChartFit,
     MeasuredChart,
 )
+from spectrabox.measure.results.chart_words import chart_level_notes
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import CheckError, InputError

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.measure.chart_check import held_out_sentence, poor_patches
+from spectrabox.measure.results.chart_words import held_out_sentence, poor_patches
 from spectrabox.measure.verdict.criteria import Criterion, Status, graded, limit_words
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.records import Calibration, CalibrationDoubt, HeldOutPatches

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.chart_check import held_out_facts, light_facts
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
+from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.chart_check import held_out_sentence
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
+from spectrabox.measure.results.chart_words import held_out_sentence
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair, metamer_pair
 from spectrabox.measure.verdict.calibration import CHART_LIMITS, chart_residuals, root_mean_square

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import types
 import typing
 from collections.abc import Iterator, Mapping
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.shaped import Record, array_fields
+from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
 
@@ -75,17 +76,21 @@ def unpack(kind: Any, node: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     if isinstance(node, dict) and set(node) == {"array"}:
         return arrays[node["array"]]
     if isinstance(kind, type) and issubclass(kind, Record):
-        hints = typing.get_type_hints(kind, include_extras=True)
-        plain = typing.get_type_hints(kind)
-        fields = array_fields(typing.cast(Any, kind))
-        return kind(**{f.name: unpack(hints[f.name] if f.name in fields else plain[f.name],
-                                      node[f.name], arrays)
-                       for f in dataclasses.fields(kind)})  # type: ignore[arg-type]
+        return kind(**{name: unpack(hint, node[name], arrays)
+                       for name, hint in _field_types(kind).items()})
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind[node]
     if typing.get_origin(kind) is tuple:
         return tuple(unpack(typing.get_args(kind)[0], item, arrays) for item in node)
     return node
+
+
+@functools.cache
+def _field_types(record: type[Record]) -> dict[str, Any]:
+    """Types of the fields of a record, by name."""
+    hints = typing.get_type_hints(record)
+    return {field.name: hints[field.name]
+            for field in dataclasses.fields(record)}  # type: ignore[arg-type]
 
 
 def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:

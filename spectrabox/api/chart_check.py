@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.chart_check import chart_level_notes, poor_patches
+from spectrabox.measure.results.chart_words import chart_level_notes, poor_patches
 from spectrabox.radiometry.records import HeldOutPatches
 
 
