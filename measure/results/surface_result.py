@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.results.facts import Fact, known_facts
+from spectrabox.measure.surfaces.metamers import MetamerPair, metamer_pair
 from spectrabox.measure.surfaces.surface_signals import noise_and_disagreement, relative_errors
 from spectrabox.measure.surfaces.surface_spectra import Scores, score
 from spectrabox.measure.words import percent
@@ -102,6 +103,13 @@ class SurfaceResult:
     def srgb(self) -> np.ndarray:
         """Encoded sRGB (3,) of the mean, 0 to 1."""
         return reflectance_to_srgb(self.nm, self.mean)
+
+    @cached_property
+    def metamers(self) -> MetamerPair | None:
+        """Two of its draws that the photo cannot tell apart; None without two draws."""
+        if self.samples is None or len(self.samples.spectra) < 2:
+            return None
+        return metamer_pair(self.samples)
 
     @property
     def doubtful(self) -> bool:

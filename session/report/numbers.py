@@ -10,7 +10,6 @@ from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.surfaces.metamers import metamer_pair
 from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
 from spectrabox.measure.verdict.criteria import Verdict
 from spectrabox.radiometry.placements import SceneGeometry
@@ -93,7 +92,7 @@ def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
 
 
 def _surface(surface: SurfaceResult) -> dict[str, Any]:
-    curves, samples = surface_curves(surface), surface.samples
+    curves = surface_curves(surface)
     single = None if surface.spectrum is None else {"nm": surface.grid.nm,
                                                     "reflectance": surface.spectrum}
     return {
@@ -109,8 +108,8 @@ def _surface(surface: SurfaceResult) -> dict[str, Any]:
                    "hex": hex_colour(surface.srgb)},
         "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(surface.nm, curves)},
         "samples": _samples(surface.samples),
-        "metamers": None if samples is None or len(samples.spectra) < 2
-        else metamer_facts(metamer_pair(samples)),
+        "metamers": None if surface.metamers is None
+        else metamer_facts(surface.metamers),
         "truth": _fields(surface.truth, "values", "standard_error", "source"),
         "scores": None if surface.scores is None else vars(surface.scores),
         }

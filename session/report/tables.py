@@ -9,7 +9,7 @@ from markupsafe import Markup
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.measure.results.chart_words import held_out_sentence
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair, metamer_pair
+from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
 from spectrabox.measure.verdict.calibration import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.measure.words import OFF
 from spectrabox.radiometry.records import Reconstruction
@@ -79,9 +79,8 @@ def surface_section(number: int, surface: SurfaceResult) -> SurfaceSection:
     surface : SurfaceResult
     """
     curves, metamers = surface_curves(surface), None
-    if surface.samples is not None and len(surface.samples.spectra) > 1:
-        pair = metamer_pair(surface.samples)
-        metamers = Metamers(pair, metamer_drawing(pair))
+    if surface.metamers is not None:
+        metamers = Metamers(surface.metamers, metamer_drawing(surface.metamers))
     return SurfaceSection(f"material-{number}", surface,
                           spectrum_figure(f"spectrum-{number}", surface),
                           error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),

@@ -77,7 +77,7 @@ def unpack(kind: Any, node: Any, arrays: Mapping[str, np.ndarray]) -> Any:
         return arrays[node["array"]]
     if isinstance(kind, type) and issubclass(kind, Record):
         return kind(**{name: unpack(hint, node[name], arrays)
-                       for name, hint in _field_types(kind).items()})
+                       for name, hint in _field_types(typing.cast(Any, kind)).items()})
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind[node]
     if typing.get_origin(kind) is tuple:
@@ -86,11 +86,11 @@ def unpack(kind: Any, node: Any, arrays: Mapping[str, np.ndarray]) -> Any:
 
 
 @functools.cache
-def _field_types(record: type[Record]) -> dict[str, Any]:
+def _field_types(record: Any) -> dict[str, Any]:
     """Types of the fields of a record, by name."""
     hints = typing.get_type_hints(record)
     return {field.name: hints[field.name]
-            for field in dataclasses.fields(record)}  # type: ignore[arg-type]
+            for field in dataclasses.fields(record)}
 
 
 def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
