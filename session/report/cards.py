@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.session.report.swatches import css_colour, hex_colour
+from spectrabox.session.report.patch_colours import css_colour, hex_colour
 
 LEFT, TOP, WIDTH, HEIGHT = 24.0, 6.0, 220.0, 104.0     # of the plotted area, in SVG units
 TICKS_NM, LEVELS = (400, 500, 600, 700), (0.0, 0.5, 1.0)

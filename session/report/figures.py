@@ -6,9 +6,9 @@ from markupsafe import Markup
 
 from spectrabox.measure.plot_style import INK, QUIET, band_colours
 from spectrabox.measure.words import SUPERSCRIPT, number
+from spectrabox.session.report.patch_colours import css_colour
 from spectrabox.session.report.pictures import LEVELS, coloured
 from spectrabox.session.report.svg import Plot, Readout, nice_ticks, plain_line
-from spectrabox.session.report.swatches import css_colour
 
 MAX_TICKS = 24      # patches numbered along an axis
 WIDE, GOOD = 691.0, "#eef1f4"       # width in points of a figure across the page; the band of good

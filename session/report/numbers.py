@@ -17,8 +17,8 @@ from spectrabox.radiometry.records import SpectrumSamples, SurfaceAgreement
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.outputs.results import SessionResults
 from spectrabox.session.report.metamers import metamer_facts
+from spectrabox.session.report.patch_colours import hex_colour, swatch_pairs
 from spectrabox.session.report.spectra import every_10_nm, surface_curves
-from spectrabox.session.report.swatches import hex_colour, swatch_pairs
 
 SCHEMA = "spectrabox-results/1"
 

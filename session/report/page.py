@@ -35,10 +35,7 @@ from spectrabox.session.report.maps import (
 from spectrabox.session.report.numbers import flat_numbers, report_numbers, scene_numbers
 from spectrabox.session.report.pictures import picture_data_uri, picture_digest
 from spectrabox.session.report.safe_json import json_for_script
-from spectrabox.session.report.small_figures import field_whiskers
-from spectrabox.session.report.spectra import light_figure, sensitivity_figure
-from spectrabox.session.report.svg import Drawing
-from spectrabox.session.report.tables import (
+from spectrabox.session.report.sections import (
     ChartSection,
     Metamers,
     RenderedSurface,
@@ -48,6 +45,9 @@ from spectrabox.session.report.tables import (
     rendered_surfaces,
     surface_section,
 )
+from spectrabox.session.report.small_figures import field_whiskers
+from spectrabox.session.report.spectra import light_figure, sensitivity_figure
+from spectrabox.session.report.svg import Drawing
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"

@@ -17,6 +17,7 @@ from spectrabox.sampling.prior.family_coverage import certified_sentence
 from spectrabox.session.report.figures import chart_residual_figure, irradiance_figure
 from spectrabox.session.report.maps import surface_colours
 from spectrabox.session.report.metamers import metamer_drawing
+from spectrabox.session.report.patch_colours import SwatchPairs, css_colour, swatch_pairs
 from spectrabox.session.report.small_figures import error_budget_bars, prior_share_figure
 from spectrabox.session.report.spectra import (
     every_10_nm,
@@ -25,7 +26,6 @@ from spectrabox.session.report.spectra import (
     surface_curves,
 )
 from spectrabox.session.report.svg import Drawing
-from spectrabox.session.report.swatches import SwatchPairs, css_colour, swatch_pairs
 
 MAX_CAUSES, SMALL_SHARE = 5, 0.01     # of the spectrum's variance, named beside its plot
 
