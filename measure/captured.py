@@ -139,16 +139,14 @@ class View:
             and self.filter_words == other.filter_words
 
     @property
-    def filtered_light(self) -> Spectrum | UnknownLight:
-        """What lights it: its lamp through its filter."""
-        if self.filter is None:
-            return self.light
-        if not self.spectrum_stated:
-            return UnknownLight()
-        assert isinstance(self.light, Spectrum)
-        power = spectrum_on_grid(self.light, FINE_GRID) * self.filter.transmittance
-        return Spectrum(FINE_GRID, power, Quantity.RELATIVE,
-                        f"{self.light.source} through {self.filter_words}")
+    def light_of_fit(self) -> Spectrum | UnknownLight:
+        """The light that a calibration has of it: its lamp. Its filter is part of the fit."""
+        return self.light
+
+    @property
+    def filter_of_fit(self) -> Filter | None:
+        """The filter that is part of the fit."""
+        return self.filter
 
     @property
     def power(self) -> np.ndarray | None:
@@ -173,6 +171,23 @@ class SceneView(View):
     lights_by_id: Mapping[str, Spectrum] = field(default_factory=dict)
     lens: Lens | None = None                # by which the photo is undistorted
     scale: LightScale | None = None         # of its light, where it is known beforehand
+
+    @property
+    def light_of_fit(self) -> Spectrum | UnknownLight:
+        """The light that a calibration has of it: its lamp through its filter."""
+        if self.filter is None:
+            return self.light
+        if not self.spectrum_stated:
+            return UnknownLight()
+        assert isinstance(self.light, Spectrum)
+        power = spectrum_on_grid(self.light, FINE_GRID) * self.filter.transmittance
+        return Spectrum(FINE_GRID, power, Quantity.RELATIVE,
+                        f"{self.light.source} through {self.filter_words}")
+
+    @property
+    def filter_of_fit(self) -> None:
+        """None: its filter is part of its light."""
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +243,10 @@ class Capture(ABC):
 
     chart_scene: SceneFile | None = None    # light and chart in their positions, where known
 
-    flat: ClassVar[bool]                    # samples in the chart's plane, without a scene
+    # whether all photos are from one tripod: what one shows is found in another
+    one_tripod: ClassVar[bool] = False
+    # whether a chart may be clipped in a band, which is left out then
+    bands_may_drop: ClassVar[bool] = False
 
     @property
     def views_with_chart(self) -> tuple[View, ...]:
@@ -256,6 +274,11 @@ class Capture(ABC):
     @abstractmethod
     def surfaces(self) -> Mapping[str, Surface]:
         """What is measured, by name."""
+
+    @property
+    def swatches(self) -> Mapping[str, np.ndarray]:
+        """Reflectances (P,) of what is a swatch of the samples' material, by name."""
+        return {}
 
     @property
     def families(self) -> dict[str, tuple[str, ...]]:
@@ -298,7 +321,8 @@ class FlatCapture(Capture):
 
     regions: Mapping[str, Region]
 
-    flat: ClassVar[bool] = True
+    one_tripod: ClassVar[bool] = True
+    bands_may_drop: ClassVar[bool] = True
 
     @property
     def surfaces(self) -> Mapping[str, Surface]:
@@ -342,8 +366,6 @@ class SceneCapture(Capture):
     scale_from_chart: bool = True           # else from a material of known spectrum
     # what of it was estimated
     geometry: SceneGeometry = field(default_factory=lambda: SceneGeometry((), ()))
-
-    flat: ClassVar[bool] = False
 
     @property
     def surfaces(self) -> Mapping[str, Surface]:

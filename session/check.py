@@ -220,4 +220,4 @@ def require_chart(capture: Capture, view: View, photo: LinearImage) -> None:
     signals = typical_camera_signals(capture.lit_chart.reflectances, FINE_GRID, view.power)
     detection = find_chart(photo, signals, stated_corners(capture, view), layout)
     require_unclipped(sample_patches(photo, detection), layout.names, view.chart_names[0],
-                      layout.neutrals, bands_may_drop=capture.flat)
+                      layout.neutrals, bands_may_drop=capture.bands_may_drop)

@@ -79,7 +79,7 @@ def views_of_charts(*with_chart):
 def test_every_photo_has_the_light_scale_of_its_own_chart(even_light, with_chart):
     views, surfaces = views_of_charts(*with_chart), reflectances()
     strengths = {view.name: 1.0 + 0.1 * number for number, view in enumerate(views)}
-    records = calibration_step.calibrate_views(
+    records = calibration_step.calibrate_scene(
         scene_capture(*views, reflectances=surfaces, sensitivity=Sensitivity(prior=prior())),
         lit_charts(views, surfaces, strengths), work())
     scales = {name: each.light_scale.value for name, each in records.calibrations.items()}
@@ -95,7 +95,7 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(even_light):
     seen = np.where(soiled[:, None], 0.3, 1.0) * surfaces
 
     def scales(surfaces_seen, excluded):
-        made = calibration_step.calibrate_views(
+        made = calibration_step.calibrate_scene(
             scene_capture(*views, reflectances=surfaces, excluded=excluded,
                           sensitivity=Sensitivity(method="smooth")),
             lit_charts(views, surfaces_seen, {"": 1.0, "second": 1.1}), work())

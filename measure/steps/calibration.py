@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
-from spectrabox.measure.captured import Capture, FlatCapture, View
+from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
 from spectrabox.measure.left_out_patches import held_out_patches
 from spectrabox.measure.opened_photos import require_curves_of_bands
 from spectrabox.measure.records import (
@@ -42,7 +43,6 @@ from spectrabox.radiometry.records import (
     ChartWhite,
     HeldOutPatches,
     LightScale,
-    LinearImage,
     Spectrum,
     UnknownLight,
 )
@@ -50,15 +50,25 @@ from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, pat
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 
 
-def calibrate_views(capture: Capture, records: CaptureRecords, work: Work) -> CalibrationRecords:
-    """Patch statistics and lights to one camera, and to the light and its scale of every view.
+@dataclass(frozen=True)
+class _Fits:
+    """What the charts under all lights say together."""
 
-    With the method ``prior`` the charts under all lights are one fit; other methods fit the camera
-    to the first.
+    calibrations: dict[str, Calibration]        # by view
+    whites: dict[str, ChartWhite]               # by view, of fits with the prior
+    first: ChartCalibration | None              # of the first chart photo; None: no photo has one
+    held_out: dict[str, HeldOutPatches]         # by the first view of each fit
+    notes: tuple[str, ...]
+
+
+def calibrate_flat(capture: FlatCapture, records: CaptureRecords,
+                   work: Work) -> CalibrationRecords:
+    """Patch statistics and lights to one camera, and to the light of every view; the light over
+    each chart is a smooth field that the fit estimates.
 
     Parameters
     ----------
-    capture : Capture
+    capture : FlatCapture
     records : CaptureRecords
         Of charts and photos.
     work : Work
@@ -72,52 +82,151 @@ def calibrate_views(capture: Capture, records: CaptureRecords, work: Work) -> Ca
     """
     charts = records.chart.charts
     require_curves_of_bands(capture)
+    work.progress(0.6, "fitting sensitivities")
+    photos = _chart_photos(capture, records, None)
+    lights, notes = _lights_by_evidence(capture, charts)
+    fits = _fitted(capture, lights, photos, _options_of_flat(capture))
+    fit = fits.first
+    assert fit is not None and fit.prior_fit is not None    # flat samples need chart and prior
+    field = np.full(len(fit.predicted), np.nan)             # not known of excluded patches
+    field[photos[""].used] = fit.prior_fit.photos[0].field
+    return _records(fits, charts, field, notes)
+
+
+def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
+                    work: Work) -> CalibrationRecords:
+    """Patch statistics and lights to one camera, and to the light and its scale of every view;
+    where it is stated how light and chart stood, the irradiance of the chart is rendered.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    records : CaptureRecords
+        Of charts and photos.
+    work : Work
+
+    Raises
+    ------
+    CalibrationError
+        If chart and light do not determine the camera.
+    """
+    charts = records.chart.charts
+    require_curves_of_bands(capture)
     irradiance = _irradiance(capture, work) if charts else None
     work.progress(0.6, "fitting sensitivities")
-    options = _options(capture)
+    photos = _chart_photos(capture, records, irradiance)
+    chosen = capture.sensitivity
+    fits = _fitted(capture, _fits_of_scene(capture), photos, CalibrationOptions(
+        chosen.method or "prior", chosen.prior, chosen.coefficients, chosen.curves))
+    on_chart = photos[""].irradiance_or_pi if "" in photos else np.zeros(0)
+    if irradiance is None:
+        return _records(fits, charts, on_chart, ())
+    fits = dataclasses.replace(fits, calibrations=_with_lamp_error(capture, fits.calibrations))
+    return _records(fits, charts, on_chart, _uneven_notes(capture, charts, irradiance))
+
+
+def _chart_photos(capture: Capture, records: CaptureRecords,
+                  irradiance: np.ndarray | None) -> dict[str, ChartPhoto]:
+    """The charts as their fits take them, by view."""
+    bands, photos = capture.band_names(records.photo.bands), {}
+    for view in capture.views_with_chart:
+        chart, measured = capture.lit_chart, records.chart.charts[view.name]
+        photos[view.name] = ChartPhoto(measured.samples, chart.reflectances, view.light_of_fit,
+                                       irradiance, chart.excluded, chart.layout,
+                                       view.filter_of_fit, bands)
+    return photos
+
+
+def _fitted(capture: Capture, lights: list[list[View]], photos: Mapping[str, ChartPhoto],
+            options: CalibrationOptions) -> _Fits:
+    """One camera, and the light of every view, of each group of views.
+
+    With the method ``prior`` the charts of a group are one fit; other methods fit the camera to the
+    first.
+
+    Parameters
+    ----------
+    capture : Capture
+    lights : list of lists of View
+        A fit each.
+    photos : mapping
+        Of charts, by view.
+    options : CalibrationOptions
+        Of every fit.
+    """
     several = options.method == "prior" and options.curves is None
-    bands = capture.band_names(records.photo.bands)
-    photos = {view.name: _chart_photo(capture, view, charts[view.name], irradiance, bands)
-              for view in capture.views_with_chart}
     calibrations: dict[str, Calibration] = {}
     whites: dict[str, ChartWhite] = {}
-    other_charts: dict[str, HeldOutPatches] = {}
-    chart, notes = None, _uneven_notes(capture, charts, irradiance)
-    lights, same = _lights_by_evidence(capture, charts, _one_fit_each(capture))
-    notes += same
+    held_out: dict[str, HeldOutPatches] = {}
+    notes: tuple[str, ...] = ()
+    of_first = None
     for first, *others in lights:
         fitted = [view.name for view in (first, *others) if view.chart and (several
                                                                             or view == first)]
-        fit = None
+        fit, prior_fit = None, None
         if first.chart:
             fit = calibrate_chart([photos[name] for name in fitted], FINE_GRID, options)
-            camera = fit.calibration
-            held_out = held_out_patches(fit, photos[first.name].reflectances)
-            notes += tuple(f"{first.chart_names[0]}: {note}" for note
-                           in chart_level_notes(held_out, capture.layout.names))
-            if fit.prior_fit is not None:
-                whites |= {name: state.white for name, state
-                           in zip(fitted, fit.prior_fit.photos, strict=True)}
-            if first.name:
-                other_charts[first.name] = held_out
-            else:
-                chart = _chart_fit(capture, fit, photos[""], charts[""].thumbnail, held_out)
+            camera, prior_fit = fit.calibration, fit.prior_fit
+            held_out[first.name] = held_out_patches(fit, photos[first.name].reflectances)
+            notes += tuple(f"{first.chart_names[0]}: {note}" for note in chart_level_notes(
+                held_out[first.name], capture.layout.names))
+            if not first.name:
+                of_first = fit
         else:
-            assert capture.sensitivity.curves is not None
-            camera = calibration_from_curves(FINE_GRID, capture.sensitivity.curves,
-                                             require_spectrum(first.light),
-                                             capture.sensitivity.relative_error)
+            camera = _camera_of_curves(capture, first)
+        if prior_fit is not None:
+            whites |= {name: state.white for name, state
+                       in zip(fitted, prior_fit.photos, strict=True)}
         calibrations[first.name] = camera
         for view in others:
             scale = camera.light_scale if view.same_light(first) else None
             if view.chart:
-                scale = _own_scale(photos[view.name], camera, None if fit is None
-                                   else fit.prior_fit, fitted.index(view.name) if several else 0)
-            calibrations[view.name] = _calibration_of(capture, view, camera, fit, None if not (
-                view.chart and several) else fitted.index(view.name), scale)
-    if irradiance is not None:
-        calibrations = _with_lamp_error(capture, calibrations)
-    return CalibrationRecords(calibrations, whites, chart, other_charts, notes)
+                scale = _own_scale(photos[view.name], camera, prior_fit,
+                                   fitted.index(view.name) if several else 0)
+            own = _of_view(camera, view, scale)
+            if prior_fit is not None and view.chart:
+                own = through_filter(own, prior_fit, fitted.index(view.name), FINE_GRID)
+            calibrations[view.name] = own
+    return _Fits(calibrations, whites, of_first, held_out, notes)
+
+
+def _camera_of_curves(capture: Capture, view: View) -> Calibration:
+    """A camera of measured curves, which no chart is needed for."""
+    chosen = capture.sensitivity
+    assert chosen.curves is not None
+    return calibration_from_curves(FINE_GRID, chosen.curves, require_spectrum(view.light),
+                                   chosen.relative_error)
+
+
+def _of_view(camera: Calibration, view: View, scale: LightScale | None) -> Calibration:
+    """The calibration of a further view."""
+    light = view.light_of_fit
+    return dataclasses.replace(camera, light_scale=scale, light=camera.light if isinstance(
+        light, UnknownLight) else light)
+
+
+def _records(fits: _Fits, charts: Mapping[str, MeasuredChart], irradiance: np.ndarray,
+             notes: tuple[str, ...]) -> CalibrationRecords:
+    """What is kept of the fits.
+
+    Parameters
+    ----------
+    fits : _Fits
+    charts : mapping
+        By view.
+    irradiance : (I,) array
+        On the patches of the first chart, relative; pi where it is not known.
+    notes : tuple of str
+        Beside those of the fits.
+    """
+    chart, fit = None, fits.first
+    if fit is not None:
+        patch_error = None if fit.prior_fit is None else np.array(fit.prior_fit.patch_error)
+        chart = ChartFit(fit.predicted, irradiance,
+                         certain_glare(fit.prior_fit, charts[""].thumbnail), patch_error,
+                         fit.prior_influence, fits.held_out[""])
+    others = {name: patches for name, patches in fits.held_out.items() if name}
+    return CalibrationRecords(fits.calibrations, fits.whites, chart, others, notes + fits.notes)
 
 
 def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:
@@ -134,23 +243,31 @@ def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:
     return light
 
 
-def _one_fit_each(capture: Capture) -> list[list[View]]:
-    """Views whose charts are one fit: all, or where a light is unknown those of flat samples under
-    each lamp, with and without filters, and each chart of a scene with the views that have none.
+def _fits_of_scene(capture: SceneCapture) -> list[list[View]]:
+    """Views whose charts are one fit: all, or where a light is unknown each chart, the first of
+    them with the views that have none.
     """
-    views = list(capture.views)
-    if all(view.light_stated if capture.flat else view.spectrum_stated for view in views):
+    views: list[View] = list(capture.views)
+    if all(view.spectrum_stated for view in views):
         return [views]
-    if capture.flat:
-        return [sorted((view for view in views if view.lamp == lamp),
-                       key=lambda view: view.filter is not None)
-                for lamp in dict.fromkeys(view.lamp for view in views)]
     first = [view for view in views if not view.name or not view.chart]
     return [first, *([view] for view in views[1:] if view.chart)]
 
 
-def _lights_by_evidence(capture: Capture, charts: Mapping[str, MeasuredChart],
-                        stated: list[list[View]]) -> tuple[list[list[View]], tuple[str, ...]]:
+def _fits_of_flat(capture: FlatCapture) -> list[list[View]]:
+    """Views whose charts are one fit: all, or where a light is unknown those under each lamp, with
+    and without filters.
+    """
+    views = list(capture.views)
+    if all(view.light_stated for view in views):
+        return [views]
+    return [sorted((view for view in views if view.lamp == lamp),
+                   key=lambda view: view.filter is not None)
+            for lamp in dict.fromkeys(view.lamp for view in views)]
+
+
+def _lights_by_evidence(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
+                        ) -> tuple[list[list[View]], tuple[str, ...]]:
     """Views of flat samples under each light: as stated, where no chart contradicts it, and lights
     that nobody measured as one where their charts show one; with a sentence for each of those.
 
@@ -159,26 +276,26 @@ def _lights_by_evidence(capture: Capture, charts: Mapping[str, MeasuredChart],
     CheckError
         If photos that are stated to be under one lamp show two.
     """
-    if not isinstance(capture, FlatCapture):
-        return stated, ()
-    positions = capture.layout.centres_uv
+    def difference(first: View, other: View) -> float:
+        return light_difference(charts[first.name].samples, charts[other.name].samples,
+                                capture.layout.centres_uv)
+
     lights: list[list[View]] = []
     notes: tuple[str, ...] = ()
-    for views in stated:
+    for views in _fits_of_flat(capture):
         first = views[0]
         for view in views[1:]:
-            if view.chart and view.same_light(first) and (difference := light_difference(
-                    charts[first.name].samples, charts[view.name].samples,
-                    positions)) > OTHER_LIGHT:
+            if view.chart and view.same_light(first) and (
+                    shown := difference(first, view)) > OTHER_LIGHT:
                 raise CheckError(
                     f"{view.chart_names[0]} is stated to be under the lamp of "
                     f"{first.chart_names[0]}, and its chart shows a light that differs by "
-                    f"{difference:.0%}: give the view a light of its own (light = \"unknown\"), or "
+                    f"{shown:.0%}: give the view a light of its own (light = \"unknown\"), or "
                     "take both photos under one lamp that has warmed up")
-        before = None if any(view.light_stated for view in capture.views) else next(
-            (light for light in lights if light_difference(
-                charts[light[0].name].samples, charts[first.name].samples,
-                positions) < SAME_LIGHT), None)
+        before = None
+        if not any(view.light_stated for view in capture.views):
+            before = next((light for light in lights
+                           if difference(light[0], first) < SAME_LIGHT), None)
         if before is None:
             lights.append(views)
         else:
@@ -189,49 +306,15 @@ def _lights_by_evidence(capture: Capture, charts: Mapping[str, MeasuredChart],
     return lights, notes
 
 
-def _options(capture: Capture) -> CalibrationOptions:
+def _options_of_flat(capture: FlatCapture) -> CalibrationOptions:
     """Options of every fit. Measured curves of a camera before flat samples are the middle of a
     prior, since only a fit gives the field over the chart.
     """
     chosen = capture.sensitivity
-    prior, curves = chosen.prior, chosen.curves
-    if capture.flat and curves is not None:
-        prior, curves = prior_of_curves(FINE_GRID, curves, chosen.relative_error), None
-    return CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients, curves)
-
-
-def _chart_photo(capture: Capture, view: View, measured: MeasuredChart,
-                 irradiance: np.ndarray | None, bands: tuple[str, ...]) -> ChartPhoto:
-    # of flat samples a filter is part of the fit, of a scene part of the light
-    light, through = (view.light, view.filter) if capture.flat else (view.filtered_light, None)
-    chart = capture.lit_chart
-    return ChartPhoto(measured.samples, chart.reflectances, light, irradiance, chart.excluded,
-                      chart.layout, through, bands)
-
-
-def _calibration_of(capture: Capture, view: View, camera: Calibration,
-                    fit: ChartCalibration | None, number: int | None,
-                    scale: LightScale | None) -> Calibration:
-    """The calibration of a further view, its chart being photo ``number`` of the fit."""
-    light = view.light if capture.flat else view.filtered_light
-    own = dataclasses.replace(camera, light_scale=scale, light=camera.light if isinstance(
-        light, UnknownLight) else light)
-    if not capture.flat or fit is None or fit.prior_fit is None or number is None:
-        return own
-    return through_filter(own, fit.prior_fit, number, FINE_GRID)
-
-
-def _chart_fit(capture: Capture, fit: ChartCalibration, photo: ChartPhoto,
-               thumbnail: LinearImage, held_out: HeldOutPatches) -> ChartFit:
-    """How the fit explains the first chart photo."""
-    irradiance, patch_error = photo.irradiance_or_pi, None
-    if fit.prior_fit is not None:
-        patch_error = np.array(fit.prior_fit.patch_error)
-        if capture.flat:
-            irradiance = np.full(len(fit.predicted), np.nan)    # not known of excluded patches
-            irradiance[photo.used] = fit.prior_fit.photos[0].field
-    return ChartFit(fit.predicted, irradiance, certain_glare(fit.prior_fit, thumbnail), patch_error,
-                    fit.prior_influence, held_out)
+    prior = chosen.prior
+    if chosen.curves is not None:
+        prior = prior_of_curves(FINE_GRID, chosen.curves, chosen.relative_error)
+    return CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients, None)
 
 
 def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,
@@ -252,7 +335,7 @@ def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | Non
     return calibrate_chart([photo], FINE_GRID, options).scale
 
 
-def _irradiance(capture: Capture, work: Work) -> np.ndarray | None:
+def _irradiance(capture: SceneCapture, work: Work) -> np.ndarray | None:
     """On each patch for a light spectrum of 1; None where the geometry is not known."""
     if capture.chart_scene is None:
         return None
@@ -262,7 +345,7 @@ def _irradiance(capture: Capture, work: Work) -> np.ndarray | None:
     return patch_irradiance(capture.chart_scene, chart.centres_uv, chart.sizes_uv, capture.seed)
 
 
-def _with_lamp_error(capture: Capture,
+def _with_lamp_error(capture: SceneCapture,
                      calibrations: Mapping[str, Calibration]) -> dict[str, Calibration]:
     """With what the lamp's position in the chart scene leaves open in every light scale from a
     chart.
@@ -277,10 +360,10 @@ def _with_lamp_error(capture: Capture,
             for name, calibration in calibrations.items()}
 
 
-def _uneven_notes(capture: Capture, charts: Mapping[str, MeasuredChart],
-                  irradiance: np.ndarray | None) -> tuple[str, ...]:
+def _uneven_notes(capture: SceneCapture, charts: Mapping[str, MeasuredChart],
+                  irradiance: np.ndarray) -> tuple[str, ...]:
     """Chart photos whose light changes by more than lamp and chart in their places explain."""
-    return () if irradiance is None else tuple(
+    return tuple(
         f"{view.chart_names[0]} should be shot again: {reason}"
         for view in capture.views_with_chart
         for reason in uneven_light_reasons(charts[view.name].light, irradiance))

@@ -49,13 +49,13 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
         expected = typical_camera_signals(chart.reflectances, FINE_GRID, view.power)
         again = None if first is None else _moved(*first, photo)
         detection = _chart_in(capture, view, photo, expected, again)
-        if capture.flat and len(capture.views) > 1 and first is None:
+        if capture.one_tripod and len(capture.views) > 1 and first is None:
             first = detection, find_edges(photo)
         work.write_picture(view.label("overlay"), chart_overlay(photo, detection))
         verdict = judge_chart(photo, detection, expected, chart.layout,
                               light_explained=capture.chart_scene is not None)
         lost = require_unclipped(verdict.samples, chart.layout.names, name, chart.layout.neutrals,
-                                 work.photos.bands(photo), bands_may_drop=capture.flat)
+                                 work.photos.bands(photo), bands_may_drop=capture.bands_may_drop)
         notes += (*own_notes, *lost,
                   *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
         if capture.drift.chart_px and not view.name:

@@ -97,12 +97,7 @@ def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
 def inputs_of_spectra(capture: Capture) -> dict[str, Any]:
     """What of a capture the draws depend on."""
     return {"sampling": capture.sampling, "families": capture.families, "seed": capture.seed,
-            "swatches": swatches_of(capture)}
-
-
-def swatches_of(capture: Capture) -> list[str]:
-    """Names of regions that are swatches of the samples' material; a scene has none."""
-    return [*capture.swatches] if isinstance(capture, FlatCapture) else []
+            "swatches": [*capture.swatches]}
 
 
 def inputs_of_flat_picture(capture: FlatCapture) -> dict[str, Any]:
@@ -131,39 +126,41 @@ class StepInputs:
     name: str
     inputs: Callable[[Any], dict[str, Any]]     # parts of the capture, by their names in sentences
     after: tuple[str, ...] = ()                 # steps whose records change it
+    renders: bool = False                       # light is followed: by the compiler that is there
 
 
 CHART = StepInputs("chart", inputs_of_charts)
-CALIBRATE = StepInputs("calibrate", inputs_of_calibration, ("chart",))
-FLAT_STEPS = (
-    CHART,
-    StepInputs("photo", inputs_of_flat_photos, ("chart",)),     # whose corners must agree
-    CALIBRATE,
-    StepInputs("signals", inputs_of_signals, ("chart", "photo", "calibrate")),
-    StepInputs("sample", inputs_of_spectra, ("signals",)),
-    # not after "photo": a picture shows no regions, and is not made again for a new one
-    StepInputs("picture", inputs_of_flat_picture, ("chart", "calibrate")))
-SCENE_STEPS = (
-    CHART,
-    StepInputs("photo", inputs_of_scene_photos),
-    CALIBRATE,
-    StepInputs("reconstruct", inputs_of_inversion, ("photo", "calibrate")),
-    StepInputs("sample", inputs_of_spectra, ("reconstruct",)),
-    StepInputs("picture", inputs_of_scene_picture, ("calibrate", "reconstruct")))
+FLAT_PHOTOS = StepInputs("photo", inputs_of_flat_photos, ("chart",))     # whose corners must agree
+FLAT_CALIBRATION = StepInputs("calibrate", inputs_of_calibration, ("chart",))
+SIGNALS = StepInputs("signals", inputs_of_signals, ("chart", "photo", "calibrate"))
+FLAT_SPECTRA = StepInputs("sample", inputs_of_spectra, ("signals",))
+# not after "photo": a picture shows no regions, and is not made again for a new one
+FLAT_PICTURE = StepInputs("picture", inputs_of_flat_picture, ("chart", "calibrate"))
+FLAT_STEPS = (CHART, FLAT_PHOTOS, FLAT_CALIBRATION, SIGNALS, FLAT_SPECTRA, FLAT_PICTURE)
+
+SCENE_PHOTOS = StepInputs("photo", inputs_of_scene_photos)
+SCENE_CALIBRATION = StepInputs("calibrate", inputs_of_calibration, ("chart",), renders=True)
+INVERSION = StepInputs("reconstruct", inputs_of_inversion, ("photo", "calibrate"), renders=True)
+SCENE_SPECTRA = StepInputs("sample", inputs_of_spectra, ("reconstruct",))
+SCENE_PICTURE = StepInputs("picture", inputs_of_scene_picture, ("calibrate", "reconstruct"),
+                           renders=True)
+SCENE_STEPS = (CHART, SCENE_PHOTOS, SCENE_CALIBRATION, INVERSION, SCENE_SPECTRA, SCENE_PICTURE)
 
 
 def steps_of(capture: Capture) -> tuple[StepInputs, ...]:
     """The steps that a capture needs, in order."""
-    return needed_steps(isinstance(capture, FlatCapture), bool(capture.views_with_chart),
-                        capture.picture is not None)
+    steps = FLAT_STEPS if isinstance(capture, FlatCapture) else SCENE_STEPS
+    return needed_steps(steps, bool(capture.views_with_chart), capture.picture is not None)
 
 
-def needed_steps(flat: bool, with_chart: bool, with_picture: bool) -> tuple[StepInputs, ...]:
-    """The steps of flat samples or of a scene, in order.
+def needed_steps(steps: tuple[StepInputs, ...], with_chart: bool,
+                 with_picture: bool) -> tuple[StepInputs, ...]:
+    """Those that are needed, in order.
 
     Parameters
     ----------
-    flat : bool
+    steps : tuple of StepInputs
+        ``FLAT_STEPS`` or ``SCENE_STEPS``.
     with_chart : bool
         Whether a photo shows a chart.
     with_picture : bool
@@ -171,5 +168,4 @@ def needed_steps(flat: bool, with_chart: bool, with_picture: bool) -> tuple[Step
     """
     unneeded = {name for name, needed in (("chart", with_chart), ("picture", with_picture))
                 if not needed}
-    steps = FLAT_STEPS if flat else SCENE_STEPS
     return tuple(step for step in steps if step.name not in unneeded)

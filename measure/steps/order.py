@@ -13,13 +13,27 @@ from typing import Any, Protocol, cast
 
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.measure.captured import Capture, FlatCapture
+from spectrabox.measure.captured import Capture
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, KeptRecord, Kind
-from spectrabox.measure.steps.calibration import calibrate_views
+from spectrabox.measure.steps.calibration import calibrate_flat, calibrate_scene
 from spectrabox.measure.steps.charts import find_charts
 from spectrabox.measure.steps.flat_picture import flat_picture
-from spectrabox.measure.steps.inputs import StepInputs, steps_of
+from spectrabox.measure.steps.inputs import (
+    CHART,
+    FLAT_CALIBRATION,
+    FLAT_PHOTOS,
+    FLAT_PICTURE,
+    FLAT_SPECTRA,
+    INVERSION,
+    SCENE_CALIBRATION,
+    SCENE_PHOTOS,
+    SCENE_PICTURE,
+    SCENE_SPECTRA,
+    SIGNALS,
+    StepInputs,
+    steps_of,
+)
 from spectrabox.measure.steps.inversion import invert_photos
 from spectrabox.measure.steps.photos import measure_flat_photos, measure_scene_photos
 from spectrabox.measure.steps.scene_picture import scene_picture
@@ -30,12 +44,18 @@ from spectrabox.radiometry.records import Progress
 from spectrabox.radiometry.shaped import Record
 
 StepFunction = Callable[[Any, CaptureRecords, Work], Record]
-FLAT: dict[str, StepFunction] = {
-    "chart": find_charts, "photo": measure_flat_photos, "calibrate": calibrate_views,
-    "signals": find_signals, "sample": draw_surfaces, "picture": flat_picture}
-SCENE: dict[str, StepFunction] = {
-    "chart": find_charts, "photo": measure_scene_photos, "calibrate": calibrate_views,
-    "reconstruct": invert_photos, "sample": draw_surfaces, "picture": scene_picture}
+FUNCTIONS: dict[StepInputs, StepFunction] = {
+    CHART: find_charts,
+    FLAT_PHOTOS: measure_flat_photos,
+    FLAT_CALIBRATION: calibrate_flat,
+    SIGNALS: find_signals,
+    FLAT_SPECTRA: draw_surfaces,
+    FLAT_PICTURE: flat_picture,
+    SCENE_PHOTOS: measure_scene_photos,
+    SCENE_CALIBRATION: calibrate_scene,
+    INVERSION: invert_photos,
+    SCENE_SPECTRA: draw_surfaces,
+    SCENE_PICTURE: scene_picture}
 
 
 class Keeper(Protocol):
@@ -92,7 +112,7 @@ class MemoryKeeper:
 
 def measure(capture: Capture, keeper: Keeper, *, device: str = "auto",
             checkpoints: Path | None = None, before: str | None = None) -> CaptureRecords:
-    """Photos to spectra: the steps of ``FLAT`` or ``SCENE``, in their order.
+    """Photos to spectra: the steps that the capture needs, in their order.
 
     Parameters
     ----------
@@ -115,14 +135,13 @@ def measure(capture: Capture, keeper: Keeper, *, device: str = "auto",
     SpectraboxError
         As the steps.
     """
-    functions = FLAT if isinstance(capture, FlatCapture) else SCENE
     photos = OpenPhotos(capture)
     for step in steps_of(capture):
         if step.name == before:
             break
 
         def compute(progress: Progress, folder: Path | None,
-                    function: StepFunction = functions[step.name]) -> Record:
+                    function: StepFunction = FUNCTIONS[step]) -> Record:
             work = Work(photos, progress, device, folder, checkpoints)
             # BLAS splits its sums by the cores; SciPy's own, where it is loaded later, asks `main`
             with threadpool_limits(1, user_api="blas"):

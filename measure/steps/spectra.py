@@ -4,7 +4,6 @@ from __future__ import annotations
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords, SampleRecords
 from spectrabox.measure.scene.draws import draw_through_transport
-from spectrabox.measure.steps.inputs import swatches_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.surface_spectra import (
     DrawOptions,
@@ -31,7 +30,7 @@ def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> Samp
         jointly = draw_through_transport(
             records.calibrations(capture.views)[0], records.reconstruct.joint, chosen.draws,
             capture.seed, chosen.coefficients, families)
-    correction = learn_from_swatches(records.signals, swatches_of(capture), families)
+    correction = learn_from_swatches(records.signals, [*capture.swatches], families)
     options = DrawOptions(chosen.method, chosen.draws, chosen.coefficients, chosen.level,
                           capture.seed)
     return SampleRecords(sample_surfaces(records.signals, options, families, work.progress,

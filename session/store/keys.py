@@ -47,17 +47,20 @@ def step_keys(capture: Capture, inputs: InputFiles) -> dict[str, Key]:
     InputError
         If an input file is missing.
     """
-    installed = versions(DECISIVE) | ({} if capture.flat else {"llvm": llvm_name()})
+    steps, installed = steps_of(capture), versions(DECISIVE)
+    rendering = installed
+    if any(step.renders for step in steps):
+        rendering = {**installed, "llvm": llvm_name()}
     code = room_digests(LIBRARY)
     keys: dict[str, Key] = {}
-    for step in steps_of(capture):
+    for step in steps:
         files: dict[str, str] = {}
         settings = {name: _digest(_plain(part, inputs, files))
                     for name, part in step.inputs(capture).items()}
         keys[step.name] = {"files": files, "settings": settings,
                            "stages": {before: fingerprint(keys[before]) for before in step.after
                                       if before in keys},
-                           "versions": installed, "code": code}
+                           "versions": rendering if step.renders else installed, "code": code}
     return keys
 
 
