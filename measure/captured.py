@@ -280,6 +280,10 @@ class Capture(ABC):
         """Reflectances (P,) of what is a swatch of the samples' material, by name."""
         return {}
 
+    def regions_in(self, view: View) -> Mapping[str, Region]:
+        """The regions that the photo of a view shows; a scene has none."""
+        return {}
+
     @property
     def families(self) -> dict[str, tuple[str, ...]]:
         """The families that each surface is said to be one of."""
@@ -375,6 +379,25 @@ class SceneCapture(Capture):
     def bsdfs(self) -> dict[str, str]:
         """Id of the BSDF of every material."""
         return {name: material.bsdf or name for name, material in self.materials.items()}
+
+
+def require_scene(capture: Capture, refusal: str) -> SceneCapture:
+    """A capture of a scene.
+
+    Parameters
+    ----------
+    capture : Capture
+    refusal : str
+        Sentence for one of flat samples.
+
+    Raises
+    ------
+    InputError
+        With this sentence, where there is no scene.
+    """
+    if not isinstance(capture, SceneCapture):
+        raise InputError(refusal)
+    return capture
 
 
 def files_of(photo: PhotoFiles) -> tuple[InputFile, ...]:

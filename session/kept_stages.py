@@ -164,7 +164,7 @@ def load_finished(config: SessionConfig) -> FinishedRun:
 
 def stage_names(config: SessionConfig) -> list[str]:
     """Names of the stages that a session needs, in order."""
-    return [step.name for step in needed_steps(config.flat, bool(config.views_with_chart),
+    return [step.name for step in needed_steps(config.steps, bool(config.views_with_chart),
                                                config.picture is not None)]
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.captured import SceneCapture, require_scene
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.scene.rehearsal import Replays, prepare_replays
 from spectrabox.measure.scene.rehearsal import rehearse as rehearse_scene
@@ -12,8 +12,12 @@ from spectrabox.measure.steps.inversion import settings_of, stated_errors, views
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Progress
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import load_finished, stage_states
+
+NO_SCENE = ("a rehearsal traces the light of a scene, and this session has flat samples and no "
+            "scene; 'spectrabox certify' tests bands without one")
 
 
 def rehearse(config: SessionConfig, times: int, seed: int, device: str,
@@ -71,9 +75,7 @@ def replays_of(config: SessionConfig, times: int, seed: int, device: str,
 
 def _replayable(config: SessionConfig) -> tuple[SceneCapture, CaptureRecords]:
     """A finished session that a rehearsal can follow."""
-    if config.flat:
-        raise InputError("a rehearsal traces the light of a scene, and this session has flat "
-                         "samples and no scene; 'spectrabox certify' tests bands without one")
+    capture = require_scene(capture_of(config), NO_SCENE)
     waiting = [state.name for state in stage_states(config) if state.state in ("stale", "missing")]
     if waiting:
         raise InputError(f"stage {waiting[0]!r} is not up to date: run 'spectrabox run' first")
@@ -81,9 +83,8 @@ def _replayable(config: SessionConfig) -> tuple[SceneCapture, CaptureRecords]:
         raise InputError("a rehearsal draws its truths from the learnt prior, one surface after "
                          "another: set [sampling] method = \"prior\" and through = \"surface\"")
     finished = load_finished(config)
-    assert isinstance(finished.capture, SceneCapture)
     joint = finished.records.reconstruct.joint
     if not any("transport" in view.engine or "bounce" in view.engine for view in joint.views):
         raise InputError("a rehearsal needs the light transport, and this session was solved by "
                          f"the engine {joint.views[0].engine!r}")
-    return finished.capture, finished.records
+    return capture, finished.records

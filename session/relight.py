@@ -1,10 +1,9 @@
 """The stored results of a finished session, rendered under another light."""
 from __future__ import annotations
 
-from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.captured import require_scene
 from spectrabox.measure.scene.relight import Relit, light_by_itself
 from spectrabox.measure.scene.relight import relight as relight_scene
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import sensitivities as named_observer
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -41,10 +40,9 @@ def relight(run: FinishedRun, *, light: str | None, observer: str,
     InputError
         If light or observer are not known.
     """
-    capture, records = run.capture, run.records
-    if not isinstance(capture, SceneCapture):
-        raise InputError("session.toml describes regions of a flat sample and no scene; this needs "
-                         "a session with [scene]")
+    records = run.records
+    capture = require_scene(run.capture, "session.toml describes regions of a flat sample and no "
+                            "scene; this needs a session with [scene]")
     joint, calibration = records.reconstruct.joint, records.calibrations(capture.views)[0]
     grid = joint.grid
     power = light_by_itself(calibration, grid) if light is None else named_light(light, grid)

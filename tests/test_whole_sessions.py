@@ -71,7 +71,7 @@ def test_a_session(name, hold, tmp_path):
     page = (folder / "report.html").read_text(encoding="utf-8")
     for view in config.all_views[1:]:
         assert f"Photo “{view.name}”" in page
-        assert config.flat or (folder / f"comparison {view.name}.exr").is_file()
+        assert config.regions or (folder / f"comparison {view.name}.exr").is_file()
 
 
 def test_the_demo(captured, hold):

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.metadata import photo_metadata
+from spectrabox.measure.steps.inputs import INVERSION
 from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
 from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
 from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.pictures import picture_data_uri
@@ -81,7 +83,8 @@ def first_task(folder: Path, order: Order) -> Task:
     task = Task(folder, order, check=False, needed_bytes=0)
     try:
         config = read_session(folder, order.allow_outside)
-        return replace(task, check=not config.flat, needed_bytes=needed_bytes(config))
+        return replace(task, check=INVERSION.name in stage_names(config),
+                       needed_bytes=needed_bytes(config))
     except SpectraboxError:
         return task
 

@@ -47,6 +47,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
 from spectrabox.session.box.scenes import read_chart_scene, read_session_scene
 from spectrabox.session.config.curve_sources import FilterTable, LightTable, SpectrumTable
+from spectrabox.session.config.flat_session import FlatSession
 from spectrabox.session.config.session_chart import chart_files, session_chart
 from spectrabox.session.config.session_schema import (
     RegionSection,
@@ -81,8 +82,9 @@ def capture_with_faults(config: SessionConfig
                         ) -> tuple[FlatCapture | SceneCapture, list[SpectraboxError]]:
     """As ``capture_of``, with every fault; what could not be read is None in the capture then."""
     reader = _Reader(config)
-    capture = (_flat_capture if config.flat else _scene_capture)(config, reader)
-    return capture, reader.faults
+    if isinstance(config, FlatSession):
+        return _flat_capture(config, reader), reader.faults
+    return _scene_capture(config, reader), reader.faults
 
 
 class _Reader:

@@ -14,6 +14,8 @@ from pydantic import ValidationError
 from spectrabox.radiometry.checked_tables import fault_sentences
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there, read_bytes_of_text
+from spectrabox.session.config.flat_session import FlatSession
+from spectrabox.session.config.scene_session import SceneSession
 from spectrabox.session.config.session_rules import inconsistencies
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, SessionTables
 
@@ -146,10 +148,19 @@ def tables_of_text(text: str, folder: Path,
     """
     try:
         written = tomllib.loads(text)
-        SessionTables.model_validate(written)
+        tables = SessionTables.model_validate(written)
     except ValidationError as error:
         return None, [f"{FILE_NAME}: {sentence}"
                       for sentence in fault_sentences(error, SessionTables)]
     except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
         return None, [f"{FILE_NAME} is not valid TOML: {error}"]
-    return SessionConfig(folder=folder, allow_outside=allow_outside, **written), []
+    kind = FlatSession if _of_flat_samples(tables) else SceneSession
+    return kind(folder=folder, allow_outside=allow_outside, **written), []
+
+
+def _of_flat_samples(tables: SessionTables) -> bool:
+    """Whether regions of flat samples are measured; an empty [regions] says so before one is
+    outlined.
+    """
+    scene_stated = tables.scene is not None or tables.materials
+    return "regions" in tables.model_fields_set and (bool(tables.regions) or not scene_stated)

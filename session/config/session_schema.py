@@ -5,10 +5,11 @@ options are those of ``measure.options``.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -22,6 +23,7 @@ from spectrabox.measure.options import (
     StrayLight,
     Surface,
 )
+from spectrabox.measure.steps.inputs import StepInputs
 from spectrabox.radiometry.charts.layout_names import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
@@ -59,6 +61,11 @@ def by_band(written: str | tuple[str, ...] | Mapping[str, Files] | None
 def all_files(photo: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
     """Every file of a photo."""
     return tuple(name for files in photo.values() for name in files)
+
+
+def encloses(rect: Sequence[float]) -> bool:
+    """Whether [x0, y0, x1, y1] are two opposite corners of more than a line."""
+    return len(rect) == 4 and rect[0] != rect[2] and rect[1] != rect[3]
 
 
 class SessionSection(Table):
@@ -331,30 +338,50 @@ class ViewInputs:
         return f"{kind} {self.name}" if self.name else kind
 
 
-class SessionConfig(SessionTables):
+class SessionConfig(SessionTables, ABC):
     """One session as its operator described it; file names are relative to ``folder``."""
 
     folder: Path
     allow_outside: bool
     toml_sha256: str = ""       # of the file as it was read
 
-    @property
-    def flat(self) -> bool:
-        """Whether it measures regions of flat samples, without a scene; an empty [regions] says so
-        before one is outlined.
-        """
-        return "regions" in self.model_fields_set and (
-            bool(self.regions) or not (self.scene or self.materials))
+    steps: ClassVar[tuple[StepInputs, ...]]     # of a capture of its kind
 
     @property
+    @abstractmethod
     def surfaces(self) -> Mapping[str, SurfaceSection]:
-        """What is measured, by name: the materials of a scene or the regions of a flat sample."""
-        return self.regions if self.flat else self.materials
+        """What is measured, by name."""
 
     @property
-    def bsdfs(self) -> dict[str, str]:
-        """Id of the BSDF of every material."""
-        return {name: material.bsdf or name for name, material in self.materials.items()}
+    @abstractmethod
+    def camera_from_chart(self) -> bool:
+        """Whether the camera is fitted to a chart photo."""
+
+    @property
+    @abstractmethod
+    def needs_chart(self) -> bool:
+        """Whether the first view's calibration is to come from its chart photo."""
+
+    @property
+    @abstractmethod
+    def first_chart(self) -> dict[str, tuple[str, ...]]:
+        """Files by band of the photo that shows the chart under the first light."""
+
+    @abstractmethod
+    def chart_of(self, view: ViewSection, lamp: str) -> dict[str, tuple[str, ...]]:
+        """Files by band of the photo that shows the chart under a further view's light; empty where
+        none is needed.
+
+        Parameters
+        ----------
+        view : ViewSection
+        lamp : str
+            Title of the first photo under its lamp.
+        """
+
+    @abstractmethod
+    def faults(self) -> Iterator[str]:
+        """A sentence for every pair of keys that do not go together in a session of its kind."""
 
     @property
     def box(self) -> BoxTable | None:
@@ -362,25 +389,9 @@ class SessionConfig(SessionTables):
         return None if self.scene is None else self.scene.box
 
     @property
-    def chart_pose_known(self) -> bool:
-        """Whether the session says where light and chart stood for the chart photo."""
-        return self.chart.scene is not None or (self.box is not None
-                                                and self.box.chart is not None)
-
-    @property
-    def needs_chart(self) -> bool:
-        """Whether the first view's calibration is to come from its chart photo."""
-        return self.flat or self.sensitivity.from_chart or self.scale.source == "chart"
-
-    @property
     def all_views(self) -> tuple[ViewInputs, ...]:
-        """The photos of the materials, that of [photos] first.
-
-        A flat sample whose light has no chart photo of its own shows the chart itself.
-        """
-        shown = by_band(self.photos.object)
-        chart = by_band(self.photos.chart if self.needs_chart else None)
-        first = ViewInputs("", shown, chart or shown if self.flat else chart, self.light.spectrum,
+        """The photos of the surfaces, that of [photos] first."""
+        first = ViewInputs("", by_band(self.photos.object), self.first_chart, self.light.spectrum,
                            self.scene.file if self.scene else None, self.light.by_id or {})
         return (first, *(self._further_view(name, view, first) for name, view
                          in self.views.items()))
@@ -388,13 +399,10 @@ class SessionConfig(SessionTables):
     def _further_view(self, name: str, view: ViewSection, first: ViewInputs) -> ViewInputs:
         lamp = self._lamp_of(name)
         light = None if lamp not in self.views else self.views[lamp].light
-        chart = by_band(view.chart)
-        if not chart and self.flat and (lamp != FIRST_PHOTO or view.filter is not None
-                                        or self.photos.chart is None):
-            chart = by_band(view.photo)
-        return ViewInputs(name, by_band(view.photo), chart, light or first.light,
-                          view.scene or first.scene, {} if light else first.lights_by_id,
-                          view.turn_deg or 0.0, view.camera, lamp, view.filter)
+        return ViewInputs(name, by_band(view.photo), self.chart_of(view, lamp),
+                          light or first.light, view.scene or first.scene,
+                          {} if light else first.lights_by_id, view.turn_deg or 0.0, view.camera,
+                          lamp, view.filter)
 
     def _lamp_of(self, name: str) -> str:
         """Title of the first photo that is stated to be under the lamp of a view.
@@ -425,16 +433,6 @@ class SessionConfig(SessionTables):
         """The regions that the photo of a view shows."""
         return {name: region for name, region in self.regions.items()
                 if not region.photos or view.title in region.photos}
-
-    @property
-    def picture_views(self) -> tuple[ViewInputs, ...]:
-        """Views of a flat sample whose photos a picture of spectra is made from: the first, and
-        those that show a region of it in another photo.
-        """
-        first, *others = self.all_views
-        shown = self.regions_in(first).keys()
-        return (first, *(view for view in others if shown & self.regions_in(view).keys()
-                         and view.photo_files != first.photo_files))
 
     @property
     def results_folder(self) -> Path:

@@ -32,6 +32,7 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.config.captured_session import capture_of
+from spectrabox.session.config.flat_session import FlatSession
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
@@ -90,7 +91,7 @@ class LiveSample:
         config : SessionConfig or None
             None of a session with faults.
         """
-        flat = config if config is not None and config.flat else None
+        flat = config if isinstance(config, FlatSession) else None
         now = (None if flat is None else flat.model_dump_json(), self._run.running,
                self._run.state()["lines"][-1:])
         with self._lock:
