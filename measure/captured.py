@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from spectrabox.calibrate.geometry.colmap_model import ModelImage
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.measure.options import (
@@ -26,7 +27,6 @@ from spectrabox.measure.options import (
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
     Filter,
     LightScale,
@@ -36,6 +36,8 @@ from spectrabox.radiometry.records import (
     UnknownLight,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
+from spectrabox.reconstruct.scene.refinements import Refinement
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 ONE_PHOTO = ""              # the band under which the files of a colour camera's photo are
@@ -162,11 +164,36 @@ class View:
         return f"{kind} {self.name}" if self.name else kind
 
 
+@dataclass(frozen=True, eq=False)
+class BoxPhoto:
+    """What is stated of a photo of a box that was measured with a tape.
+
+    ``measure.scene.box_camera`` estimates its camera, and makes its scene.
+    """
+
+    box: BoxTable                           # turned as in the photo
+    camera: CameraTable                     # measured, or with what it is estimated from
+    marked: BoxTable                        # as it stood when the corners of its camera were marked
+    taken: InputFile                        # the photo that its camera was stated of
+    lens: Lens | None                       # of the camera, where a file says it
+    path: Path                              # where its scene would lie: files are seen from there
+    beam: InputFile | None                  # of the lamp
+    model: Mapping[str, ModelImage]         # pictures of COLMAP that its camera is known by
+    camera_view: str                        # name of the view whose camera it is
+    camera_place: str                       # of the camera's table, as sentences call it
+    model_place: str                        # of the COLMAP model's
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """What its scene names."""
+        return () if self.beam is None else (self.beam.path,)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SceneView(View):
     """One photo of a scene."""
 
-    scene: SceneFile
+    scene: SceneFile | BoxPhoto
     scene_name: str | None = None           # of its file; None of a box with measures
     lights_by_id: Mapping[str, Spectrum] = field(default_factory=dict)
     lens: Lens | None = None                # by which the photo is undistorted
@@ -285,6 +312,16 @@ class Capture(ABC):
         return {}
 
     @property
+    def scenes(self) -> Mapping[str, SceneFile | BoxPhoto]:
+        """The scenes of photos, by view; flat samples have none."""
+        return {}
+
+    @property
+    def bsdfs(self) -> dict[str, str]:
+        """Id of the BSDF of every surface in those scenes."""
+        return {}
+
+    @property
     def families(self) -> dict[str, tuple[str, ...]]:
         """The families that each surface is said to be one of."""
         return {name: surface.families for name, surface in self.surfaces.items()}
@@ -368,8 +405,8 @@ class SceneCapture(Capture):
     materials: Mapping[str, Material]
     inversion: Inversion = field(default_factory=Inversion)
     scale_from_chart: bool = True           # else from a material of known spectrum
-    # what of it was estimated
-    geometry: SceneGeometry = field(default_factory=lambda: SceneGeometry((), ()))
+    # what comments of scenes in files say that was estimated, by the names of the files
+    refinements: Mapping[str, tuple[Refinement, ...]] = field(default_factory=dict)
 
     @property
     def surfaces(self) -> Mapping[str, Surface]:
@@ -377,8 +414,11 @@ class SceneCapture(Capture):
 
     @property
     def bsdfs(self) -> dict[str, str]:
-        """Id of the BSDF of every material."""
         return {name: material.bsdf or name for name, material in self.materials.items()}
+
+    @property
+    def scenes(self) -> dict[str, SceneFile | BoxPhoto]:
+        return {view.name: view.scene for view in self.views}
 
 
 def require_scene(capture: Capture, refusal: str) -> SceneCapture:

@@ -103,6 +103,8 @@ class ReconstructionRecords(Record):
     signals: SurfaceSignals
     drift: LightDrift | None                    # of the light between the first chart and photo
     geometry: SceneGeometry                     # that was estimated
+    # XML of the scenes of a measured box, by the first view of each; none of scenes in files
+    box_scenes: dict[str, str]
 
 
 @dataclass(frozen=True, eq=False)

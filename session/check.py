@@ -13,16 +13,11 @@ from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.measure.captured import (
-    Capture,
-    FlatCapture,
-    PhotoFiles,
-    SceneCapture,
-    View,
-    files_of,
-)
+from spectrabox.measure.captured import Capture, PhotoFiles, View, files_of, require_scene
 from spectrabox.measure.opened_photos import develop, require_curves_of_bands, require_exposed
+from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.steps.charts import stated_corners
+from spectrabox.measure.steps.inputs import INVERSION
 from spectrabox.measure.steps.inversion import require_invertible, require_materials
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
@@ -30,7 +25,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.kept_cameras import known_camera
 from spectrabox.radiometry.system.free_memory import free_memory
-from spectrabox.reconstruct.scene.scene_file import require_same_shape
+from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape
 from spectrabox.session.config.captured_session import capture_with_faults
 from spectrabox.session.config.session_file import missing_files, try_read_session
 from spectrabox.session.config.session_schema import SessionConfig
@@ -137,10 +132,15 @@ def _attempt_together(capture: Capture, attempt: Attempt) -> None:
     if capture.sensitivity is not None and all(
             file.path is not None and file.path.is_file() for file in files):
         attempt(require_curves_of_bands, capture)
-    if isinstance(capture, SceneCapture):
-        for view in capture.views:
-            if view.scene is not None:
-                attempt(require_materials, view.scene, capture.bsdfs)
+    for scene in _scenes(capture, attempt).values():
+        attempt(require_materials, scene, capture.bsdfs)
+
+
+def _scenes(capture: Capture, attempt: Attempt) -> dict[str, SceneFile]:
+    """The scenes of photos that can be made, by view."""
+    scenes = {name: attempt(scene_of, stated) for name, stated in capture.scenes.items()
+              if stated is not None}
+    return {name: scene for name, scene in scenes.items() if scene is not None}
 
 
 def _attempt_photos(capture: Capture, attempt: Attempt) -> None:
@@ -164,15 +164,15 @@ def _attempt_photos(capture: Capture, attempt: Attempt) -> None:
         developed = attempt(develop, capture, photo) or readable(develop, alone, photo)
         return None if developed is None else developed[0]
 
+    scenes = _scenes(capture, attempt)
     for view in capture.views:
-        if (photo := developed_photo(view.photo)) is not None:
+        photo = developed_photo(view.photo)
+        if photo is not None:
             attempt(require_exposed, photo, view.photo_names[0])
-            if isinstance(capture, FlatCapture):
-                for name, region in capture.regions_in(view).items():
-                    attempt(sample_regions, photo, {name: region.outline})
-            scene = getattr(view, "scene", None)
-            if scene is not None:
-                attempt(require_same_shape, photo, scene, view.photo_names[0])
+            for name, region in capture.regions_in(view).items():
+                attempt(sample_regions, photo, {name: region.outline})
+            if view.name in scenes:
+                attempt(require_same_shape, photo, scenes[view.name], view.photo_names[0])
         if view.chart and capture.chart is not None:
             chart = developed_photo(view.chart)
             if chart is not None:
@@ -197,9 +197,10 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
         return None
     finished = run_stages(config, device=device, only=None, force=False,
                           progress=lambda stage, done, what: None, before=long, shared=shared)
-    if not isinstance(finished.capture, SceneCapture):
+    if long != INVERSION.name:
         return None
-    return require_invertible(finished.capture, finished.records, device)
+    capture = require_scene(finished.capture, "only a scene is traced")
+    return require_invertible(capture, finished.records, device)
 
 
 def require_chart(capture: Capture, view: View, photo: LinearImage) -> None:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from spectrabox.measure.captured import require_scene
+from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.scene.relight import Relit, light_by_itself
 from spectrabox.measure.scene.relight import relight as relight_scene
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
@@ -51,7 +52,8 @@ def relight(run: FinishedRun, *, light: str | None, observer: str,
                for name, known, spectrum in zip(joint.materials, joint.known, joint.spectra,
                                                 strict=True)}
     start_mitsuba(device)
-    relit = relight_scene(capture.views[0].scene, capture.bsdfs, spectra, grid, power, matching,
+    scene = scene_of(capture.views[0].scene)
+    relit = relight_scene(scene, capture.bsdfs, spectra, grid, power, matching,
                           size=size, spp=spp, seed=capture.seed)
     posterior = calibration.light_posterior
     if light is not None or posterior is None:

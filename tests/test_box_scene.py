@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.demos.demo_scenes import box_scene, chart_scene_xml
+from spectrabox.measure.scene.box_camera import box_camera, scene_of
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.reconstruct.scene.box_scene import box_edges, box_xml, chart_xml
 from spectrabox.reconstruct.scene.box_tables import WALLS, BoxTable
 from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
-from spectrabox.session.box.box_camera import box_camera, corners_in_photo
-from spectrabox.session.box.scenes import read_session_scene
+from spectrabox.session.box.box_overlay import corners_in_photo
+from spectrabox.session.box.scenes import box_photo, stated_scene
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.session_schema import SessionTables
@@ -151,7 +152,7 @@ def test_eight_marked_corners_place_the_camera(captured, seed):
     scale = 6000 / 312                                      # one pixel of a photo of 24 megapixels
     marked = {name: (np.array(px) + rng.normal(0, 1 / scale, 2)).tolist()
               for name, px in inner.items()}
-    camera = box_camera(rewritten(captured, corners_px=marked))
+    camera = box_camera(box_photo(rewritten(captured, corners_px=marked)))
     distance = np.linalg.norm(np.subtract(FAR["at_mm"], FAR["look_at_mm"]))
     assert np.linalg.norm(np.subtract(camera.at_mm, FAR["at_mm"])) < 0.005 * distance
     assert camera.fov_deg == pytest.approx(FAR["fov_deg"], abs=0.2)
@@ -165,7 +166,7 @@ def test_the_camera_found_from_exact_corners_sees_what_the_measured_one_sees(cap
     stated = rewritten(captured, **FAR)
     measured = hits(box_xml(stated.box, SIZE), 1.0)
     corners = {name: list(px) for name, px in corners_in_photo(stated).items()}
-    camera = box_camera(rewritten(captured, corners_px=corners))
+    camera = box_camera(box_photo(rewritten(captured, corners_px=corners)))
     again = hits(box_xml(stated.box, SIZE, camera.sensor), 1.0)
     assert np.mean(measured[1] == again[1]) > 0.995
     same = measured[1] == again[1]
@@ -268,7 +269,7 @@ def test_corners_of_another_box_are_refused(captured):
     wrong = {name: list(px) for name, px in corners_in_photo(stated).items()}
     wrong["front top left"] = [wrong["front top left"][0] + 20, wrong["front top left"][1]]
     with pytest.raises(SpectraboxError, match=r"corners_px: no pose.*'front top left'"):
-        box_camera(rewritten(captured, corners_px=wrong))
+        box_camera(box_photo(rewritten(captured, corners_px=wrong)))
 
 
 def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(captured):
@@ -281,7 +282,7 @@ def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(ca
     names = [name.rsplit("/", 1)[-1] for name in json.loads(answer.output)["files"]]
     assert names == ["scene.xml", "chart-scene.xml", "box.png"]
     shutil.copy(captured / "scene.xml", captured / "scene" / "mine.xml")
-    taken, drawn = read_scene(captured / "scene" / "mine.xml"), read_session_scene(config)
+    taken, drawn = read_scene(captured / "scene" / "mine.xml"), scene_of(stated_scene(config))
     assert taken.surfaces == drawn.surfaces and set(drawn.surfaces) == {*WALLS, "block"}
     assert (taken.width, taken.height) == (312, 208)
 

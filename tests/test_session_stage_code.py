@@ -26,7 +26,7 @@ def edited(tmp_path, monkeypatch):
 @pytest.mark.parametrize("file, stale", [
     ("session/report/page.py", set()),
     ("session/commands/session.py", set()),
-    ("session/box/box_camera.py", set()),       # what it reads is in the keys by its values
+    ("session/box/scenes.py", set()),           # what it reads is in the keys by its values
     ("measure/captured.py", STAGES),
     ("calibrate/prior/models/rawtoaces39.npz", STAGES),
     ("sampling/prior/models/surface_families.npz", STAGES),

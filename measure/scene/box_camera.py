@@ -29,8 +29,12 @@ from spectrabox.calibrate.geometry.pose import (
     pose_from_points,
 )
 from spectrabox.calibrate.geometry.projection import image_rays, projected
-from spectrabox.radiometry.errors import CheckError
+from spectrabox.capture.photo.linear import photo_size
+from spectrabox.measure.captured import BoxPhoto, SceneView
+from spectrabox.radiometry.errors import CheckError, SpectraboxError
+from spectrabox.reconstruct.scene.box_scene import box_xml
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
+from spectrabox.reconstruct.scene.scene_file import SceneFile, scene_of_text
 
 How = Literal["measured", "corners", "COLMAP"]
 Points = Mapping[str, tuple[float, float]]          # pixels of the whole photo, by name of a corner
@@ -81,6 +85,105 @@ class BoxCamera:
     def direction_error_deg(self) -> float:
         """Standard error of the direction."""
         return camera_position(self.pose).direction_standard_error_deg
+
+
+def scene_of(stated: SceneFile | BoxPhoto) -> SceneFile:
+    """The scene of a photo: that of its file, or the box as its camera sees it.
+
+    Parameters
+    ----------
+    stated : SceneFile or BoxPhoto
+
+    Raises
+    ------
+    InputError, CheckError
+        As ``box_text``.
+    """
+    if isinstance(stated, SceneFile):
+        return stated
+    return scene_of_text(box_text(stated), stated.path)
+
+
+def lens_of(view: SceneView) -> Lens | None:
+    """The lens by which a photo is undistorted, where one is known: of a file or a COLMAP model.
+
+    Parameters
+    ----------
+    view : SceneView
+
+    Raises
+    ------
+    InputError
+        If the photo's size cannot be read, or is not that of the picture.
+    """
+    stated = view.scene
+    if view.lens is not None or isinstance(stated, SceneFile) or stated.camera.image is None:
+        return view.lens
+    image = stated.camera.image
+    return for_photo(stated.model[image].lens, *photo_size(stated.taken.path), image)
+
+
+def box_text(stated: BoxPhoto) -> str:
+    """XML of the scene of a measured box.
+
+    Parameters
+    ----------
+    stated : BoxPhoto
+
+    Raises
+    ------
+    InputError
+        If the photo's size cannot be read, or the marked corners are not of a box of these sizes.
+    CheckError
+        If no position of the camera explains the corners, or two do.
+    """
+    sensor = None if stated.camera.measured else box_camera(stated).sensor
+    return box_xml(stated.box, photo_size(stated.taken.path), sensor, stated.camera)
+
+
+def box_camera(stated: BoxPhoto) -> BoxCamera:
+    """The camera of a photo of a measured box.
+
+    Parameters
+    ----------
+    stated : BoxPhoto
+
+    Raises
+    ------
+    InputError
+        As ``box_text``.
+    CheckError
+        As ``box_text``; or if the COLMAP model and the marked corners do not fit.
+    """
+    size, place = photo_size(stated.taken.path), stated.camera_place
+    if stated.camera.image is not None:
+        camera = _camera_of_model(stated, stated.camera.image, size)
+    elif stated.camera.corners_px is None:
+        camera = measured_camera(stated.camera, stated.lens, size)
+    else:
+        try:
+            camera = camera_from_corners(stated.camera, stated.marked.corner_positions(),
+                                         stated.lens, size)
+        except SpectraboxError as fault:
+            raise type(fault)(f"{place}.corners_px: {fault}") from None
+    try:
+        require_in_front(stated.box, camera)
+    except SpectraboxError as fault:
+        raise type(fault)(f"{place}: {fault}") from None
+    return camera
+
+
+def _camera_of_model(stated: BoxPhoto, image: str, size: tuple[int, int]) -> BoxCamera:
+    """The camera of one picture of a box's COLMAP model."""
+    assert stated.box.colmap is not None
+    ties = stated.box.colmap.corners_px
+    marks = {name: {corner: (x, y) for corner, (x, y) in corners.items()}
+             for name, corners in ties.items()}
+    try:
+        # what stands still ties the model to the box, turned or not
+        return camera_from_model(stated.model, image, marks, stated.box.corner_positions(), size)
+    except SpectraboxError as fault:
+        raise type(fault)(f"{stated.model_place}: {fault}") from None
 
 
 def measured_camera(camera: CameraTable, lens: Lens | None, size: tuple[int, int]) -> BoxCamera:

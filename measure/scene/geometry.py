@@ -5,11 +5,75 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from spectrabox.measure.scene.box_camera import BoxCamera, undistorted_shares, visible_corners
-from spectrabox.radiometry.placements import MM, SCENE_UNIT, MarkedView, Placement
+from spectrabox.measure.captured import BoxPhoto, SceneCapture
+from spectrabox.measure.scene.box_camera import (
+    BoxCamera,
+    box_camera,
+    box_text,
+    undistorted_shares,
+    visible_corners,
+)
+from spectrabox.radiometry.placements import (
+    MM,
+    SCENE_UNIT,
+    MarkedView,
+    Placement,
+    SceneGeometry,
+)
 from spectrabox.reconstruct.scene.box_scene import box_edges
 from spectrabox.reconstruct.scene.box_tables import BoxTable, LampTable
 from spectrabox.reconstruct.scene.refinements import Refinement
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+
+
+def scene_geometry(capture: SceneCapture) -> SceneGeometry:
+    """What of a capture's scenes was estimated, with errors.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+
+    Raises
+    ------
+    InputError, CheckError
+        As ``box_camera``.
+    """
+    placements, views = [], []
+    for view in capture.views:
+        stated = view.scene
+        if isinstance(stated, SceneFile):
+            continue
+        if not view.name:
+            placements += lamp_placements(stated.box.lamp)
+        if stated.camera.measured or stated.camera_view != view.name:   # another photo's camera
+            continue
+        camera = box_camera(stated)
+        placements.append(camera_placement(view.name, camera))
+        views.append(marked_view(view.name, stated.box, camera))
+    for file, refinements in capture.refinements.items():
+        placements += refined_placements(file, refinements)
+    return SceneGeometry(tuple(placements), tuple(views))
+
+
+def box_scenes(capture: SceneCapture) -> dict[str, str]:
+    """XML of the scenes of a capture's measured box, by the first view of each.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+
+    Raises
+    ------
+    InputError, CheckError
+        As ``box_camera``.
+    """
+    stated: dict[str, BoxPhoto] = {}
+    for name, scene in capture.scenes.items():
+        if isinstance(scene, BoxPhoto) and not any(
+                scene.camera_view == other.camera_view and scene.box == other.box
+                for other in stated.values()):
+            stated[name] = scene
+    return {name: box_text(scene) for name, scene in stated.items()}
 
 
 def lamp_placements(lamp: LampTable) -> list[Placement]:

@@ -15,7 +15,9 @@ from spectrabox.measure.captured import (
     FlatCapture,
     PhotoFiles,
     SceneCapture,
+    SceneView,
 )
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 
 def inputs_of_charts(capture: Capture) -> dict[str, Any]:
@@ -55,10 +57,21 @@ def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:
 def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
     """What of a capture the photos of a scene depend on."""
     return {"photos": {view.name: [view.photo, view.lens] for view in capture.views},
-            "scenes": [(view.scene.width, view.scene.height) for view in capture.views],
+            "scenes": {view.name: _film_of(view) for view in capture.views},
             "width": capture.inversion.width, "development": capture.development,
             "drift": capture.drift,
             "channels": channels_from(capture)}
+
+
+def _film_of(view: SceneView) -> list[Any]:
+    """What of its scene a photo depends on: the size of the film; of a measured box, whose film has
+    the photo's own, the lens that a COLMAP model knows.
+    """
+    scene = view.scene
+    if isinstance(scene, SceneFile):
+        return [scene.width, scene.height]
+    image = scene.camera.image
+    return [scene.taken] if image is None else [scene.taken, scene.model[image].lens]
 
 
 def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
@@ -87,7 +100,7 @@ def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
             "scenes": {view.name: view.scene for view in capture.views},
             "lights": lights_of(capture),
             "lights by id": {view.name: view.lights_by_id for view in capture.views},
-            "geometry": capture.geometry, "reconstruct": capture.inversion,
+            "refinements": capture.refinements, "reconstruct": capture.inversion,
             "scale from chart": capture.scale_from_chart,
             "scales": {view.name: view.scale for view in capture.views},
             "repeatability": capture.repeatability, "stray light": capture.stray_light,

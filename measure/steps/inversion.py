@@ -8,7 +8,9 @@ import numpy as np
 
 from spectrabox.measure.captured import SceneCapture, SceneView
 from spectrabox.measure.records import CaptureRecords, ReconstructionRecords
+from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.scene.draws import require_one_transport
+from spectrabox.measure.scene.geometry import box_scenes, scene_geometry
 from spectrabox.measure.scene.light_strength import learnt_spectra, scale_from_prior
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
 from spectrabox.measure.steps.drift import drift_of
@@ -64,7 +66,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     joint = reconstruct_views(views, settings, work.progress, work.checkpoint(TRACE))
     joint = with_photo_errors(joint, stated_errors(capture, records, views, drift))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
-                                 drift, capture.geometry)
+                                 drift, scene_geometry(capture), box_scenes(capture))
 
 
 def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[View],
@@ -158,8 +160,9 @@ def views_of(capture: SceneCapture, records: CaptureRecords,
         photo = records.photo.photos[own.name]
         scale = scale_of_view(capture, own, photo, calibration, records,
                               None if own.name else drift)
-        views.append(View(own.title, own.scene, photo, calibration, bands,
-                          materials_of(capture, own.scene), scale, dict(own.lights_by_id)))
+        scene = scene_of(own.scene)
+        views.append(View(own.title, scene, photo, calibration, bands,
+                          materials_of(capture, scene), scale, dict(own.lights_by_id)))
     return views
 
 

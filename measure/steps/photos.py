@@ -16,6 +16,7 @@ from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import FlatCapture, SceneCapture, View
 from spectrabox.measure.opened_photos import require_exposed
 from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords
+from spectrabox.measure.scene.box_camera import lens_of, scene_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, RegionSamples
@@ -109,9 +110,10 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
         if capture.drift.object_px and not view.name:
             references = region_signals(photo, capture.drift.object_px)
         require_exposed(photo, name)
-        if view.lens is not None:
-            photo = undistorted(photo, view.lens)
-        require_same_shape(photo, view.scene, name)
+        lens = lens_of(view)
+        if lens is not None:
+            photo = undistorted(photo, lens)
+        require_same_shape(photo, scene_of(view.scene), name)
         height, width = photo.signal.shape[:2]
         photos[view.name] = bin_image(photo, *render_size(width, height, capture.inversion.width))
         work.write_picture(view.label("preview"), signal_rgb8(photo.signal))

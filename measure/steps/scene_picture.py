@@ -15,6 +15,7 @@ from spectrabox.measure.pictures.surface_textures import TextureSums
 from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.scene.box_camera import lens_of
 from spectrabox.measure.steps.inversion import glare_error, views_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
@@ -70,8 +71,9 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
     assert section is not None
     work.progress(0.0, f"reading {first.photo_names[0]}")
     photo, _ = work.photos.developed(first.photo)
-    if first.lens is not None:
-        photo = undistorted(photo, first.lens)
+    lens = lens_of(first)
+    if lens is not None:
+        photo = undistorted(photo, lens)
     drift = records.reconstruct.drift
     view = replace(views_of(capture, records, drift)[0], photo=photo)
     crop = crop_of(photo, section.rect)

@@ -54,7 +54,8 @@ def relight(request: RelightRequest) -> Answer:
     check_device(request.device)
     check_ending(request.out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
     from spectrabox.capture.photo.image_files import write_exr, write_png
-    from spectrabox.session.box.scenes import read_session_scene
+    from spectrabox.measure.scene.box_camera import scene_of
+    from spectrabox.session.box.scenes import stated_scene
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import require_results
@@ -62,7 +63,7 @@ def relight(request: RelightRequest) -> Answer:
     from spectrabox.session.relight import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
     config = read_session(request.folder, request.allow_outside)
-    scene = read_session_scene(config)
+    scene = scene_of(stated_scene(config))
     size = (request.width, max(round(request.width * scene.height / scene.width), 1))
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)

@@ -204,9 +204,10 @@ def pose(request: PoseRequest) -> Answer:
 @command
 def box(request: SessionOptions) -> Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
-    from spectrabox.session.box.box_camera import box_camera
+    from spectrabox.measure.scene.box_camera import box_camera
+    from spectrabox.session.box.box_overlay import box_texts, box_views, write_overlays
     from spectrabox.session.box.camera_facts import camera_facts, camera_text
-    from spectrabox.session.box.scene_files import box_views, write_overlays, write_scene_files
+    from spectrabox.session.box.scenes import box_photo, write_box_scenes
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.config.session_schema import FIRST_PHOTO
     from spectrabox.session.store.locks import outputs_writer
@@ -214,10 +215,10 @@ def box(request: SessionOptions) -> Answer:
     if config.box is None:
         raise InputError(f"{request.folder} has no [scene.box]: 'spectrabox new --template box' "
                          "writes a session that has one")
-    cameras = {view.title: box_camera(config, view)
+    cameras = {view.title: box_camera(box_photo(config, view))
                for view in box_views(config)}
     with outputs_writer(config.folder):
-        written = [*write_scene_files(config), *write_overlays(config)]
+        written = [*write_box_scenes(config, box_texts(config)), *write_overlays(config)]
     by_view = {name: camera_facts(camera) for name, camera in cameras.items()}
     facts = {"files": written, **by_view[FIRST_PHOTO], "views": by_view}
     return Answer(facts, "\n".join([

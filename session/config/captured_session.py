@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from spectrabox.calibrate.geometry.lens import Lens
+from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior
 from spectrabox.measure.captured import (
     Development,
@@ -28,7 +30,6 @@ from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
     Filter,
     Quantity,
@@ -45,7 +46,8 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
-from spectrabox.session.box.scenes import read_chart_scene, read_session_scene
+from spectrabox.reconstruct.scene.refinements import refinements
+from spectrabox.session.box.scenes import read_chart_scene, stated_scene
 from spectrabox.session.config.curve_sources import FilterTable, LightTable, SpectrumTable
 from spectrabox.session.config.flat_session import FlatSession
 from spectrabox.session.config.session_chart import chart_files, session_chart
@@ -127,26 +129,29 @@ def _flat_capture(config: SessionConfig, reader: _Reader) -> FlatCapture:
 
 
 def _scene_capture(config: SessionConfig, reader: _Reader) -> SceneCapture:
-    # What estimates cameras loads OpenCV and SciPy's optimisers, and only scenes have cameras.
-    from spectrabox.session.box.box_camera import lens_of_view
-    from spectrabox.session.box.scene_geometry import scene_geometry
-
     chart_scene = reader.read(read_chart_scene, config) if config.views_with_chart else None
+    lens = reader.read(_lens, config)
     views = tuple(
-        SceneView(**_stated_of_view(config, reader, view), scene_name=view.scene,
-                  scene=reader.read(read_session_scene, config, view),
-                  lens=reader.read(lens_of_view, config, view),
+        SceneView(**_stated_of_view(config, reader, view), lens=lens, scene_name=view.scene,
+                  scene=reader.read(stated_scene, config, view),
                   lights_by_id={name: reader.read(read_known_light, config, light)
                                 for name, light in view.lights_by_id.items()})
         for view in config.all_views)
     materials = {name: Material(**_stated_of_surface(config, reader, section),
                                 bsdf=section.bsdf or name)
                  for name, section in config.materials.items()}
-    geometry = SceneGeometry((), ()) if reader.faults else reader.read(scene_geometry, config)
+    files = dict.fromkeys(view.scene for view in config.all_views if view.scene is not None)
     return SceneCapture(views=views, materials=materials, chart_scene=chart_scene,
                         inversion=config.reconstruct,
-                        scale_from_chart=config.scale.source == "chart", geometry=geometry,
+                        scale_from_chart=config.scale.source == "chart",
+                        refinements={} if reader.faults else {
+                            file: refinements(config.path(file)) for file in files},
                         **_stated_of_capture(config, reader))
+
+
+def _lens(config: SessionConfig) -> Lens | None:
+    """The lens by which object photos are undistorted, where its file is named."""
+    return None if config.camera.lens is None else read_lens(config.path(config.camera.lens))
 
 
 def _stated_of_capture(config: SessionConfig, reader: _Reader) -> dict[str, Any]:

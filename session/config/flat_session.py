@@ -54,8 +54,8 @@ class FlatSession(SessionConfig):
             yield (f"{FILE_NAME}: sampling.through = \"transport\" follows light through a scene; "
                    "regions of a flat sample take \"surface\"")
         if self.sensitivity.method not in (None, "prior"):
-            yield (f"{FILE_NAME}: sensitivity.method = {self.sensitivity.method!r} knows nothing of "
-                   "the light over the chart, which carries it to the regions; use \"prior\"")
+            yield (f"{FILE_NAME}: sensitivity.method = {self.sensitivity.method!r} knows nothing "
+                   "of the light over the chart, which carries it to the regions; use \"prior\"")
         yield from _swatches(self)
         photos = (FIRST_PHOTO, *self.views)
         for name, region in self.regions.items():

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.results import session_results
@@ -41,7 +42,6 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     files = [report, report.with_name(NUMBERS_NAME),
              *write_surface_files(found, results.folder, results.name)]
     if isinstance(found, SceneResult):
-        # it loads what estimates cameras: OpenCV and SciPy's optimisers
-        from spectrabox.session.box.scene_files import write_scene_files
-        files += [*write_comparisons(found, results.folder), *write_scene_files(config)]
+        files += [*write_comparisons(found, results.folder),
+                  *write_box_scenes(config, finished.records.reconstruct.box_scenes)]
     return results.facts(), results.text(), files

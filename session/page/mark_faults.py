@@ -6,8 +6,9 @@ import numpy as np
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.regions import region_pixels, region_signals
 from spectrabox.measure.opened_photos import develop
+from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.session.box.scenes import read_session_scene
+from spectrabox.session.box.scenes import stated_scene
 from spectrabox.session.check import readable, require_chart
 from spectrabox.session.config.captured_session import (
     capture_of,
@@ -49,7 +50,7 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
         elif kind == "chart corners":
             _chart(config)
         elif kind == "box corners":
-            read_session_scene(config)
+            scene_of(stated_scene(config))
         elif kind == "reference":
             _references(config, name)
     except SpectraboxError as error:

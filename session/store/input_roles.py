@@ -4,7 +4,7 @@ from __future__ import annotations
 import os
 
 from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
-from spectrabox.measure.captured import Capture, SceneCapture
+from spectrabox.measure.captured import Capture
 from spectrabox.session.config.session_chart import chart_files
 from spectrabox.session.config.session_schema import SessionConfig
 
@@ -23,10 +23,9 @@ def input_files(config: SessionConfig, capture: Capture) -> list[str]:
     if config.box is not None and config.box.colmap is not None:
         folder = config.box.colmap.folder.rstrip("/")
         files += [f"{folder}/{name}" for name in (CAMERAS_NAME, IMAGES_NAME)]
-    if isinstance(capture, SceneCapture):
-        scenes = [view.scene for view in capture.views]
-        scenes += [] if capture.chart_scene is None else [capture.chart_scene]
-        files += [os.path.relpath(path, config.folder) for scene in scenes for path in scene.files]
+    scenes = [*capture.scenes.values(), capture.chart_scene]
+    files += [os.path.relpath(path, config.folder) for scene in scenes if scene is not None
+              for path in scene.files]
     return [*dict.fromkeys(files)]
 
 
