@@ -89,7 +89,6 @@ class Sensitivity:
     source: str = "chart"                   # of the curves, in words
     method: str | None = None               # of a chart's fit; "prior" by default
     prior: CameraPrior | None = None
-    coefficients: int = 10                  # of the splines of other methods
     relative_error: float = 0.02            # of signals predicted from measured curves
 
 

@@ -84,14 +84,10 @@ class Inversion(Table):
                                        "light's strength in a scene of several")
     mixing_error: RelativeError = Field(INVERSION.mixing_error, description="error of each entry "
                                         "of a band-mixing matrix")
-    block_error: RelativeError = Field(INVERSION.block_error, description="relative error of each "
-                                       "block of pixels beside its noise")
     errors_from_scene: bool = Field(INVERSION.errors_from_scene, description="raise these errors "
                                     "to what surfaces of one paint show")
     spectrum_prior: SpectrumPrior = Field(INVERSION.spectrum_prior, description="prior on spectra "
                                           "inside the fit")
-    smoothness: float = Field(INVERSION.smoothness, ge=0, le=1e9, description="of the prior "
-                              "\"smooth\"; 0 for none")
     coefficients: SplineCoefficients = Field(INVERSION.coefficients, description="spline "
                                              "coefficients of each reflectance")
     width: int = Field(96, ge=16, le=1024, description="width of the rendered view in pixels")
@@ -128,8 +124,6 @@ class PictureOptions(Table):
                                        "in pixels of the photo; all of it where left out")
     light: str | None = Field(None, description="CIE name of a light besides D65 under which "
                               "colours are shown")
-    bands_nm: ListOf[float] = Field((450, 500, 550, 600, 650), description="wavelengths of which "
-                                    "maps are made")
     step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
         10, description="between wavelengths of the mean")
     format: Literal["exr", "tiled-exr", "envi", "zarr"] = Field(

@@ -114,7 +114,6 @@ truth = {{ file = "spectra/paints.csv", column = "cube" }}
 surface_error = 0.008
 brightness_error = 0.012
 spectrum_prior = "smooth"
-smoothness = 0.25
 coefficients = 8
 width = 40
 

@@ -98,7 +98,6 @@ level = 0.9
 [picture]
 rect = [372.5, 29.5, 398.5, 45.5]
 light = "A"
-bands_nm = [430, 560, 690]
 step_nm = 25
 format = "envi"
 family = "paint"

@@ -108,7 +108,6 @@ truth = {{ file = "spectra/paints.csv", column = "cube" }}
 engine = "transport"
 surface_error = 0.013
 brightness_error = 0.007
-block_error = 0.004
 errors_from_scene = false
 coefficients = 9
 width = 40

@@ -71,7 +71,6 @@ level = 0.85
 [picture]
 rect = [5.5, 55.5, 53.5, 87.5]
 light = "FL2"
-bands_nm = [440, 610]
 step_nm = 30
 format = "tiled-exr"
 family = ["paint", "textile"]

@@ -244,7 +244,6 @@ def test_another_region_keeps_the_picture_and_the_report_shows_it(session):
 
 @pytest.mark.parametrize("change, sentence", [
     ("rect = [1, 2, 1, 9]\n", "two opposite corners"),
-    ("bands_nm = [390]\n", "lies outside 400 to 700 nm"),
     ("family = \"glass\"\n", "picture.family")])
 def test_keys_that_cannot_be_are_named(tmp_path, change, sentence):
     write_toml(tmp_path, change)

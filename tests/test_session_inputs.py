@@ -168,7 +168,7 @@ def test_every_number_of_session_toml_that_a_stage_takes_makes_its_results_stale
             assert found and found <= stages, f"{section}.{name}: {found}"
             tried.add(f"{section}.{name}")
     assert {"chart.corners_px", "sensitivity.relative_error", "sampling.draws",
-            "reconstruct.block_error"} <= tried
+            "reconstruct.surface_error"} <= tried
 
 
 @pytest.mark.parametrize("channels, columns, refused", [

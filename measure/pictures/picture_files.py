@@ -43,7 +43,7 @@ def write_picture(photo: LitPhoto, section: PictureOptions, folder: Path,
     """
     layout = layout_of(section)
     height, width, _ = photo.size
-    maps = maps_of(layout.nm[0], section.bands_nm, section.light, flags=photo.flags is not None)
+    maps = maps_of(layout.nm[0], section.light, flags=photo.flags is not None)
     reduced = Reduced(height, width, maps)
     survey = merge_surveys(survey_rows(photo, *rows) for rows in row_blocks(height, width))
     in_pixels = PIXELS_A_POINT * int(survey.points.sum() or MAX_CENTRES)

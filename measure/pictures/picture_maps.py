@@ -20,6 +20,7 @@ from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN
 from spectrabox.measure.pictures.spectra_files import DAYLIGHT, srgb_of_spectra
 from spectrabox.radiometry.system.names import file_stem
 
+BANDS_NM = (450, 500, 550, 600, 650)     # of which maps of their own are made
 MASKED = (255, 0, 255)
 MAX_DEVIATION = 0.1     # mean standard deviation at the end of its colours
 MAX_NOVELTY = 2.0       # at the end of its colours; 1 is the limit of what the prior explains
@@ -42,16 +43,13 @@ class Map:
     flags: bool = False                                 # whether the values are flags
 
 
-def maps_of(nm: np.ndarray, bands_nm: Sequence[float], light: str | None, *,
-            flags: bool) -> list[Map]:
+def maps_of(nm: np.ndarray, light: str | None, *, flags: bool) -> list[Map]:
     """The maps of a picture.
 
     Parameters
     ----------
     nm : (P,) array
         Wavelengths of the mean.
-    bands_nm : sequence of float
-        Wavelengths of the maps of one band each.
     light : str or None
         CIE name of a light, besides D65.
     flags : bool
@@ -61,7 +59,7 @@ def maps_of(nm: np.ndarray, bands_nm: Sequence[float], light: str | None, *,
     for name in dict.fromkeys((DAYLIGHT, *([light] if light else []))):
         maps.append(Map(f"Colour under {name}", f"colour-{file_stem(name)}.png", 3,
                         partial(_weighted_mean, srgb_of_spectra(nm, name)), _srgb8))
-    for wavelength in bands_nm:
+    for wavelength in BANDS_NM:
         at = [[np.interp(wavelength, nm, unit)] for unit in np.eye(nm.size)]
         maps.append(Map(f"Reflectance at {wavelength:g} nm", f"{wavelength:g}nm.png", 1,
                         partial(_weighted_mean, np.array(at, np.float32)),

@@ -117,7 +117,7 @@ def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
     photos = _chart_photos(capture, records, irradiance)
     chosen = capture.sensitivity
     fits = _fitted(capture, _fits_of_scene(capture), photos, CalibrationOptions(
-        chosen.method or "prior", chosen.prior, chosen.coefficients, chosen.curves))
+        chosen.method or "prior", chosen.prior, curves=chosen.curves))
     on_chart = photos[""].irradiance_or_pi if "" in photos else np.zeros(0)
     if irradiance is None:
         return _records(fits, charts, on_chart, ())
@@ -314,7 +314,7 @@ def _options_of_flat(capture: FlatCapture) -> CalibrationOptions:
     prior = chosen.prior
     if chosen.curves is not None:
         prior = prior_of_curves(FINE_GRID, chosen.curves, chosen.relative_error)
-    return CalibrationOptions(chosen.method or "prior", prior, chosen.coefficients, None)
+    return CalibrationOptions(chosen.method or "prior", prior)
 
 
 def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,

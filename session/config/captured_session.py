@@ -244,7 +244,7 @@ def _sensitivity(config: SessionConfig) -> Sensitivity:
         prior = load_camera_prior(config.path(chosen.prior))
     names, curves = ((), None) if chosen.from_chart else read_sensitivities(config)
     return Sensitivity(curves, names, chosen.source.words, chosen.method, prior,
-                       chosen.coefficients, chosen.relative_error)
+                       chosen.relative_error)
 
 
 def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarray]:

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 
 from spectrabox.measure.options import PictureOptions
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import VISIBLE_NM
 from spectrabox.radiometry.least_counts import MIN_PATCHES
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
 from spectrabox.radiometry.system.names import name_fault, sharing_a_file
@@ -250,7 +249,3 @@ def _picture_keys(section: PictureOptions, place: str) -> Iterator[str]:
     if section.light is not None and section.light not in published_names(LIGHTS):
         yield (f"{place}.light is {shortened(section.light)}, which is no CIE name; take A, D50, "
                "FL11 or LED-B3, say")
-    low, high = VISIBLE_NM
-    outside = [nm for nm in section.bands_nm if not low <= nm <= high]
-    if outside:
-        yield (f"{place}.bands_nm has {outside[0]:g}, which lies outside {low:g} to {high:g} nm")

@@ -151,7 +151,6 @@ class SensitivitySection(Table):
     method: Literal["prior", "smooth", "nonnegative", "paper"] | None = Field(
         None, description="prior: learnt from measured cameras; the others: splines")
     prior: str | None = Field(None, description="a prior made by 'spectrabox camera prior'")
-    coefficients: int = Field(10, ge=5, le=24, description="spline coefficients of each band")
     relative_error: float = Field(0.02, ge=1e-4, le=1, description="of signals predicted from "
                                   "measured curves")
     truth: CurvesRef | None = Field(None, description="curves to compare with in the report")
