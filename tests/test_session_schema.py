@@ -8,7 +8,6 @@ import jsonschema
 import pytest
 
 from spectrabox.calibrate.sensitivity import METHODS as SENSITIVITY_METHODS
-from spectrabox.calibrate.sensitivity import SPLINE_COEFFICIENTS
 from spectrabox.fixtures.demos.demo_session import SESSION_TOML
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.sampling.draw_methods import METHODS as SAMPLING_METHODS
@@ -110,4 +109,3 @@ def test_the_defaults_are_those_of_the_stages():
     reconstruct = tables["reconstruct"].default.settings()
     settings = InversionSettings()
     assert {name: getattr(settings, name) for name in reconstruct} == reconstruct
-    assert tables["sensitivity"].default.coefficients == SPLINE_COEFFICIENTS
