@@ -111,6 +111,7 @@ def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(m
     """Of photos that each have a chart of their own, under one light."""
     monkeypatch.setattr(inversion, "View", lambda *given: given)
     monkeypatch.setattr(inversion, "materials_of", lambda *_: ())
+    monkeypatch.setattr(inversion, "scene_of", lambda stated: stated)
     names, measured = ("", "second", "third"), drift(True)
     views = [scene_view(name, chart=f"chart-{name}.dng") for name in names]
     camera = dataclasses.replace(calibration(np.ones(61), COEFFICIENTS, COVARIANCE),
