@@ -20,7 +20,8 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import sample_patches

@@ -15,7 +15,8 @@ import time
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.develop.bands import DARK_CHANNEL
 from spectrabox.fixtures.paints import NM, chart_truth
 from spectrabox.measure.left_out_patches import held_out_patches

@@ -36,7 +36,7 @@ from typer.main import get_command
 
 from spectrabox.calibrate.geometry.board import read_board
 from spectrabox.calibrate.geometry.projection import board_picture
-from spectrabox.capture.photo.image_files import write_exr, write_png
+from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.demos.demo_session import write_demo_session

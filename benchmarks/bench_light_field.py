@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_field import PicturePoints, light_at_regions
 from spectrabox.calibrate.prior.camera_database import read_camera_database
 from spectrabox.fixtures.flat_sample import lamplight, vignetting

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.colour_profile import colour_errors, stated_transform
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.measure.profiles.colour_profile import (

@@ -25,8 +25,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
+from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.chart_equations import field_terms
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, matern
 from spectrabox.calibrate.prior.learnt_prior import CONSTANTS, PriorConstants, build_prior

@@ -12,17 +12,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from spectrabox.calibrate.camera_curves import LEVEL, CurveBand, camera_curves, curve_band
 from spectrabox.calibrate.chart_calibration import (
-    LEVEL,
     CalibrationOptions,
     ChartCalibration,
-    ChartPhoto,
-    CurveBand,
     calibrate_chart,
-    camera_curves,
-    curve_band,
-    log_evidence,
 )
+from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.joint.joint_estimate import log_evidence
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart

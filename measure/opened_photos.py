@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from spectrabox.capture.develop.bands import bright_channels, stack_bands, strongest_channel
 from spectrabox.capture.develop.developed import develop_photos, open_any
-from spectrabox.capture.photo.image_files import stated_bands
+from spectrabox.capture.photo.stored_images import stated_bands
 from spectrabox.measure.captured import ONE_PHOTO, Capture, InputFile, PhotoFiles
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.records import LinearImage, default_band_names

@@ -21,15 +21,9 @@ from spectrabox.calibrate.geometry.lens_files import read_lens
 from spectrabox.calibrate.prior.camera_database import read_camera_database
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.capture.meter.measurement_files import read_reading, reading_facts
-from spectrabox.capture.photo.image_files import (
-    open_channels,
-    read_encoded_file,
-    read_plane,
-    write_exr,
-    write_linear_exr,
-    write_png,
-)
-from spectrabox.capture.photo.image_rows import open_rows
+from spectrabox.capture.photo.image_files import read_encoded_file, read_plane
+from spectrabox.capture.photo.image_rows import open_channels, open_rows
+from spectrabox.capture.photo.image_writers import write_exr, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.transcripts.transcript import read_transcript
 from spectrabox.fixtures.dng import write_dng

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 from session_photos import rendered_box, shoot, write_table
 
-from spectrabox.capture.photo.image_files import write_png
+from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.demos.demo_scenes import box_scene, regular_spectrum

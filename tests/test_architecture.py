@@ -18,7 +18,7 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
           "cv2": ("capture/chart/detection.py",           # pixels of a chart
                   "capture/photo/registration.py",        # pixels of two photos
                   "calibrate/geometry/projection.py"),    # a lens and its pose
-          "OpenImageIO": ("capture/photo/image_files.py",
+          "OpenImageIO": ("capture/photo/stored_images.py", "capture/photo/image_writers.py",
                           "capture/photo/image_rows.py",    # what is too large to hold
                           "radiometry/spectra/formats/spectral_exr.py"),    # spectra, no photo
           "zarr": ("radiometry/spectra/formats/zarr_array.py",),

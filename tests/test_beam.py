@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from spectrabox.calibrate.beam.beam_fit import _mean_over_bands, fit_beam
 from spectrabox.calibrate.beam.wall import WallCells, WallTable, read_wall, wall_cells
-from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage, PhotoKind
 from spectrabox.reconstruct.scene.light_profile import TABLE_DEG, read_profile

@@ -2,7 +2,8 @@
 import numpy as np
 import pytest
 
-from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_contradicts, matrix_deviation
 from spectrabox.capture.chart.patches import sample_patches
 from spectrabox.capture.photo.linear import open_photo

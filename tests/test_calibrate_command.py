@@ -8,12 +8,9 @@ import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
-    ChartPhoto,
-    calibrate_chart,
-    curve_band,
-)
+from spectrabox.calibrate.camera_curves import curve_band
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import visible_grid

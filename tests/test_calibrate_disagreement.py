@@ -6,7 +6,8 @@ import pytest
 from calibrate_cameras import GRID, daylight, led, on_grid, prior, reflectances, samples, signals
 from calibrate_cameras import cameras_at_10_nm as cameras
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records import CalibrationDoubt, Quantity, Spectrum, UnknownLight
 

@@ -23,7 +23,6 @@ from scipy import optimize
 from spectrabox.calibrate import chart_calibration, doubts
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
-    ChartPhoto,
     calibrate_chart,
     calibration_from_curves,
 )
@@ -37,6 +36,7 @@ from spectrabox.calibrate.chart_equations import (
     field_terms,
     mean_error,
 )
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_deviation, matrix_doubt
 from spectrabox.calibrate.light_field import PicturePoints, _of_distance
 from spectrabox.calibrate.photo_checks import disagreement

@@ -19,8 +19,9 @@ from calibrate_cameras import (
 from calibrate_cameras import cameras_at_10_nm as cameras
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
 from spectrabox.calibrate.sensitivity import default_prior, fit_with_prior

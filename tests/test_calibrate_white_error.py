@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, NODES, cameras, led, on_grid, reflectances, samples, signals
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.radiometry.records import Quantity, Spectrum
 

@@ -8,13 +8,9 @@ import OpenImageIO as oiio
 import pytest
 
 from spectrabox.capture.develop.flat_field import divide_by_flat
-from spectrabox.capture.photo.image_files import (
-    read_encoded_file,
-    read_linear_file,
-    write_exr,
-    write_png,
-)
+from spectrabox.capture.photo.image_files import read_encoded_file, read_linear_file
 from spectrabox.capture.photo.image_rows import png_rows
+from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.capture.photo.linear import linear_image, open_photo, signal_alone
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.capture.photo.preview import signal_rgb8, whites

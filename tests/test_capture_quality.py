@@ -12,12 +12,8 @@ from typer.testing import CliRunner
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
 from spectrabox.capture.chart.quality import judge_chart, uneven_light_reasons
-from spectrabox.capture.photo.image_files import (
-    NO_DATE,
-    read_linear_file,
-    write_linear_exr,
-    write_png,
-)
+from spectrabox.capture.photo.image_files import read_linear_file
+from spectrabox.capture.photo.image_writers import NO_DATE, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.preview import encode_srgb8, signal_rgb8
 from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, mosaic

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, cameras_at_10_nm, led, on_grid, prior, samples, signals
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
+from spectrabox.calibrate.chart_calibration import CalibrationOptions
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.appearance import tristimulus_weights
 from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances

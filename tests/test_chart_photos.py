@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from chart_photos import GRID, PRINTED, layout_named, noisy, photograph, true_reflectances, turned
 
-from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import sample_patches
 from spectrabox.capture.chart.quality import judge_chart
-from spectrabox.capture.photo.image_files import write_linear_exr
+from spectrabox.capture.photo.image_writers import write_linear_exr
 from spectrabox.fixtures.chart_scene import chart_scene
 from spectrabox.fixtures.paints import NM, random_paints
 from spectrabox.radiometry.chart import typical_camera_signals

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID
 
-from spectrabox.calibrate.chart_calibration import ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_equations import chart_equations
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior

@@ -22,7 +22,7 @@ from spectrabox.calibrate.colour_profile import (
     fit_transform,
     stated_transform,
 )
-from spectrabox.capture.photo.image_files import write_tiff16
+from spectrabox.capture.photo.image_writers import write_tiff16
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.measure.profiles.archive_quantities import (
     ChartColours,

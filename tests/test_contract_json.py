@@ -14,7 +14,7 @@ from calibrate_cameras import cameras
 from flat_example import HEAD, regions_toml, write_flat
 from typer.testing import CliRunner
 
-from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.meter_transcripts import FOLDER as RECORDINGS
 from spectrabox.measure.results.surface_result import SURFACE_FACTS
 from spectrabox.session.cli import app

@@ -28,7 +28,8 @@ from typer.testing import CliRunner
 
 import spectrabox
 from spectrabox.calibrate.geometry.lens_files import write_lens
-from spectrabox.capture.photo.image_files import read_linear_file, write_exr
+from spectrabox.capture.photo.image_files import read_linear_file
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.fixtures.dng import write_dng

@@ -9,8 +9,9 @@ from calibrate_cameras import prior as simulated_prior
 from test_calibrate_products import shot, simulated_lamps
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto
+from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.chart_equations import PatchError, noise_of_photos, rows_of_patch
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.measure.more_bands.filter_fit import filter_from_charts
 from spectrabox.measure.more_bands.second_photo import (

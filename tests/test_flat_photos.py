@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import spectrabox
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import write_photo

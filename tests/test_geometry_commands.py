@@ -18,7 +18,8 @@ from spectrabox.calibrate.geometry.lens import Lens, Pose, mitsuba_sensor, pinho
 from spectrabox.calibrate.geometry.lens_files import read_lens, write_lens
 from spectrabox.calibrate.geometry.pose import lens_of_focal_length
 from spectrabox.calibrate.geometry.projection import board_picture
-from spectrabox.capture.photo.image_files import read_linear_file, write_exr
+from spectrabox.capture.photo.image_files import read_linear_file
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
 from spectrabox.reconstruct.scene.edit_scene import scene_with_camera

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.measure.left_out_patches import held_out_patches
@@ -144,8 +145,7 @@ def test_an_unknown_light_leaves_products_and_a_posterior_of_its_own(name, kind)
     ("LED-B3", "LED-B3", False), ("D65", "D65", False), ("A", "A", False), ("FL11", "FL11", False),
     ("LED-B3", "A", True), ("A", "D65", True), ("D65", "FL11", True), ("FL11", "LED-B3", True)])
 def test_a_light_that_contradicts_the_chart_is_named(true, stated, contradicts):
-    from spectrabox.calibrate.chart_calibration import _as_equations
-    photo = _as_equations(chart_photo(true, spectrum(stated)), GRID)
+    photo = chart_photo(true, spectrum(stated)).equations(GRID)
     evidence = evidence_for_another_light([photo], shipped_prior(), light(stated, GRID), GRID)
     assert (evidence > CONTRADICTS) == contradicts
 

@@ -14,12 +14,9 @@ from calibrate_cameras import (
     signals,
 )
 
-from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
-    ChartPhoto,
-    calibrate_chart,
-    camera_curves,
-)
+from spectrabox.calibrate.camera_curves import camera_curves
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_error import light_terms
 from spectrabox.calibrate.prior.curve_posterior import camera_alone, curve_moments
 from spectrabox.calibrate.sensitivity import fit_with_prior

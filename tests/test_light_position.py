@@ -8,7 +8,7 @@ import pytest
 from cornell_problem import GRID, camera, photo_of
 from typer.testing import CliRunner
 
-from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.demos.demo_scenes import box_scene
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.interreflection import signal

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from spectrabox.capture.photo.image_files import NotLinearError, require_linear_file
+from spectrabox.capture.photo.image_files import require_linear_file
 from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.processed_photos import NotLinearError
 from spectrabox.fixtures import dng
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import PhotoKind

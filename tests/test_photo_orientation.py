@@ -10,7 +10,7 @@ from PIL import Image, ImageOps
 from served_page import asked, served, wait_for
 from typer.testing import CliRunner
 
-from spectrabox.capture.photo.image_files import write_png
+from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.orientation import photo_orientation, turned, turned_array
 from spectrabox.fixtures.dng import write_dng

@@ -22,7 +22,7 @@ from calibrate_cameras import (
 from sampling_cameras import seen
 from scipy import special, stats
 
-from spectrabox.calibrate.chart_calibration import curve_band
+from spectrabox.calibrate.camera_curves import curve_band
 from spectrabox.calibrate.prior.camera_prior import matern
 from spectrabox.calibrate.prior.curve_posterior import (
     curve_moments,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.session.cli import app
 

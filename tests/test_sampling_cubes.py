@@ -113,7 +113,8 @@ def test_matlab_files_are_read(values, tmp_path):
 
 
 def test_channels_of_an_exr_are_their_wavelengths(values, tmp_path):
-    from spectrabox.capture.photo.image_files import open_channels, write_exr
+    from spectrabox.capture.photo.image_rows import open_channels
+    from spectrabox.capture.photo.image_writers import write_exr
     write_exr(tmp_path / "cube.exr", values.astype(np.float32), [f"T.{nm:g},000000nm" for nm in NM])
     cube = cube_of_channels("cube.exr", *open_channels(tmp_path / "cube.exr"))
     np.testing.assert_array_equal(cube.nm, NM)
@@ -389,7 +390,7 @@ def test_a_black_picture_is_judged_like_any_other(folder):
 
 
 def test_what_uplift_writes_can_be_judged(tmp_path):
-    from spectrabox.capture.photo.image_files import write_exr
+    from spectrabox.capture.photo.image_writers import write_exr
     curves = np.tile(surface(NM, 4), (4, 5, 1)).astype(np.float32)
     write_exr(tmp_path / "mean.exr", curves, [f"{nm:g}nm" for nm in NM])
     facts = judge(tmp_path / "mean.exr", "--point", "1,1")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.capture.photo.image_files import write_linear_exr
+from spectrabox.capture.photo.image_writers import write_linear_exr
 from spectrabox.measure.captured import InputFile
 from spectrabox.measure.opened_photos import OpenPhotos, develop
 from spectrabox.radiometry.errors import InputError

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.object_views import object_mesh, write_ply
 from spectrabox.measure import opened_photos
 from spectrabox.measure.captured import FlatCapture, InputFile, Sensitivity, View

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from spectrabox.capture.photo.image_files import write_exr
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectral_layers import layer_names
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba

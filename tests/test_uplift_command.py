@@ -8,8 +8,9 @@ from shaded_images import CAMERA, LIGHT, shaded_image, write_image
 from spectral.io import envi
 
 from spectrabox.capture.photo import image_rows
-from spectrabox.capture.photo.image_files import read_linear_file, write_exr
+from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.image_rows import exr_rows, open_rows
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError

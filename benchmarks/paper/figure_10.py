@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.calibrate.camera_curves import curve_band
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
-    ChartPhoto,
     calibrate_chart,
-    curve_band,
 )
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum

@@ -11,9 +11,10 @@ from spectrabox.capture.develop.bands import only_channels
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
 from spectrabox.capture.develop.flat_field import divide_by_flat
-from spectrabox.capture.photo.image_files import NotLinearError, read_encoded_file
+from spectrabox.capture.photo.image_files import read_encoded_file
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.orientation import AS_READ, turned
+from spectrabox.capture.photo.processed_photos import NotLinearError
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, RawFrame

@@ -15,20 +15,14 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from spectrabox.capture.photo.image_files import (
-    SATURATED,
-    VARIANCE,
-    band_order,
-    channel_names,
-    ends_whole,
-    exr_spec,
-    full_scale,
+from spectrabox.capture.photo.image_writers import ends_whole, exr_spec, unwritten
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.stored_images import (
+    PictureHeader,
     is_image_file,
     open_as_stored,
     require_finite,
-    unwritten,
 )
-from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, whole_file
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
@@ -80,13 +74,12 @@ def open_rows(path: Path) -> PictureRows:
     if file is None:
         return _held(path)
     spec = file.spec()
-    full_scale(path, spec, file.format_name())
-    names = channel_names(path, spec)
-    bands = [index for index in band_order(names)
-             if not names[index].startswith((VARIANCE, SATURATED))]
+    header = PictureHeader(path, spec, file.format_name())
+    header.full_scale()
+    bands = header.bands
     if len(bands) < 3:
-        raise InputError(f"photo {path.name} has {len(bands)} band(s) ({', '.join(names)}); at "
-                         "least 3 are needed")
+        raise InputError(f"photo {path.name} has {len(bands)} band(s) "
+                         f"({', '.join(header.names)}); at least 3 are needed")
     return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
                        spec.tile_height or 1)
 
@@ -109,6 +102,40 @@ def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
         return signal
 
     return read_by_strips(read, spec.height, spec.tile_height) if spec.tile_width else read
+
+
+def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
+                                                         Callable[[int, int], np.ndarray]]:
+    """Channel names of a picture, its height and width, and a function that reads rows.
+
+    The function takes the first and the last row (exclusive) and gives (rows, W, C).
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged.
+    """
+    path = Path(path)
+    file = open_as_stored(path) if path.is_file() else None
+    if file is None:
+        raise InputError(f"picture {path} is missing or no readable image ({reason_of(oiio)}); "
+                         "give an EXR")
+    spec = file.spec()
+
+    def rows(first: int, last: int) -> np.ndarray:
+        top = spec.y
+        read = file.read_scanlines(first + top, last + top, 0, 0, spec.nchannels, "float")
+        if read is None or file.has_error:
+            raise InputError(f"picture {path.name} cannot be read ({reason_of(file)}); save "
+                             "it as scan lines")
+        return np.asarray(read).reshape(last - first, spec.width, spec.nchannels)
+
+    names = PictureHeader(path, spec, file.format_name()).names
+    return names, spec.height, spec.width, rows
 
 
 def _zarr_rows(path: Path) -> PictureRows:

@@ -12,14 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from spectrabox.capture.photo.clip_point import clip_points, piles_up
-from spectrabox.capture.photo.image_files import (
-    is_image_file,
-    picture_size,
-    read_linear_file,
-    require_no_processed_file,
-)
+from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
+from spectrabox.capture.photo.processed_photos import require_no_processed_file
 from spectrabox.capture.photo.raw import FullColourFrame, decode, visible_size
+from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
 
@@ -64,7 +61,9 @@ def photo_size(path: str | os.PathLike[str]) -> tuple[int, int]:
     """
     if not Path(path).is_file():
         raise InputError(f"photo {path} does not exist; correct its name")
-    return picture_size(path) if is_image_file(Path(path)) else visible_size(path)
+    if is_image_file(Path(path)):
+        return read_header(Path(path)).size
+    return visible_size(path)
 
 
 def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,

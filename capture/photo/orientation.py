@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import is_image_file, stated_orientation
 from spectrabox.capture.photo.raw import raw_orientation
+from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.records import LinearImage
 
 AS_READ = 1         # the orientation of a picture that is not turned
@@ -29,7 +29,9 @@ def photo_orientation(path: Path) -> int:
     InputError
         If it is missing or no photo.
     """
-    return stated_orientation(path) if is_image_file(path) else raw_orientation(path)
+    if is_image_file(path):
+        return read_header(path).orientation
+    return raw_orientation(path)
 
 
 def turned(image: LinearImage, orientation: int) -> LinearImage:

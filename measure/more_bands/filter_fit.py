@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, ChartPhoto, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart.detection import find_chart, find_chart_again
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.measure.camera import chart_signals

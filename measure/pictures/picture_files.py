@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import write_png
+from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.measure.options import PictureOptions
 from spectrabox.measure.pictures.lit_photo import LitPhoto, PhotoSpectra, photo_spectra
 from spectrabox.measure.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import open_channels
+from spectrabox.capture.photo.image_rows import open_channels
 from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC
 from spectrabox.sampling.judge.cube_files import open_cube
 from spectrabox.sampling.judge.cubes import Cube, cube_of_channels

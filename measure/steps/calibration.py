@@ -14,11 +14,11 @@ import numpy as np
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
-    ChartPhoto,
     calibrate_chart,
     calibration_from_curves,
     through_filter,
 )
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_difference import OTHER_LIGHT, SAME_LIGHT, light_difference
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit

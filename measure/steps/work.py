@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import write_png
+from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.radiometry.records import Progress
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.calibrate.geometry.projection import points_overlay
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.capture.photo.image_files import write_png
+from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.scene.box_camera import box_camera, box_text, visible_corners
 from spectrabox.reconstruct.scene.box_scene import box_edges

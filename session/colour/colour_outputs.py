@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.colour_profile import stated_transform
-from spectrabox.capture.photo.image_files import write_tiff16
+from spectrabox.capture.photo.image_writers import write_tiff16
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.opened_photos import develop
 from spectrabox.measure.profiles.archive_quantities import (

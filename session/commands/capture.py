@@ -57,7 +57,7 @@ class ChartRequest(CommonOptions):
 def chart(request: ChartRequest) -> Answer:
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
-    from spectrabox.capture.photo.image_files import write_png
+    from spectrabox.capture.photo.image_writers import write_png
     from spectrabox.session.camera.inputs import chart_named
     image = _open(request.photo, request.encoded)
     try:
@@ -100,7 +100,7 @@ def develop(request: DevelopRequest) -> Answer:
     flat-fielded; an EXR with its variance.
     """
     from spectrabox.capture.develop.developed import develop_photos
-    from spectrabox.capture.photo.image_files import write_linear_exr
+    from spectrabox.capture.photo.image_writers import write_linear_exr
     from spectrabox.capture.photo.orientation import photo_orientation
     check_ending(request.out, {".exr": "the signal in floating point"})
     image, notes = develop_photos(request.photos, request.dark, request.flat_field,
@@ -116,9 +116,10 @@ def develop(request: DevelopRequest) -> Answer:
 
 
 def _open(photo: Path, encoded: bool | None) -> LinearImage:
-    from spectrabox.capture.photo.image_files import is_image_file, read_encoded_file
+    from spectrabox.capture.photo.image_files import read_encoded_file
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.capture.photo.orientation import photo_orientation, turned
+    from spectrabox.capture.photo.stored_images import is_image_file
     if encoded is None:
         encoded = photo.suffix.lower() in ENCODED_SUFFIXES
     image = read_encoded_file(photo) if encoded and is_image_file(photo) else open_photo(photo)
@@ -162,7 +163,7 @@ def _text(photo: Path, image: LinearImage, detection: ChartDetection, verdict: C
                  f"degrees, edges {verdict.blur:.0%} of a patch, {verdict.pixels} pixels or more "
                  "per patch")
     if processed:
-        from spectrabox.capture.photo.image_files import RAW_INSTEAD
+        from spectrabox.capture.photo.processed_photos import RAW_INSTEAD
         lines.append(f"{image.kind.value}: its values are not proportional to light; position, "
                      "light, glare and focus are judged here, noise is not, and nothing can be "
                      f"measured on it: {RAW_INSTEAD}")

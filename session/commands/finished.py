@@ -53,7 +53,7 @@ def relight(request: RelightRequest) -> Answer:
     """
     check_device(request.device)
     check_ending(request.out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
-    from spectrabox.capture.photo.image_files import write_exr, write_png
+    from spectrabox.capture.photo.image_writers import write_exr, write_png
     from spectrabox.measure.scene.box_camera import scene_of
     from spectrabox.session.box.scenes import stated_scene
     from spectrabox.session.config.session_file import read_session

@@ -64,7 +64,7 @@ def board(request: BoardRequest) -> Answer:
     """Draw a ChArUco board for printing; measure its squares on the print."""
     from spectrabox.calibrate.geometry.board import read_board
     from spectrabox.calibrate.geometry.projection import board_picture
-    from spectrabox.capture.photo.image_files import write_png
+    from spectrabox.capture.photo.image_writers import write_png
     from spectrabox.radiometry.files import writable
     check_ending(request.out, {".png": "a picture of the board"})
     require_new(request.out, request.force, request.board_file)
@@ -245,7 +245,7 @@ def undistort(request: UndistortRequest) -> Answer:
     """Take the lens's distortion out of a photo: a linear EXR with its variance."""
     from spectrabox.calibrate.geometry.lens_files import read_lens
     from spectrabox.calibrate.geometry.projection import undistorted
-    from spectrabox.capture.photo.image_files import write_linear_exr
+    from spectrabox.capture.photo.image_writers import write_linear_exr
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.capture.photo.orientation import photo_orientation
     from spectrabox.radiometry.files import writable
@@ -313,7 +313,7 @@ def _known_points(image: LinearImage, points_file: Path | None,
 
 def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray) -> None:
     from spectrabox.calibrate.geometry.projection import points_overlay
-    from spectrabox.capture.photo.image_files import write_png
+    from spectrabox.capture.photo.image_writers import write_png
     from spectrabox.capture.photo.preview import signal_rgb8
     from spectrabox.radiometry.files import writable
     with writable(path.parent):

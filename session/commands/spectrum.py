@@ -254,7 +254,7 @@ def _write_layers(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray],
     """A spectral EXR of one row, a pixel for each spectrum."""
     import numpy as np
 
-    from spectrabox.capture.photo.image_files import write_exr
+    from spectrabox.capture.photo.image_writers import write_exr
     from spectrabox.radiometry.records import Quantity
     from spectrabox.radiometry.spectra.spectral_layers import (
         LIGHT,

@@ -11,11 +11,12 @@ from typing import TypeVar
 import numpy as np
 
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.capture.photo.image_files import is_image_file, write_jpeg, write_png
+from spectrabox.capture.photo.image_writers import write_jpeg, write_png
 from spectrabox.capture.photo.linear import signal_alone, tile_step
 from spectrabox.capture.photo.orientation import AS_READ, turned, turned_array
 from spectrabox.capture.photo.preview import signal_rgb8, whites
 from spectrabox.capture.photo.raw import decode
+from spectrabox.capture.photo.stored_images import is_image_file
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LinearImage, RawFrame
 

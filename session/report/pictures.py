@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import open_channels
+from spectrabox.capture.photo.image_rows import open_channels
 from spectrabox.radiometry.errors import InputError
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"

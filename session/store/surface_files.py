@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import write_exr, write_png
+from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult

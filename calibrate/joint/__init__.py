@@ -1,0 +1,1 @@
+"""Camera, light, field and glare estimated together from photos of a chart."""

@@ -1,0 +1,263 @@
+"""EXR, TIFF, PNG and JPEG as they are stored: header and values (OpenImageIO).
+
+Camera raws do not pass here: this library opens a DNG as a grey TIFF.
+"""
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from spectrabox.capture.photo.processed_photos import processed_error
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import require_utf8_name
+from spectrabox.radiometry.system.words import reason_of
+
+EXR_START = b"\x76\x2f\x31\x01"
+PICTURE_STARTS = (EXR_START, b"\x89PNG", b"\xff\xd8\xff")  # not of TIFF, which may begin a raw
+TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
+LINEAR_FORMATS = ("openexr", "tiff")
+FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files
+FLOATS = ("half", "float", "double")          # hold the signal itself
+NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
+VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo, of each band
+MAX_PICTURE_BYTES = 4_000_000_000   # of a picture that is held whole
+MAX_SIGNAL = 1e9                    # its square is a variance, which single precision must hold
+
+
+@dataclass(frozen=True)
+class PictureHeader:
+    """What a picture states of itself.
+
+    Parameters
+    ----------
+    path : Path
+    spec : oiio.ImageSpec
+    file_format : str
+        As OpenImageIO names it.
+    """
+
+    path: Path
+    spec: oiio.ImageSpec
+    file_format: str
+
+    @property
+    def kind(self) -> str:
+        """Type of its values."""
+        return str(self.spec.format)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the photo; of a developed one, whose pixels are tiles of colour
+        filters, in pixels of the sensor.
+        """
+        step = self.spec.get_float_attribute("spectrabox:sensor_step", 1.0)
+        return round(self.spec.width * step), round(self.spec.height * step)
+
+    @property
+    def orientation(self) -> int:
+        """1 to 8 as EXIF numbers them; 1 where none is stated."""
+        stated = self.spec.get_int_attribute("Orientation", 1)
+        return stated if 1 <= stated <= 8 else 1
+
+    @property
+    def camera(self) -> str:
+        """Maker and model."""
+        return f"{self.words('Make')} {self.words('Model')}".strip()
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of all channels; an InputError if they are no text."""
+        try:
+            return list(self.spec.channelnames)
+        except UnicodeDecodeError:
+            raise InputError(f"photo {self.path.name} has channels whose names are no text; export "
+                             "it again") from None
+
+    @property
+    def bands(self) -> list[int]:
+        """Indices of the channels to use, R, G and B first; alpha and depth are left out, and what
+        a developed photo states of its bands.
+        """
+        short = [name.split(".")[-1].upper() for name in self.names]
+        bands = [index for index, name in enumerate(self.names)
+                 if short[index] not in NOT_BANDS and not name.startswith((VARIANCE, SATURATED))]
+        own = [short[index] for index in bands]
+        if not {"R", "G", "B"} <= set(own):
+            return bands
+        named = [bands[own.index(name)] for name in "RGB"]
+        return named + [index for index in bands if index not in named]
+
+    def words(self, name: str) -> str:
+        """A text of the header, empty where there is none."""
+        try:
+            text: str = self.spec.get_string_attribute(name)
+        except UnicodeDecodeError:      # a name of a camera in another alphabet decides nothing
+            return ""
+        return text
+
+    def positive(self, name: str) -> float | None:
+        """A number of the header; None where there is none above 0."""
+        value = self.spec.get_float_attribute(name, 0.0)
+        return value if value > 0 else None
+
+    def full_scale(self) -> int:
+        """What white of the format reads in a file of linear values: 1 for floats.
+
+        Raises
+        ------
+        NotLinearError
+            If the values are not proportional to light.
+        InputError
+            If nobody states their full scale.
+        """
+        kind, tiff = self.kind, self.file_format == "tiff"
+        encoded = kind in FULL_SCALE and "srgb" in self.words("oiio:ColorSpace").lower()
+        if self.file_format not in LINEAR_FORMATS or kind == "uint8" or encoded:
+            what = f"a {self.file_format.upper()}"
+            if tiff and kind == "uint8":
+                what = "an 8-bit TIFF"
+            if tiff and encoded:
+                what += " tagged sRGB"
+            raise processed_error(self.path.name, what, decoded=True)
+        if kind not in (*FULL_SCALE, *FLOATS):
+            raise InputError(f"photo {self.path.name} holds {kind} values, whose full scale nobody "
+                             "states; export it as a linear EXR or a 16-bit TIFF")
+        return FULL_SCALE.get(kind, 1)
+
+
+def is_image_file(path: Path) -> bool:
+    """Whether a file is for this module: by its suffix, else by what it begins with.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        return True
+    if not path.is_file():
+        return False
+    return _first_bytes(path).startswith(PICTURE_STARTS)
+
+
+def _first_bytes(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(8)
+
+
+def stored_values(path: Path) -> tuple[np.ndarray, PictureHeader]:
+    """All channels (H, W, C) of a picture in the type and order of its file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        If it is missing, damaged, or too large.
+    """
+    file = _opened(path)
+    spec = file.spec()
+    if spec.image_bytes(True) > MAX_PICTURE_BYTES:
+        raise InputError(f"photo {path.name} states {spec.width} x {spec.height} pixels of "
+                         f"{spec.nchannels} channels, {spec.image_bytes(True) / 1e9:.0f} GB; "
+                         f"{MAX_PICTURE_BYTES / 1e9:.0f} GB is the limit")
+    # in the type of the file: asking for floats would scale integers
+    values = file.read_image("unknown")
+    failed, trouble = file.has_error, reason_of(file)
+    file.close()
+    if values is None or failed:
+        raise InputError(f"photo {path.name} cannot be read to its end ({trouble}); copy or "
+                         "export it again")
+    return values, PictureHeader(path, spec, file.format_name())
+
+
+def read_header(path: Path) -> PictureHeader:
+    """What a picture states of itself; nothing but its header is read.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        If it is missing or no picture.
+    """
+    file = _opened(path)
+    return PictureHeader(path, file.spec(), file.format_name())
+
+
+def stated_bands(path: Path) -> tuple[str, ...]:
+    """Names of an EXR's bands, capitals, in the order in which they are read; none of other files.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
+    if not path.is_file() or not _first_bytes(path).startswith(EXR_START):
+        return ()
+    header = read_header(path)
+    return tuple(header.names[index].split(".")[-1].upper() for index in header.bands)
+
+
+def _opened(path: Path) -> oiio.ImageInput:
+    if not path.is_file():
+        raise InputError(f"photo {path} does not exist; correct its name")
+    file = open_as_stored(path)
+    if file is None:
+        raise InputError(f"photo {path.name} is no readable image ({reason_of(oiio)}); "
+                         "give a camera raw, or a linear EXR or TIFF")
+    return file
+
+
+def open_as_stored(path: Path) -> oiio.ImageInput | None:
+    """A picture's open file; None where it is no EXR, TIFF, PNG or JPEG, or is damaged.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    require_utf8_name(path)
+    # OpenImageIO would try all its formats, some of which read gigabytes to their end
+    if not _first_bytes(path).startswith((*PICTURE_STARTS, *TIFF_STARTS)):
+        return None
+    as_stored = oiio.ImageSpec()
+    # else a TIFF's bands come multiplied by its alpha
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    return oiio.ImageInput.open(os.fspath(path), as_stored)
+
+
+def require_finite(path: Path, signal: np.ndarray) -> None:
+    """Raise where a signal (H, W, K) holds values that are no numbers, or too large to square.
+
+    Parameters
+    ----------
+    path : Path
+        For the message.
+    signal : (H, W, K) array
+
+    Raises
+    ------
+    InputError
+    """
+    bad = np.count_nonzero(~np.isfinite(signal))
+    if bad:
+        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or "
+                         "infinite; export it again without them, nothing is guessed in their "
+                         "place")
+    largest = float(np.abs(signal).max(initial=0))
+    if largest > MAX_SIGNAL:
+        raise InputError(f"photo {path.name} holds values up to {largest:.2g}, beyond "
+                         f"{MAX_SIGNAL:.0e}; scale it so that white is near 1")
