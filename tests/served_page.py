@@ -9,7 +9,8 @@ import urllib.request
 
 import uvicorn
 
-from spectrabox.session.page.server import SessionPage, page_app
+from spectrabox.session.page.server import page_app
+from spectrabox.session.page.session_page import SessionPage
 
 TOKEN = "a-token-of-the-tests"
 

@@ -7,7 +7,7 @@ from test_report_screens import CONTRASTS
 from typer.testing import CliRunner
 
 from spectrabox.session.cli import app
-from spectrabox.session.page.server import StartPage
+from spectrabox.session.page.start_page import StartPage
 
 MAX_WAIT_MS = 120_000
 SCHEMES = ("light", "dark")

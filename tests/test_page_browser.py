@@ -10,7 +10,7 @@ from served_page import TOKEN, asked, served, served_by, wait_for
 
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.session.commands.session import _folder_to_open
-from spectrabox.session.page.server import StartPage
+from spectrabox.session.page.start_page import StartPage
 
 SCREENSHOT = os.environ.get("SPECTRABOX_PAGE_PNG")     # a file to write the documentation's into
 MAX_WAIT_MS = 120_000

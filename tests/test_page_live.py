@@ -20,7 +20,7 @@ from spectrabox.session.commands.session import _folder_to_open
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.page.marks import Mark, marked
-from spectrabox.session.page.server import StartPage
+from spectrabox.session.page.start_page import StartPage
 
 
 def state_of(address):

@@ -12,8 +12,9 @@ from spectrabox.capture.photo.regions import region_pixels
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.check import preflight_check
 from spectrabox.session.page import marks
-from spectrabox.session.page.marks import Mark, MarkedSession, corner_names, marked, photos_of
+from spectrabox.session.page.marks import Mark, MarkedSession, marked
 from spectrabox.session.page.photo_views import PhotoViews
+from spectrabox.session.page.written_session import corner_names, photos_of
 
 FLAT = """# what we photographed on Tuesday
 [photos]

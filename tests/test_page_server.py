@@ -255,7 +255,8 @@ PAGE_OF_A_STUBBORN_RUN = """
 import sys
 from pathlib import Path
 from spectrabox.session.terminal.interruption import stop_on_signals
-from spectrabox.session.page.server import SessionPage, serve
+from spectrabox.session.page.server import serve
+from spectrabox.session.page.session_page import SessionPage
 stop_on_signals()
 page = SessionPage(Path(sys.argv[1]))
 page.run._command = [sys.executable, "-c", "import signal, sys, time\\n"

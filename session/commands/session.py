@@ -191,7 +191,9 @@ def open_page(request: OpenRequest) -> None:
         run = RunControl(folder, ("--allow-outside",) if request.allow_outside else ())
         if folder != request.paths[0].resolve() and not (folder / "results").exists():
             run.start("calibrate")      # before the page loads its libraries
-    from spectrabox.session.page.server import SessionPage, StartPage, serve
+    from spectrabox.session.page.server import serve
+    from spectrabox.session.page.session_page import SessionPage
+    from spectrabox.session.page.start_page import StartPage
 
     def say(address: str) -> None:
         print(address, flush=True)

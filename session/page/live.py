@@ -8,41 +8,40 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
-from spectrabox.measure.regions.colour_comparison import compare_colours
-from spectrabox.measure.regions.pointing import CalibratedPhotos, PointedSample, calibrated_photos
-from spectrabox.measure.regions.region_signals import RegionSignal
+from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
 from spectrabox.measure.steps.inputs import inputs_of_calibration, inputs_of_charts
-from spectrabox.measure.steps.photos import UNEVEN
-from spectrabox.measure.surfaces.metamers import LIGHTS
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause
-from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage, Quantity
 from spectrabox.radiometry.spectra.formats.csvw import plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened
-from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.flat_session import FlatSession
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
+from spectrabox.session.page.pointed_answers import (
+    answered_or_refused,
+    described_charts,
+    described_comparison,
+    described_part,
+    described_region,
+    described_spectrum,
+)
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.keys import digest_of_parts, step_keys
 from spectrabox.session.store.store import fingerprint, load_stage
 
 CHART, CALIBRATE = "chart", "calibrate"
-POINTED_DRAWS = 300     # behind the error of the colour under the pointer: 4 % of it
-MENTIONED = 0.02        # share of a family or cause that is listed
 MAX_KEPT = 500          # estimates of regions
 
 
@@ -89,20 +88,16 @@ class LiveSample:
         Parameters
         ----------
         config : SessionConfig or None
-            None of a session with faults.
+            Of flat samples; None of a session with faults.
         """
-        flat = config if isinstance(config, FlatSession) else None
-        now = (None if flat is None else flat.model_dump_json(), self._run.running,
-               self._run.state()["lines"][-1:])
+        written = None if config is None else config.model_dump_json()
+        now = written, self._run.running, self._run.state()["lines"][-1:]
         with self._lock:
             edited = self._seen is None or now[0] != self._seen[0]
-            self._config = flat
-            if edited and flat is not None and self._sample is not None:
+            self._config = config
+            if edited:
                 with contextlib.suppress(SpectraboxError):      # said where the session is checked
-                    capture = capture_of(flat)
-                    if isinstance(capture, FlatCapture) \
-                            and calibration_digest(capture) == self._calibrated_as:
-                        self._sample = PointedSample(capture, self._sample.calibrated)
+                    self._state_anew()
             changed, self._seen = now != self._seen, now
         if changed:
             self._wanted.set()
@@ -154,10 +149,14 @@ class LiveSample:
         for one in picked:
             if "name" in one and one["name"] not in regions:
                 raise InputError(f"there is no region {shortened(str(one['name']))}")
+
+        def titled(number: int, one: Mapping[str, Any]) -> tuple[str, Region]:
+            if "name" in one:
+                return one["name"], regions[one["name"]]
+            return f"point {number}", part_of(sample.capture, one["role"], one["rect"])
+
         return answered_or_refused(lambda: described_comparison(sample, [
-            (one["name"], regions[one["name"]]) if "name" in one else
-            (f"point {number}", part_of(sample.capture, one["role"], one["rect"]))
-            for number, one in enumerate(picked, start=1)]))
+            titled(number, one) for number, one in enumerate(picked, start=1)]))
 
     def region(self, name: str) -> dict[str, Any]:
         """The spectrum of a region of the session, which is the one of its report.
@@ -206,9 +205,9 @@ class LiveSample:
             Before the calibration is there.
         """
         capture = self._require_ready().capture
-        answers = {name: answer for name in capture.regions
-                   if "mean" in (answer := self.region(name))}
         nm = FINE_GRID.nm
+        answers = {name: self.region(name) for name in capture.regions}
+        answers = {name: answer for name, answer in answers.items() if "mean" in answer}
         means = {name: np.interp(nm, answer["nm"], answer["mean"])
                  for name, answer in answers.items()}
         if suffix == ".spdx":
@@ -241,19 +240,19 @@ class LiveSample:
         """Bring what is known up to a session, or have a run begin that will."""
         if config is None:
             return              # a fault that is being mended: what was known stays
-        capture = capture_of(config)
-        assert isinstance(capture, FlatCapture)
+        capture = flat_capture(config)
         keys = step_keys(capture, InputFiles(config))
-        stored = {name: load_stage(config.results_folder, name) for name in (CHART, CALIBRATE)}
-        done = {name: stage for name, stage in stored.items()
-                if stage is not None and not stage.fault and stage.key == keys[name]}
-        if CHART in done and self._chart[0] != fingerprint(keys[CHART]):
-            self._chart = (fingerprint(keys[CHART]),
-                           described_charts(capture, done[CHART].read(ChartRecords)))
+        done = {}
+        for name in (CHART, CALIBRATE):
+            stage = load_stage(config.results_folder, name)
+            if stage is not None and not stage.fault and stage.key == keys[name]:
+                done[name] = stage
+        charts, wanted = fingerprint(keys[CHART]), fingerprint(keys[CALIBRATE])
         if CHART not in done:
             self._chart = ("", {})
-        wanted = fingerprint(keys[CALIBRATE])
-        if CALIBRATE not in done or CHART not in done:
+        elif self._chart[0] != charts:
+            self._chart = charts, described_charts(capture, done[CHART].read(ChartRecords))
+        if len(done) < 2:
             self._sample = None
             self._begin(wanted)
         photo = keys["photo"]
@@ -261,11 +260,14 @@ class LiveSample:
             name: photo["settings"][name] for name in ("photos", "development")})
         if self._images[0] != shown:
             self._images = (shown, self._opened(capture))
-        if len(done) == 2:
-            key = wanted + shown
-            if self._sample is None or self._sample_key != key:
-                self._use(calibrated_photos(capture, CaptureRecords(done), self._images[1]),
-                          capture, key)
+        key = wanted + shown
+        if len(done) == 2 and (self._sample is None or self._sample_key != key):
+            calibrated = calibrated_photos(capture, CaptureRecords(done), self._images[1])
+            with self._lock:
+                self._error, self._sample_key = "", key
+                self._calibrated_as = calibration_digest(capture)
+                self._sample = PointedSample(capture, calibrated)
+                self._state_anew()      # regions may have been marked meanwhile
 
     def _opened(self, capture: FlatCapture) -> dict[str, LinearImage]:
         """Every photo, developed; those of one file alone are shown too."""
@@ -280,16 +282,13 @@ class LiveSample:
                                  images[view.name])
         return images
 
-    def _use(self, calibrated: CalibratedPhotos, capture: FlatCapture, key: str) -> None:
-        """Show what has just been calibrated, of the session as it is by now."""
-        with self._lock:
-            newer = None if self._config is None else capture_of(self._config)
-            if isinstance(newer, FlatCapture) \
-                    and calibration_digest(newer) == calibration_digest(capture):
-                capture = newer         # regions may have been marked meanwhile
-            self._error, self._sample_key = "", key
-            self._calibrated_as = calibration_digest(capture)
-            self._sample = PointedSample(capture, calibrated)
+    def _state_anew(self) -> None:
+        """Take what is stated of regions by now, where photos and calibration are the same."""
+        if self._config is None or self._sample is None:
+            return
+        capture = flat_capture(self._config)
+        if calibration_digest(capture) == self._calibrated_as:
+            self._sample = PointedSample(capture, self._sample.calibrated)
 
     def _begin(self, key: str) -> None:
         """Have the calibration made, once for each key; a run that failed says why."""
@@ -304,8 +303,14 @@ class LiveSample:
                 self._run.start(CALIBRATE)
         else:
             run = self._run.state()
-            self._error = str(run["error"] or "") or (
-                "stopped before the calibration was made" if run["stopped"] else "")
+            self._error = str(run["error"] or "")
+            if run["stopped"] and not self._error:
+                self._error = "stopped before the calibration was made"
+
+
+def flat_capture(config: SessionConfig) -> FlatCapture:
+    """What a session of flat samples measures: the page asks for no spectra of others."""
+    return cast(FlatCapture, capture_of(config))
 
 
 def calibration_digest(capture: FlatCapture) -> str:
@@ -337,95 +342,3 @@ def part_of(capture: FlatCapture, role: str, rect: Sequence[float]) -> Region:
     left, right, top, bottom = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
     return Region(outline=((left, top), (right, top), (right, bottom), (left, bottom)),
                   photos=(role,) if len(titles) > 1 else ())
-
-
-def answered_or_refused(estimate: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """An estimate for the page, or why there is none: pixels that are clipped, say."""
-    try:
-        return estimate()
-    except SpectraboxError as error:
-        return {"refused": str(error)}
-
-
-def described_charts(capture: FlatCapture, records: ChartRecords) -> dict[str, Any]:
-    """Of each photo with a chart, by the title of its role: patches, and whether to use it."""
-    charts = {}
-    for view in capture.views_with_chart:
-        chart = records.charts[view.name]
-        role = view.title if view.shows_chart else f"{view.name} chart".strip()
-        charts[role] = {"patches": np.round(chart.detection.corners_px, 1).tolist(),
-                        "verdict": "RE-SHOOT" if chart.reasons else "GOOD",
-                        "reasons": list(chart.reasons)}
-    return charts
-
-
-def described_region(sample: PointedSample, name: str) -> dict[str, Any]:
-    """The spectrum of a region of the session for the page, as its report has it."""
-    signal, spectrum = sample.drawn(name)
-    summary, draws = spectrum.summary, spectrum.samples
-    answer = described_spectrum(summary.grid.nm, summary.mean) | described(
-        signal, summary.lower, summary.upper, reflectance_to_lab(draws.grid.nm, draws.spectra),
-        spectrum.family_shares, spectrum.variance_shares) | {
-            "next_nm": summary.next_measurement_nm}
-    if sample.capture.swatches:
-        answer["notes"].append("the report also corrects this spectrum by the swatches")
-    return answer
-
-
-def described_part(sample: PointedSample, region: Region) -> dict[str, Any]:
-    """The same of any part of a photo, in closed form."""
-    signal, posterior = sample.pointed(region)
-    nm = PRIOR_GRID.nm
-    return described_spectrum(nm, posterior.mean) | described(
-        signal, *posterior.band(sample.capture.sampling.level),
-        reflectance_to_lab(nm, posterior.draws(POINTED_DRAWS, 1)), posterior.family_shares,
-        posterior.variance_shares(errors_by_cause(signal.signals, 0)))
-
-
-def described_comparison(sample: PointedSample,
-                         picked: Sequence[tuple[str, Region]]) -> dict[str, Any]:
-    """Two parts of photos beside each other, each with its title."""
-    (first, region), (second, other) = picked
-    both = compare_colours(sample.signal("pointer", region), sample.signal("pointer", other),
-                           (region.families, other.families))
-    return {"names": [first, second], "distinct": both.distinct, "says": both.sentence,
-            "spectra": [{"nm": PRIOR_GRID.nm.tolist(), "mean": _rounded(mean)}
-                        for mean in both.spectra],
-            "lights": [
-                {"light": light, "hex": [hex_colour(colour) for colour in srgb],
-                 "delta_e00": round(float(delta), 2), "error": round(float(error), 2)}
-                for light, srgb, delta, error in zip(
-                    LIGHTS, both.srgb, both.delta_e00, both.standard_error, strict=True)]}
-
-
-def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: np.ndarray,
-              families: Mapping[str, float], causes: Mapping[str, float]) -> dict[str, Any]:
-    """What an estimate adds to its spectrum: band, error of the colour from draws (T, 3), causes.
-    """
-    notes = [] if signal.scatter <= UNEVEN else [
-        f"uneven: its pixels differ by {signal.scatter:.0%}; outline one colour"]
-    return {"lower": _rounded(lower), "upper": _rounded(upper),
-            "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),
-            "causes": _largest(causes), "light": list(signal.light), "notes": notes}
-
-
-def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:
-    """A reflectance (P,) and its colour under D65."""
-    return {"nm": nm.tolist(), "mean": _rounded(reflectance),
-            "lab": _rounded(reflectance_to_lab(nm, reflectance)),
-            "hex": hex_colour(reflectance_to_srgb(nm, reflectance))}
-
-
-def hex_colour(srgb: np.ndarray) -> str:
-    """Encoded sRGB (3,), 0 to 1, as CSS writes it."""
-    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)
-
-
-def _largest(shares: Mapping[str, float]) -> list[tuple[str, float]]:
-    """Shares that are large enough to be listed, the largest first."""
-    return sorted(((name, round(share, 3)) for name, share in shares.items()
-                   if share >= MENTIONED), key=lambda each: -each[1])
-
-
-def _rounded(values: np.ndarray, decimals: int = 5) -> list[float]:
-    return [round(float(value), decimals) for value in values]

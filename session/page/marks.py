@@ -8,10 +8,10 @@ import threading
 import tomllib
 from collections.abc import MutableMapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import tomlkit
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array
 
@@ -19,29 +19,21 @@ from spectrabox.radiometry.checked_tables import ListOf, Table, checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.words import shortened
-from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_file import session_content, tables_of_text, text_of
 from spectrabox.session.config.session_rules import inconsistencies, unpaired_references
-from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO, by_band
+from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.flat.new_session import known_file
 from spectrabox.session.page.mark_faults import mark_faults
 from spectrabox.session.page.photo_views import PhotoViews
+from spectrabox.session.page.written_session import STATED, Pixel
 
 MAX_UNDO = 200
-STATED = {"family", "surface", "known", "truth"}    # of a region
 RECEIVED = "spectra/"       # where spectra lie that the page was given
 OF_SESSION = {"name": ("session", "name"), "light": ("light", "spectrum")}
 OF_VIEW = {"photo", "same_light_as", "light", "filter"}
-ANY_CAMERA = CameraTable(at_mm=(0.0, 0.0, 1.0), look_at_mm=(0.0, 0.0, 0.0), fov_deg=40.0)
 DECIMALS = 1            # of a pixel: no hand marks finer
-MAX_PX = 1e6            # no photo is as large
 BYTE_ORDER_MARK = "\ufeff"
 LINE_FEED_ALONE = re.compile(r"(?<!\r)\n")
-Coordinate = Annotated[float, Field(ge=-MAX_PX, le=MAX_PX, strict=True)]
-Pixel = Annotated[ListOf[Coordinate], Field(min_length=2, max_length=2)]
-OUTLINE, OUTLINES = TypeAdapter(ListOf[Pixel]), TypeAdapter(ListOf[ListOf[Pixel]])
-RECTANGLE = TypeAdapter(tuple[Coordinate, Coordinate, Coordinate, Coordinate])
-CORNERS, PHOTOS = TypeAdapter(dict[str, Pixel]), TypeAdapter(str | list[str])
 
 
 class Mark(Table):
@@ -122,26 +114,33 @@ class MarkedSession:
         """
         mark = checked(Mark, written, "mark")
         before = self._require_seen(seen)
-        if (known := mark.stated.get("known")) and not (
-                known.startswith(RECEIVED) and (self.folder / known).is_file()):
-            try:
-                float(known)
-            except ValueError:
-                raise InputError("a known reflectance is a number such as 0.9, not "
-                                 f"{shortened(known)}; or choose a file") from None
-            mark = mark.model_copy(update={"stated": mark.stated | {
-                "known": known_file(known, mark.name, self.folder)}})
+        mark = self._with_known_file(mark)
         after = marked(before, mark)
         # photos may have to be decoded: others need not wait for it
-        if has := self._faults(after, mark):
-            had = self._faults(before, mark)
-            if new := [fault for fault in has if fault not in had]:
-                raise InputError("\n".join(new))
+        faults = self._faults(after, mark)
+        if faults:
+            before_it = self._faults(before, mark)
+            faults = [fault for fault in faults if fault not in before_it]
+        if faults:
+            raise InputError("\n".join(faults))
         if after != before:
             with self._lock:
                 self._require_seen(seen)
                 write_text_whole(self.folder / FILE_NAME, after)
                 self._undo = [*self._undo, (before, after)][-MAX_UNDO:]
+
+    def _with_known_file(self, mark: Mark) -> Mark:
+        """The mark with a file for a known reflectance that is stated as a number."""
+        known = mark.stated.get("known")
+        if not known or (known.startswith(RECEIVED) and (self.folder / known).is_file()):
+            return mark
+        try:
+            float(known)
+        except ValueError:
+            raise InputError("a known reflectance is a number such as 0.9, not "
+                             f"{shortened(known)}; or choose a file") from None
+        file = known_file(known, mark.name, self.folder)
+        return mark.model_copy(update={"stated": mark.stated | {"known": file}})
 
     def _faults(self, text: str, mark: Mark) -> list[str]:
         """What the session's file has wrong, and what the mark has on its photo."""
@@ -217,98 +216,6 @@ def _write(document: tomlkit.TOMLDocument, mark: Mark) -> None:
         _mark_reference(document, mark, points)
 
 
-def corner_names(written: dict[str, Any]) -> list[str]:
-    """Names of the corners that can be marked, of the box and of boxes in it; none without a box.
-
-    Parameters
-    ----------
-    written : dict
-        As ``tomllib`` gives session.toml. Its camera may be missing or half measured: marks are
-        what it lacks.
-    """
-    scene = written.get("scene")
-    box = scene.get("box") if isinstance(scene, dict) else None
-    if not isinstance(box, dict):
-        return []
-    measures = {name: value for name, value in box.items() if name not in ("camera", "colmap")}
-    try:
-        names = list(BoxTable(**measures, camera=ANY_CAMERA).corner_positions())
-    except (ValidationError, TypeError):
-        return []
-    # those of the opening last: few photos show them
-    return sorted(names, key=lambda name: name.startswith("front "))
-
-
-def photos_of(written: dict[str, Any]) -> dict[str, str]:
-    """The first file of every photo that session.toml names, by what it is: "photo", "chart",
-    "NAME", "NAME chart".
-
-    Parameters
-    ----------
-    written : dict
-        As ``tomllib`` gives it; may have faults.
-    """
-    named: dict[str, Any] = {}
-    photos = written.get("photos")
-    if isinstance(photos, dict):
-        named |= {FIRST_PHOTO: photos.get("object"), "chart": photos.get("chart")}
-    views = written.get("views")
-    for name, view in views.items() if isinstance(views, dict) else ():
-        if isinstance(view, dict):
-            named |= {name: view.get("photo"), f"{name} chart": view.get("chart")}
-    first_files = {}
-    for role, photo in named.items():
-        try:
-            files = [file for of_band in by_band(photo).values() for file in of_band]
-        except (AttributeError, TypeError):     # no file names
-            continue
-        if files and isinstance(files[0], str):
-            first_files[role] = files[0]
-    return first_files
-
-
-def marks_of(written: dict[str, Any]) -> dict[str, Any]:
-    """What can be drawn on photos: outlines of regions, corners and references; what is written
-    wrongly is left out.
-
-    Parameters
-    ----------
-    written : dict
-        As ``tomllib`` gives session.toml; may have faults.
-    """
-    regions = _at(written, "regions")
-    outlines = {}
-    for name, region in regions.items() if isinstance(regions, dict) else ():
-        rect = _shown(RECTANGLE, _at(region, "rect"))
-        if rect is not None:
-            x0, y0, x1, y1 = rect
-            rect = (x0, y0), (x1, y0), (x1, y1), (x0, y1)
-        outlines[name] = {"outline": _shown(OUTLINE, _at(region, "polygon")) or rect or (),
-                          "rect": rect is not None,
-                          "stated": {key: value for key in sorted(STATED)
-                                     if isinstance(value := _at(region, key), str)},
-                          "photo": _shown(PHOTOS, _at(region, "photo"))}
-    return {"regions": outlines, "chart_corners": _shown(OUTLINE, _at(written, "chart",
-                                                                      "corners_px")),
-            "box_corners": _shown(CORNERS, _at(written, "scene", "box", "camera", "corners_px")),
-            "references": {"chart": _shown(OUTLINES, _at(written, "drift", "chart_px")),
-                           "object": _shown(OUTLINES, _at(written, "drift", "object_px"))}}
-
-
-def _at(written: Any, *keys: str) -> Any:
-    for key in keys:
-        written = written.get(key) if isinstance(written, dict) else None
-    return written
-
-
-def _shown(kind: TypeAdapter[Any], written: Any) -> Any:
-    """A value of a file as it can be drawn, or None."""
-    try:
-        return kind.validate_python(written)
-    except ValidationError:
-        return None
-
-
 def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
     if not mark.name:
         raise InputError("a region needs a name")
@@ -338,9 +245,9 @@ def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
 def _state_region(document: Any, mark: Mark) -> None:
     """What is known of a region, key by key."""
     regions = _table(document, "regions")
-    if mark.name not in regions or not set(mark.stated) <= STATED:
+    if mark.name not in regions or not mark.stated.keys() <= {*STATED}:
         raise InputError(f"there is no region {shortened(mark.name)}, or something else is stated "
-                         f"than {', '.join(sorted(STATED))}")
+                         f"than {', '.join(STATED)}")
     table = _table(regions, mark.name)
     for key, value in mark.stated.items():
         if value:

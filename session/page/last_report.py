@@ -1,0 +1,50 @@
+"""The report that a session's folder holds: when it was written, its verdict, its files."""
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+
+REPORT, NUMBERS = "report.html", "report.json"
+
+
+class LastReport:
+    """The last report of a session.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the session.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.path = folder / REPORT
+        self._verdict: tuple[int | None, dict[str, str] | None] = None, None
+
+    def stamp(self) -> int | None:
+        """When it was written, by which the page notices a new one; None where there is none."""
+        try:
+            return self.path.stat().st_mtime_ns // 1_000_000
+        except OSError:
+            return None
+
+    def verdict(self) -> dict[str, str] | None:
+        """Its verdict with the reason; None where there is none that says so."""
+        stamp = self.stamp()
+        if self._verdict[0] != stamp:
+            verdict = None
+            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+                numbers = json.loads((self.folder / NUMBERS).read_text(encoding="utf-8"))
+                verdict = {name: str(numbers["verdict"][name]) for name in ("status", "says")}
+            self._verdict = stamp, verdict
+        return self._verdict[1]
+
+    def exports(self) -> dict[str, Path]:
+        """Files with spectra that it left, by name in the session."""
+        if self.stamp() is None:
+            return {}
+        paths = [self.folder / "spectra.csv", *sorted((self.folder / "spdx").glob("*.spdx")),
+                 *sorted((self.folder / "results" / "picture").glob("*.exr"))]
+        return {path.relative_to(self.folder).as_posix(): path for path in paths
+                if path.is_file() and path.resolve().is_relative_to(self.folder)}

@@ -1,0 +1,115 @@
+"""Spectra of a photo's parts as the page shows them."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from spectrabox.measure.captured import FlatCapture, Region
+from spectrabox.measure.records import ChartRecords
+from spectrabox.measure.regions.colour_comparison import compare_colours
+from spectrabox.measure.regions.pointing import PointedSample
+from spectrabox.measure.regions.region_signals import RegionSignal
+from spectrabox.measure.steps.photos import UNEVEN
+from spectrabox.measure.surfaces.metamers import LIGHTS
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause
+from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
+from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+
+POINTED_DRAWS = 300     # behind the error of the colour under the pointer: 4 % of it
+MENTIONED = 0.02        # share of a family or cause that is listed
+
+
+def answered_or_refused(estimate: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """An estimate for the page, or why there is none: pixels that are clipped, say."""
+    try:
+        return estimate()
+    except SpectraboxError as error:
+        return {"refused": str(error)}
+
+
+def described_charts(capture: FlatCapture, records: ChartRecords) -> dict[str, Any]:
+    """Of each photo with a chart, by the title of its role: patches, and whether to use it."""
+    charts = {}
+    for view in capture.views_with_chart:
+        chart = records.charts[view.name]
+        role = view.title if view.shows_chart else f"{view.name} chart".strip()
+        charts[role] = {"patches": np.round(chart.detection.corners_px, 1).tolist(),
+                        "verdict": "RE-SHOOT" if chart.reasons else "GOOD",
+                        "reasons": list(chart.reasons)}
+    return charts
+
+
+def described_region(sample: PointedSample, name: str) -> dict[str, Any]:
+    """The spectrum of a region of the session for the page, as its report has it."""
+    signal, spectrum = sample.drawn(name)
+    summary, draws = spectrum.summary, spectrum.samples
+    answer = described_spectrum(summary.grid.nm, summary.mean) | described(
+        signal, summary.lower, summary.upper, reflectance_to_lab(draws.grid.nm, draws.spectra),
+        spectrum.family_shares, spectrum.variance_shares) | {
+            "next_nm": summary.next_measurement_nm}
+    if sample.capture.swatches:
+        answer["notes"].append("the report also corrects this spectrum by the swatches")
+    return answer
+
+
+def described_part(sample: PointedSample, region: Region) -> dict[str, Any]:
+    """The same of any part of a photo, in closed form."""
+    signal, posterior = sample.pointed(region)
+    nm = PRIOR_GRID.nm
+    return described_spectrum(nm, posterior.mean) | described(
+        signal, *posterior.band(sample.capture.sampling.level),
+        reflectance_to_lab(nm, posterior.draws(POINTED_DRAWS, 1)), posterior.family_shares,
+        posterior.variance_shares(errors_by_cause(signal.signals, 0)))
+
+
+def described_comparison(sample: PointedSample,
+                         picked: Sequence[tuple[str, Region]]) -> dict[str, Any]:
+    """Two parts of photos beside each other, each with its title."""
+    (first, region), (second, other) = picked
+    both = compare_colours(sample.signal("pointer", region), sample.signal("pointer", other),
+                           (region.families, other.families))
+    return {"names": [first, second], "distinct": both.distinct, "says": both.sentence,
+            "spectra": [{"nm": PRIOR_GRID.nm.tolist(), "mean": _rounded(mean)}
+                        for mean in both.spectra],
+            "lights": [
+                {"light": light, "hex": [hex_colour(colour) for colour in srgb],
+                 "delta_e00": round(float(delta), 2), "error": round(float(error), 2)}
+                for light, srgb, delta, error in zip(
+                    LIGHTS, both.srgb, both.delta_e00, both.standard_error, strict=True)]}
+
+
+def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: np.ndarray,
+              families: Mapping[str, float], causes: Mapping[str, float]) -> dict[str, Any]:
+    """What an estimate adds to its spectrum: band, error of the colour from draws (T, 3), causes.
+    """
+    notes = []
+    if signal.scatter > UNEVEN:
+        notes.append(f"uneven: its pixels differ by {signal.scatter:.0%}; outline one colour")
+    return {"lower": _rounded(lower), "upper": _rounded(upper),
+            "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),
+            "causes": _largest(causes), "light": list(signal.light), "notes": notes}
+
+
+def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:
+    """A reflectance (P,) and its colour under D65."""
+    return {"nm": nm.tolist(), "mean": _rounded(reflectance),
+            "lab": _rounded(reflectance_to_lab(nm, reflectance)),
+            "hex": hex_colour(reflectance_to_srgb(nm, reflectance))}
+
+
+def hex_colour(srgb: np.ndarray) -> str:
+    """Encoded sRGB (3,), 0 to 1, as CSS writes it."""
+    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)
+
+
+def _largest(shares: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Shares that are large enough to be listed, the largest first."""
+    return sorted(((name, round(share, 3)) for name, share in shares.items()
+                   if share >= MENTIONED), key=lambda each: -each[1])
+
+
+def _rounded(values: np.ndarray, decimals: int = 5) -> list[float]:
+    return [round(float(value), decimals) for value in values]

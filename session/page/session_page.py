@@ -1,0 +1,195 @@
+"""What the page of one session shows, and what it takes."""
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from spectrabox.capture.photo.orientation import photo_orientation
+from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry.files import whole_file, writable
+from spectrabox.radiometry.system.words import shortened
+from spectrabox.session.config.session_chart import session_chart
+from spectrabox.session.config.session_file import session_of_text, text_of
+from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.kept_stages import stage_states
+from spectrabox.session.page.last_report import LastReport
+from spectrabox.session.page.live import LiveSample
+from spectrabox.session.page.marks import MarkedSession
+from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
+from spectrabox.session.page.received_files import safe_name, unused_path
+from spectrabox.session.page.run_control import RunControl
+from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
+from spectrabox.session.page.written_session import (
+    corner_names,
+    facts_of,
+    marks_of,
+    name_of,
+    orientation_of,
+    photos_of,
+    tables_of,
+)
+
+MARKED = ("marked.csv", "marked.spdx")      # spectra of what is marked now
+
+
+class SessionPage:
+    """What the page of one session can do.
+
+    Parameters
+    ----------
+    folder : Path
+        With a session.toml.
+    watched : Path, optional
+        Folder of new photos.
+    allow_outside : bool
+        Whether the session may name files elsewhere.
+    run : RunControl, optional
+        Of this session, where one has begun.
+    """
+
+    def __init__(self, folder: Path, watched: Path | None = None,
+                 allow_outside: bool = False, run: RunControl | None = None) -> None:
+        self.folder = folder.resolve()
+        self.photos = PhotoViews()
+        self.marks = MarkedSession(self.folder, self.photos, allow_outside)
+        self.marks.read()
+        self.run = run or RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
+        self.live = LiveSample(self.run, self.photos)
+        self.report = LastReport(self.folder)
+        self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
+        self._allow_outside = allow_outside
+        self._states: tuple[Any, list[dict[str, Any]]] = (None, [])
+        self._states_lock = threading.Lock()
+        self._receiving: set[Path] = set()
+
+    def start(self) -> None:
+        """Begin what goes on beside the answers."""
+        self.live.start()
+        if self.shooting is not None:
+            self.shooting.start()
+        self.state()
+
+    def stop(self) -> None:
+        """Ask a run that goes on to end."""
+        self.run.stop()
+
+    def close(self) -> None:
+        """Watch no longer, and stop a run that goes on."""
+        self.live.end()
+        if self.shooting is not None:
+            self.shooting.end()
+        self.run.end()
+
+    def state(self) -> dict[str, Any]:
+        """All that the page shows but for pixels."""
+        config: SessionConfig | None = None
+        try:
+            text, digest = self.marks.read()
+        except InputError as error:
+            text, digest, problems = "", "", [str(error)]
+        else:
+            config, problems = session_of_text(text_of(text.encode()), self.folder,
+                                               self._allow_outside)
+        # spectra while one points are of flat samples alone
+        self.live.follow(config if config is not None and config.flat else None)
+        live = self.live.state()
+        written = tables_of(text)
+        marks = marks_of(written)
+        photos = []
+        for role, name in photos_of(written).items():
+            path = self._inside(name)
+            if path is not None:
+                photos.append({"role": role, "file": name, "there": path.is_file()})
+        marked: Sequence[str] = ()      # files of what is marked now, which no report need hold
+        if live is not None and live["ready"] and marks["regions"]:
+            marked = MARKED
+        return {"name": name_of(written, self.folder), "digest": digest, "problems": problems,
+                "photos": photos, "undo": self.marks.can_undo(text), "marks": marks,
+                "corner_names": corner_names(written), "facts": facts_of(written),
+                "stages": self._stages(text, config), "run": self.run.state(),
+                "live": live, "report": self.report.stamp(),
+                "exports": [*marked, *self.report.exports()], "reported": self.report.verdict(),
+                "shooting": None if self.shooting is None else self.shooting.state()}
+
+    def photo_file(self, role: str) -> PhotoFile:
+        """File of a photo by what it is, or of a new shot of the watched folder.
+
+        Raises
+        ------
+        InputError
+            If there is none, or it lies outside the session and the watched folder.
+        """
+        kind, _, name = role.partition(":")
+        if kind == "shot" and self.shooting is not None:
+            shot = self.shooting.path(name)
+            return PhotoFile(shot, photo_orientation(shot))
+        written = tables_of(self.marks.read()[0])
+        named = photos_of(written)
+        if role in named:
+            path = self._inside(named[role])
+            if path is not None:
+                return PhotoFile(path, orientation_of(written))
+        raise InputError(f"the session has no photo {shortened(role)}; it has {', '.join(named)}")
+
+    @contextlib.contextmanager
+    def received(self, name: str) -> Iterator[tuple[IO[bytes], str]]:
+        """A file for a photo or a spectrum that comes in, and its name in the session; it counts
+        once it is whole, and none is written over.
+
+        Parameters
+        ----------
+        name : str
+            As a browser gives it.
+
+        Raises
+        ------
+        InputError
+            If it is no name of a file.
+        """
+        safe = safe_name(name)
+        part = "photos" if Path(safe).suffix.lower() in PHOTO_SUFFIXES else "spectra"
+        folder = self.folder / part
+        with writable(folder):
+            folder.mkdir(exist_ok=True)
+        target = unused_path(folder / safe, self._receiving)
+        self._receiving.add(target)         # of two that have one name each gets its own
+        try:
+            with writable(folder), whole_file(target) as unfinished, \
+                    unfinished.open("wb") as file:
+                yield file, f"{part}/{target.name}"
+        finally:
+            self._receiving.discard(target)
+
+    def _inside(self, name: str) -> Path | None:
+        """Where a file of the session lies; None where it may not, or where no file can."""
+        try:
+            path = (self.folder / name).resolve()
+            path.is_file()
+        except (OSError, ValueError, RuntimeError):     # too long, with a NUL, a link to itself
+            return None
+        return path if self._allow_outside or path.is_relative_to(self.folder) else None
+
+    def _chart(self) -> Chart:
+        config, _ = session_of_text(text_of(self.marks.read()[0].encode()), self.folder)
+        try:
+            return CLASSIC if config is None else session_chart(config)
+        except SpectraboxError:
+            return CLASSIC
+
+    def _stages(self, text: str, config: SessionConfig | None) -> list[dict[str, Any]]:
+        """States of the stages, looked at again where something may have changed."""
+        now = (text, self.report.stamp(), self.run.running,
+               tuple(self.run.state()["lines"][-1:]))
+        with self._states_lock:
+            if self._states[0] != now:
+                states: list[dict[str, Any]] = []
+                if config is not None:
+                    with contextlib.suppress(SpectraboxError):
+                        states = [{"name": one.name, "state": one.state,
+                                   "reasons": list(one.reasons)} for one in stage_states(config)]
+                self._states = (now, states)
+            return self._states[1]
