@@ -21,18 +21,16 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.measure.more_bands.planning import PAIRED
-from spectrabox.measure.more_bands.second_photo import (
+from spectrabox.measure.more_bands.further_photos import (
     FurtherPhoto,
     LampsAtHand,
-    SecondPhoto,
-    Surface,
     curves_and_light,
-    joined_errors_of_several,
     photos_at_hand,
-    simulated_errors,
     white_of_bands,
 )
+from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
+from spectrabox.measure.more_bands.planning import PAIRED
+from spectrabox.measure.more_bands.second_photo import SecondPhoto, simulated_errors
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, with_errors
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
@@ -325,7 +323,7 @@ def _errors_after(shoot: Shoot, photo: _Photo, signals: SurfaceSignals, truth: n
     surfaces = [Surface(signals, index, photo.calibration, shoot.reflectances,
                         photo.fit.patch_error.own)
                 for index in some] if len(white) <= FEW_BANDS else None
-    response, covariances = joined_errors_of_several(measured, truth[some] @ TO_FINE.T, photos,
-                                                     white, surfaces)
+    response, covariances = joined_errors(measured, truth[some] @ TO_FINE.T, photos, white,
+                                          surfaces)
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
         return simulated_errors(prior, response, covariances, truth[some])

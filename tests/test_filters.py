@@ -14,14 +14,8 @@ from spectrabox.calibrate.chart_equations import PatchError, noise_of_photos, ro
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.measure.more_bands.filter_fit import filter_from_charts
-from spectrabox.measure.more_bands.second_photo import (
-    TO_FINE,
-    KnownSurface,
-    LampsAtHand,
-    forecasts,
-    photos_at_hand,
-    white_of_bands,
-)
+from spectrabox.measure.more_bands.further_photos import LampsAtHand, photos_at_hand, white_of_bands
+from spectrabox.measure.more_bands.second_photo import TO_FINE, KnownSurface, forecasts
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.error_model import curve_errors, filter_errors
 from spectrabox.radiometry.errors import InputError

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.measure.expected_spectra import Shoot, expected_spectra
-from spectrabox.measure.more_bands.second_photo import LampsAtHand
+from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight

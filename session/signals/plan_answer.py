@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.captured import Capture
+from spectrabox.measure.more_bands.further_photos import (
+    LampsAtHand,
+    curves_and_light,
+    photos_at_hand,
+    white_of_bands,
+)
+from spectrabox.measure.more_bands.joined_errors import Surface
 from spectrabox.measure.more_bands.planning import (
     next_reading_candidates,
     plan_signal,
     rank_photos,
 )
-from spectrabox.measure.more_bands.second_photo import (
-    KnownSurface,
-    LampsAtHand,
-    SecondPhoto,
-    Surface,
-    curves_and_light,
-    photos_at_hand,
-    white_of_bands,
-)
+from spectrabox.measure.more_bands.second_photo import KnownSurface, SecondPhoto
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, measurement

@@ -1,0 +1,231 @@
+"""Errors of what was measured of surfaces together with those of further photos of them.
+
+Photos share errors as `measure.flat` has them; under the same lamp the second chart sharpens the
+camera's curves: they are conditioned on the signals of its patches, whose levels are free. Where
+the light of a session is unknown, the camera's own curves are the products over the light's
+posterior mean.
+"""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.measure.more_bands.further_photos import DARK, FurtherPhoto, curves_and_light
+from spectrabox.measure.regions.region_signals import DARK_BAND, SHARED_BY_PHOTOS
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause
+from spectrabox.radiometry.covariance import error_patterns, symmetric
+from spectrabox.radiometry.error_model import (
+    CAUSES,
+    DISAGREEMENT,
+    FILTER,
+    LIGHT_SPECTRUM,
+    PHOTO_NOISE,
+    RENDERING_NOISE,
+    SENSITIVITIES,
+    filter_covariance,
+    light_covariance,
+    sensitivity_covariance,
+)
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import (
+    Calibration,
+    FittedFilter,
+    Quantity,
+    SpectralMeasurement,
+    Spectrum,
+    SurfaceSignals,
+)
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+
+DARK_PATCH = 0.03       # of white: darker patches err as this
+LEAST_SIGNAL = 0.02     # of white: below it noise is that of reading out
+NOISES = (PHOTO_NOISE, RENDERING_NOISE)
+OF_RESPONSE = (SENSITIVITIES, LIGHT_SPECTRUM, FILTER)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface of a session, with what its errors come from."""
+
+    signals: SurfaceSignals
+    index: int
+    calibration: Calibration        # of the first photo
+    chart: np.ndarray               # (I, 301) reflectances of the patches
+    patch_error: float              # relative, of a patch in one band against the model
+
+
+def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
+                  photos: Sequence[FurtherPhoto], white: np.ndarray,
+                  surfaces: Sequence[Surface] | None) -> tuple[np.ndarray, np.ndarray]:
+    """Response (J, 301) and covariances (n, J, J) of what was measured of n surfaces of one photo
+    and of further photos of them, without bands that are dark.
+
+    Parameters
+    ----------
+    measured : sequence of n SpectralMeasurement
+        Of one response.
+    spectra : (n, 301) array
+        The reflectances about which the errors hold.
+    photos : sequence of FurtherPhoto
+    white : (K,) array
+        Signal of white in the first photo, that of the brightest band being 1.
+    surfaces : sequence of n Surface or None
+        None: photos err by noise alone.
+    """
+    before = np.array([one.noise_covariance for one in measured])
+    if not photos:
+        return measured[0].relative_response, before
+    known, bands = measured[0].signal.size, len(white)
+    response = np.vstack([measured[0].relative_response, *(photo.response for photo in photos)])
+    signals = np.hstack([[one.signal for one in measured], spectra @ response[known:].T])
+    blocks = [slice(known + number * bands, known + (number + 1) * bands)
+              for number in range(len(photos))]
+    total = np.zeros((len(measured), len(response), len(response)))
+    total[:, :known, :known] = before
+    for index, signal in enumerate(signals):
+        causes = {PHOTO_NOISE: before[index]}
+        if surfaces is not None:
+            causes = errors_by_cause(surfaces[index].signals, surfaces[index].index)
+        for cause, covariance in causes.items():
+            own = covariance[:bands, :bands]
+            if cause in NOISES:
+                total[index] += _of_noise(own, white, signal, blocks, photos)
+            elif cause not in OF_RESPONSE:
+                total[index] += _of_cause(cause, own, signal, blocks, photos)
+    if surfaces is not None:
+        total += _of_response(surfaces, signals, spectra, response, known, photos)
+    seen = np.concatenate([np.ones(known, bool), *(photo.white >= DARK_BAND for photo in photos)])
+    return response[seen], np.array([symmetric(one) for one in total[:, seen][:, :, seen]])
+
+
+def _of_noise(own: np.ndarray, white: np.ndarray, signal: np.ndarray, blocks: Sequence[slice],
+              photos: Sequence[FurtherPhoto]) -> np.ndarray:
+    """What noise adds to the covariance (J, J), being ``own`` (K, K) in the first photo."""
+    level = np.maximum(signal, LEAST_SIGNAL)
+    bright = white
+    if len(own) != len(white):      # bands that are others than the first photo's: well exposed
+        bright = np.ones(len(own))
+    each = float(np.mean(np.diag(own) * bright / level[:len(own)]))
+    variance = np.zeros(signal.size)
+    for block, photo in zip(blocks, photos, strict=True):
+        variance[block] = each * level[block] / np.maximum(photo.white, DARK)
+    return np.diag(variance)
+
+
+def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, blocks: Sequence[slice],
+              photos: Sequence[FurtherPhoto]) -> np.ndarray:
+    """What one cause adds to the covariance (J, J), being ``own`` (K, K) in the first photo."""
+    bands = len(own)
+    scale = np.ones_like(signal) if CAUSES[cause].kind == "added" else signal
+    relative = own / np.outer(scale[:bands], scale[:bands])
+    under_one, under_two = (share * relative for share in SHARED_BY_PHOTOS.get(cause, (0.0, 0.0)))
+    if cause == DISAGREEMENT:       # what the bands of a patch have in common, photos have
+        under_one = np.full_like(relative, relative[~np.eye(bands, dtype=bool)].mean())
+    total = np.zeros((signal.size,) * 2)
+    earlier = [(slice(0, bands), True)]     # blocks, and whether under the first photo's lamp
+    for block, photo in zip(blocks, photos, strict=True):
+        total[block, block] = relative * np.outer(scale[block], scale[block])
+        for other, same_lamp in earlier:
+            shared = under_one if photo.same_lamp and same_lamp else under_two
+            both = shared * np.outer(scale[other], scale[block])
+            total[other, block], total[block, other] = both, both.T
+        earlier.append((block, photo.same_lamp))
+    return total
+
+
+def _of_response(surfaces: Sequence[Surface], signals: np.ndarray, spectra: np.ndarray,
+                 response: np.ndarray, known: int, photos: Sequence[FurtherPhoto]) -> np.ndarray:
+    """What errors of curves, light and filters add to the covariances (n, J, J); of the first photo
+    what they then add less than now.
+    """
+    bands = len(photos[0].white)
+    seen = np.r_[0:bands, known:signals.shape[1]]
+    now = surfaces[0].calibration
+    calibrations = _with_charts(surfaces[0], [
+        now, *(_calibration_of(now, photo) for photo in photos)], photos)
+    views = np.repeat(np.arange(len(photos) + 1), bands)
+    joint = SurfaceSignals(
+        tuple(f"{number}" for number in range(len(signals))), (False,) * len(signals), FINE_GRID,
+        spectra, tuple(f"{number}" for number in seen), views, response[seen], signals[:, seen], ())
+    total = np.zeros((*signals.shape, signals.shape[1]))
+    total[:, seen[:, None], seen] = (
+        sensitivity_covariance(calibrations, joint) + light_covariance(calibrations, joint)
+        + filter_covariance(calibrations, joint))
+    own = slice(0, bands)
+    for index, surface in enumerate(surfaces):
+        for error in surface.signals.errors:
+            if error.cause in (SENSITIVITIES, LIGHT_SPECTRUM):
+                total[index, own, own] -= error.covariance[surface.index][own, own]
+    return total
+
+
+def _with_charts(surface: Surface, calibrations: list[Calibration],
+                 photos: Sequence[FurtherPhoto]) -> list[Calibration]:
+    """The calibrations once the charts of photos under the first lamp are fitted too: curves and
+    filters are conditioned on their patches, relative to a white of free level in every band.
+    """
+    fit = surface.calibration.sensitivity
+    filtered = [number for number, photo in enumerate(photos, start=1) if photo.filter is not None]
+    if fit.covariance is None or not filtered:
+        return calibrations
+    patterns = error_patterns(fit.covariance).T
+    curves = patterns.shape[1]
+    starts = curves + np.cumsum([0, *(len(each.filter.covariance) for each in calibrations
+                                      if each.filter is not None)])
+    rows, noise = [], []
+    for number, start, stop in zip(filtered, starts[:-1], starts[1:], strict=True):
+        for band in np.flatnonzero(photos[number - 1].white >= DARK_BAND):
+            patches, by_curve, by_filter = _patches_in_band(surface.chart, calibrations[number],
+                                                            int(band))
+            row = np.zeros((len(patches), starts[-1]))
+            row[:, :curves] = by_curve @ patterns
+            row[:, start:stop] = by_filter
+            rows.append(row)
+            noise.append(surface.patch_error * np.maximum(patches, DARK_PATCH))
+    seen = np.vstack(rows)
+    spread = seen @ seen.T + np.diag(np.concatenate(noise) ** 2)
+    left = symmetric(np.eye(starts[-1]) - seen.T @ np.linalg.solve(spread, seen))
+    sharper = dataclasses.replace(fit, covariance=symmetric(
+        patterns @ left[:curves, :curves] @ patterns.T))
+    known = [dataclasses.replace(each, sensitivity=sharper) for each in calibrations]
+    for number, start, stop in zip(filtered, starts[:-1], starts[1:], strict=True):
+        fitted = known[number].filter
+        assert fitted is not None
+        known[number] = dataclasses.replace(known[number], filter=FittedFilter(
+            fitted.filter, left[start:stop, start:stop],
+            left[start:stop, :curves] @ patterns.T))
+    return known
+
+
+def _patches_in_band(chart: np.ndarray, calibration: Calibration, band: int
+                     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Signals (I,) of patches relative to white in one band, and their derivatives by the
+    coefficients of all curves (I, D) and by the errors of the filter (I, E).
+    """
+    fit, fitted = calibration.sensitivity, calibration.filter
+    assert fit.basis is not None and fitted is not None
+    nodes = fit.basis.shape[1]
+    weight = spectrum_on_grid(calibration.light, FINE_GRID) * FINE_GRID.weights_nm
+    white = float(weight @ fit.curves[band])
+    patches = chart @ (weight * fit.curves[band]) / white
+    change = (chart - patches[:, None]) * weight / white
+    by_curve = np.zeros((len(patches), len(fit.curves) * nodes))
+    by_curve[:, band * nodes:(band + 1) * nodes] = change @ fit.basis
+    return patches, by_curve, (change * fit.curves[band]) @ fitted.filter.modes
+
+
+def _calibration_of(calibration: Calibration, photo: FurtherPhoto) -> Calibration:
+    """The calibration that a further photo would have, by the curves of the first one's."""
+    present = spectrum_on_grid(calibration.light, FINE_GRID)
+    _, light = curves_and_light(calibration)
+    own = Spectrum(FINE_GRID, present * photo.light / light, Quantity.RELATIVE, photo.name)
+    if photo.filter is None:
+        return dataclasses.replace(calibration, light=own)
+    modes = photo.filter.modes.shape[1]
+    coefficients = calibration.sensitivity.coefficients
+    of_curves = 0 if coefficients is None else coefficients.size
+    fitted = FittedFilter(photo.filter, np.eye(modes), np.zeros((modes, of_curves)))
+    return dataclasses.replace(calibration, light=own, filter=fitted)
