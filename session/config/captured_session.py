@@ -6,7 +6,7 @@ named at once.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 import numpy as np
 
@@ -59,6 +59,12 @@ from spectrabox.session.config.session_schema import (
 )
 
 Kind = TypeVar("Kind")
+
+
+@overload
+def capture_of(config: FlatSession) -> FlatCapture: ...
+@overload
+def capture_of(config: SessionConfig) -> FlatCapture | SceneCapture: ...
 
 
 def capture_of(config: SessionConfig) -> FlatCapture | SceneCapture:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.flat_session import FlatSession
-from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.pointed_answers import (
     answered_or_refused,
@@ -58,7 +57,7 @@ class LiveSample:
 
     def __init__(self, run: RunControl, views: PhotoViews) -> None:
         self._run, self._views = run, views
-        self._config: SessionConfig | None = None
+        self._config: FlatSession | None = None
         self._sample: PointedSample | None = None
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
@@ -82,13 +81,13 @@ class LiveSample:
         self._ended = True
         self._wanted.set()
 
-    def follow(self, config: SessionConfig | None) -> None:
+    def follow(self, config: FlatSession | None) -> None:
         """Look at a session as it is now; returns at once.
 
         Parameters
         ----------
-        config : SessionConfig or None
-            Of flat samples; None of a session with faults.
+        config : FlatSession or None
+            None of a session of a scene, or with faults.
         """
         written = None if config is None else config.model_dump_json()
         now = written, self._run.running, self._run.state()["lines"][-1:]
@@ -236,11 +235,11 @@ class LiveSample:
             except (SpectraboxError, OSError, MemoryError) as error:
                 self._error, self._sample = str(error), None
 
-    def _update(self, config: SessionConfig | None) -> None:
+    def _update(self, config: FlatSession | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""
         if config is None:
             return              # a fault that is being mended: what was known stays
-        capture = flat_capture(config)
+        capture = capture_of(config)
         keys = step_keys(capture, InputFiles(config))
         done = {}
         for name in (CHART, CALIBRATE):
@@ -286,7 +285,7 @@ class LiveSample:
         """Take what is stated of regions by now, where photos and calibration are the same."""
         if self._config is None or self._sample is None:
             return
-        capture = flat_capture(self._config)
+        capture = capture_of(self._config)
         if calibration_digest(capture) == self._calibrated_as:
             self._sample = PointedSample(capture, self._sample.calibrated)
 
@@ -306,11 +305,6 @@ class LiveSample:
             self._error = str(run["error"] or "")
             if run["stopped"] and not self._error:
                 self._error = "stopped before the calibration was made"
-
-
-def flat_capture(config: SessionConfig) -> FlatCapture:
-    """What a session of flat samples measures: the page asks for no spectra of others."""
-    return cast(FlatCapture, capture_of(config))
 
 
 def calibration_digest(capture: FlatCapture) -> str:

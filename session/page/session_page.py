@@ -12,6 +12,7 @@ from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import shortened
+from spectrabox.session.config.flat_session import FlatSession
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import session_of_text, text_of
 from spectrabox.session.config.session_schema import SessionConfig
@@ -95,7 +96,7 @@ class SessionPage:
             config, problems = session_of_text(text_of(text.encode()), self.folder,
                                                self._allow_outside)
         # spectra while one points are of flat samples alone
-        self.live.follow(config if config is not None and config.flat else None)
+        self.live.follow(config if isinstance(config, FlatSession) else None)
         live = self.live.state()
         written = tables_of(text)
         marks = marks_of(written)
