@@ -1,16 +1,16 @@
 """What the steps of a measurement have made, as what was found."""
 from __future__ import annotations
 
-from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture
+from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results.capture_result import CaptureResult
-from spectrabox.measure.results.flat_result import flat_result
-from spectrabox.measure.results.scene_result import scene_result
+from spectrabox.measure.results.flat_result import FlatResult, flat_result
+from spectrabox.measure.results.scene_result import SceneResult, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
 
 
-def result_of(capture: Capture, records: CaptureRecords, rehearsal: Rehearsed | None = None,
-              picture_folder: str = "") -> CaptureResult:
+def result_of(capture: FlatCapture | SceneCapture, records: CaptureRecords,
+              rehearsal: Rehearsed | None = None,
+              picture_folder: str = "") -> FlatResult | SceneResult:
     """What was found, of a capture of either kind.
 
     Parameters
@@ -23,5 +23,4 @@ def result_of(capture: Capture, records: CaptureRecords, rehearsal: Rehearsed | 
     """
     if isinstance(capture, FlatCapture):
         return flat_result(capture, records, picture_folder)
-    assert isinstance(capture, SceneCapture)
     return scene_result(capture, records, rehearsal, picture_folder)

@@ -10,8 +10,9 @@ import numpy as np
 
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results.capture_result import CaptureResult
+from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.of_records import result_of
+from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
@@ -56,7 +57,7 @@ class StageRun:
 class SessionResults:
     """What the report of a session shows; ``folder`` is the session folder."""
 
-    found: CaptureResult
+    found: FlatResult | SceneResult
     folder: Path
     name: str
     operator: str

@@ -94,7 +94,6 @@ def render_report(results: SessionResults) -> RenderedReport:
     if isinstance(found, FlatResult):
         kind = _flat_page(found, results)
     else:
-        assert isinstance(found, SceneResult)
         kind = _scene_page(found, results)
     content = _content(results, kind)
     written = json_for_script(report_numbers(results) | kind.numbers | {
