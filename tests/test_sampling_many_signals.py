@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from sampling_cameras import surface
 
-from spectrabox.measure.signals.estimate import SampleOptions, SignalCapture
+from spectrabox.measure.signals.estimate import SignalCapture
+from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import relative_response

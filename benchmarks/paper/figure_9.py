@@ -21,7 +21,8 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from spectrabox.measure.signals.judgement import JudgeOptions, PictureJudgement, judge_picture
+from spectrabox.measure.signals.judgement import PictureJudgement, judge_picture
+from spectrabox.measure.signals.options import JudgeOptions
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances

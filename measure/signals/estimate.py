@@ -59,38 +59,6 @@ class SignalCapture:
     caveat: str | None = None
 
 
-@dataclass(frozen=True)
-class SampleOptions:
-    """How to draw spectra.
-
-    Attributes
-    ----------
-    method : {"prior", "uniform", "paper"}
-    samples : int
-        T, draws per signal; a 95 % band needs 1000 or more.
-    seed : int
-    coefficients : int
-        N of the B-spline class: bounds, and the methods uniform and paper.
-    level : float
-        Of the band, 0 to 1.
-    start : {"bounded", "unbounded"}
-        c0 of the method paper.
-    keep : int, optional
-        Method paper: rank by the further measurements and keep so many (Eqs. 9, 10).
-    refine : int, optional
-        Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. 11-16).
-    """
-
-    method: str = "prior"
-    samples: int = 2000
-    seed: int = 0
-    coefficients: int = 13
-    level: float = 0.95
-    start: str = "bounded"
-    keep: int | None = None
-    refine: int | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class SignalEstimate:
     """The reflectance behind one signal at P wavelengths.

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.signals.estimate import SampleOptions, SignalEstimate
+from spectrabox.measure.signals.estimate import SignalEstimate
+from spectrabox.measure.signals.options import JudgeOptions, SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
@@ -37,39 +38,6 @@ IMPORTED = "imported picture"
 # a truth or picture may end this far inside 400-700 nm; it is judged where it is known
 END_GAP_NM = 20.0
 MAX_MEAN = 2.0          # of a reflectance; more is counts or radiance
-
-
-@dataclass(frozen=True)
-class JudgeOptions:
-    """How regions of a picture are read and judged.
-
-    Attributes
-    ----------
-    lights : names
-        Of the colour differences.
-    samples, seed, coefficients : int
-        Of our methods, as in `SampleOptions`.
-    baseline : bool
-        Whether other authors' single spectra are judged too.
-    column : str, optional
-        Of the truth for all regions.
-    full_scale : float
-        What reflectance 1 reads in the picture.
-    white_region : str, optional
-        Region of known reflectance to divide by.
-    camera : str
-        That our methods see with, and its light, in words.
-    """
-
-    lights: tuple[str, ...]
-    samples: int = 2000
-    seed: int = 0
-    coefficients: int = 13
-    baseline: bool = False
-    column: str | None = None
-    full_scale: float = 1.0
-    white_region: str | None = None
-    camera: str = "the camera"
 
 
 @dataclass(frozen=True, repr=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 from spectrabox.radiometry.errors import InputError
 
 UNKNOWN = "unknown"
+DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
 LIGHT_KINDS = ("daylight", "halogen", "led", "fluorescent")
 SAME_KIND = {"tungsten": "halogen", "incandescent": "halogen", "bulb": "halogen",
              "sun": "daylight", "sunlight": "daylight", "sky": "daylight",

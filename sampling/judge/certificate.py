@@ -11,8 +11,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 from spectrabox.sampling.judge.spectrum_scores import (
-    LIGHTS,
     coverage,
     coverage_error,
     curve_coverage,
@@ -92,7 +92,7 @@ class Certificate:
 
 def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response: np.ndarray,
             noise: float = 0.0,
-            seed: int = 0, lights: tuple[str, ...] = LIGHTS) -> Certificate:
+            seed: int = 0, lights: tuple[str, ...] = DELTA_LIGHTS) -> Certificate:
     """Bands for the signals of every curve of a library, against the curve.
 
     Parameters

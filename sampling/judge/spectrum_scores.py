@@ -10,7 +10,6 @@ from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra
 
-LIGHTS = ("D65", "A", "FL11")       # of colour differences: daylight, incandescent, narrow bands
 TINY = 1e-12
 
 

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -10,12 +9,10 @@ import typer
 
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommonOptions,
+    Command,
     Device,
     Outside,
     Quiet,
-    check_device,
-    command,
     tell,
 )
 
@@ -25,32 +22,26 @@ def register(app: typer.Typer) -> None:
     app.command()(batch)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BatchRequest(CommonOptions):
-    """Options of ``spectrabox batch``."""
-
+@Command
+def batch(
     folders: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="DIR...", show_default=False, help="Session folders.")] = ()
+        metavar="DIR...", show_default=False, help="Session folders.")] = (),
     listed: Annotated[Path | None, typer.Option(
-        "--list", metavar="FILE", show_default=False, help="Session folders, one a line.")] = None
+        "--list", metavar="FILE", show_default=False, help="Session folders, one a line.")] = None,
     workers: Annotated[int | None, typer.Option(
         min=1, help="Sessions at a time; as many as there are cores by default, fewer where memory "
-        "would not do.")] = None
+        "would not do.")] = None,
     cluster: Annotated[str | None, typer.Option(
         metavar="ADDRESS", show_default=False, help="A Dask scheduler such as tcp://host:8786, "
-        "whose workers see the same folders; local starts one on this machine.")] = None
+        "whose workers see the same folders; local starts one on this machine.")] = None,
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="DIR", help="Folder of what is done, shared calibrations and the "
-        "page of all verdicts.")] = Path("batch")
-    device: Device = "auto"
-    allow_outside: Outside = False
-    quiet: Quiet = False
-
-
-@command
-def batch(request: BatchRequest) -> Answer:
+        "page of all verdicts.")] = Path("batch"),
+    device: Device = "auto",
+    allow_outside: Outside = False,
+    quiet: Quiet = False,
+) -> Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
-    check_device(request.device)
     from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
     from spectrabox.session.batch.manifest import program_of_batch
     from spectrabox.session.batch.overview import BatchProgress, batch_facts, batch_text, write_page
@@ -58,21 +49,21 @@ def batch(request: BatchRequest) -> Answer:
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.store.locks import sole_user
     from spectrabox.session.terminal.progress_display import progress_display
-    order = Order(tuple(session_folders(request.folders, request.listed)), request.out.resolve(),
-                  request.device, request.allow_outside, program_of_batch())
+    order = Order(tuple(session_folders(folders, listed)), out.resolve(), device, allow_outside,
+                  program_of_batch())
     with sole_user(order.out, "batch"):
         outcomes = kept_outcomes(order)
         kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
         used = 0
         try:
-            with progress_display(request.quiet) as show, \
-                    open_workers(request.cluster, request.workers, len(waiting)) as workers:
-                if workers.about and not request.quiet:
-                    tell(workers.about)
-                used = workers.capacity().workers
+            with progress_display(quiet) as show, \
+                    open_workers(cluster, workers, len(waiting)) as pool:
+                if pool.about and not quiet:
+                    tell(pool.about)
+                used = pool.capacity().workers
                 progress = BatchProgress(show, len(order.folders), kept,
-                                         not request.quiet and not sys.stderr.isatty())
-                for outcome in run_batch(order, waiting, workers):
+                                         not quiet and not sys.stderr.isatty())
+                for outcome in run_batch(order, waiting, pool):
                     outcomes[Path(outcome.folder)] = outcome
                     progress.add(outcome)
         finally:    # also of what is done when Ctrl-C ends it

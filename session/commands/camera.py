@@ -1,7 +1,6 @@
 """Commands on a camera without a session: camera fit, profile, prior, preflight, add, list."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,17 +8,18 @@ import typer
 
 from spectrabox.session.commands.requests import (
     METHODS,
-    CameraFitRequest,
     CameraPreflightRequest,
-    CameraProfileRequest,
+    PriorFile,
 )
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
+    CORNERS,
+    CORNERS_HELP,
     Answer,
-    CommonOptions,
+    ChartLayout,
+    Command,
     UsageProblem,
     check_ending,
-    command,
 )
 
 PRIORS = {".npz": "a prior on curves"}
@@ -37,8 +37,43 @@ def register(app: typer.Typer) -> None:
     app.add_typer(camera, name="camera")
 
 
-@command
-def fit(request: CameraFitRequest) -> Answer:
+@Command
+def fit(
+    light: Annotated[tuple[str, ...], typer.Option(
+        metavar="FILE|NAME", show_default=False, help="CSV of the light's spectrum, a CIE name "
+        "(D65, A, LED-B3), unknown, 3200K, or a kind: daylight, halogen, led, fluorescent. Once "
+        "for each photo, or once for all.")],
+    photos: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="[PHOTO...]", show_default=False, help="Photos of a colour chart, as --chart gives "
+        "them.")] = (),
+    chart: Annotated[tuple[Path, ...], typer.Option(
+        metavar="PHOTO", help="Raw, DNG, or linear EXR or TIFF of a colour chart; several of one "
+        "camera may be given.")] = (),
+    patches: Annotated[tuple[Path, ...], typer.Option(
+        metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
+        "standard_error... hold their errors.")] = (),
+    method: Annotated[str, typer.Option(
+        metavar="|".join(METHODS), help="How the curves are fitted.")] = "prior",
+    curves: Annotated[Path | None, typer.Option(
+        metavar="CSV", help="Measured curves, with method file.")] = None,
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="CSV", help="Write the curves and their band.")] = None,
+    draws_file: Annotated[Path | None, typer.Option(
+        metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
+    reference: Annotated[tuple[str, ...], typer.Option(
+        metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you "
+        "measured; by default the layout's own.")] = (),
+    layout: ChartLayout = "",
+    corners: Annotated[tuple[str, ...], typer.Option(
+        metavar=CORNERS, help=f"{CORNERS_HELP} Once for each photo, or once for all; may be "
+        "repeated.")] = (),
+    leave_out: Annotated[str, typer.Option(
+        metavar="N,N...", show_default=False, help="Patches that no fit uses, by number from "
+        "1.")] = "",
+    prior_file: PriorFile = None,
+    keep: Annotated[str | None, typer.Option(
+        metavar="NAME", help="Keep the curves under this name, for --sensitivity NAME.")] = None,
+) -> Answer:
     """Measure a camera's sensitivities on photos of a colour chart, with error bars.
 
     Under an unknown light the answer is the product of sensitivity and light.
@@ -46,91 +81,92 @@ def fit(request: CameraFitRequest) -> Answer:
     Of several photos the first --light and --reference belong to the first photo, the second to the
     second; one alone serves all.
     """
-    if request.method not in METHODS:
-        raise UsageProblem(f"--method {request.method} is not known; known are "
-                           f"{', '.join(METHODS)}")
-    chart = [*request.photos, *request.chart]
-    if bool(chart) == bool(request.patches):
+    if method not in METHODS:
+        raise UsageProblem(f"--method {method} is not known; known are {', '.join(METHODS)}")
+    photos = (*photos, *chart)
+    if bool(photos) == bool(patches):
         raise UsageProblem("give either photos of a chart or --patches CSV")
-    if (request.method == "file") != (request.curves is not None):
+    if (method == "file") != (curves is not None):
         raise UsageProblem("measured curves need both --method file and --curves CSV")
-    given = chart or request.patches
-    for option, stated in (("--light", request.light), ("--reference", request.reference),
-                           ("--corners", request.corners)):
+    given = photos or patches
+    for option, stated in (("--light", light), ("--reference", reference), ("--corners", corners)):
         if stated and len(stated) not in (1, len(given)):
             raise UsageProblem(f"{len(stated)} times {option} for {len(given)} photos; give one "
                                "for each or one for all")
-    outputs = [path for path in (request.out, request.draws_file) if path is not None]
+    outputs = [path for path in (out, draws_file) if path is not None]
     from spectrabox.calibrate.chart_calibration import CalibrationOptions
     from spectrabox.calibrate.prior.camera_prior import load_camera_prior
     from spectrabox.measure.camera import measure_camera
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_name
-    from spectrabox.session.camera.fit_files import require_outputs, write_curves, write_draws
-    from spectrabox.session.camera.inputs import camera_capture, read_measured_curves
-    inputs = [*given, *map(Path, (*request.light, *request.reference)),
-              *(path for path in (request.curves, request.prior_file) if path is not None)]
+    from spectrabox.session.camera.files import (
+        camera_capture,
+        read_layout,
+        read_measured_curves,
+        require_outputs,
+        write_curves,
+        write_draws,
+    )
+    inputs = [*given, *map(Path, (*light, *reference)),
+              *(path for path in (curves, prior_file) if path is not None)]
     require_outputs(outputs, inputs)
-    check_ending(request.out, CURVES)
-    check_ending(request.draws_file, DRAWS, "--draws-file")
-    if request.keep is not None:
-        require_new_name(request.keep)
-    capture = camera_capture(request)
-    curves = None if request.curves is None else read_measured_curves(
-        request.curves, len(capture.shown[0].bands), FINE_GRID)
-    prior = None if request.prior_file is None else load_camera_prior(request.prior_file)
-    fitted = measure_camera(capture, CalibrationOptions(request.method, prior, curves=curves))
+    check_ending(out, CURVES)
+    check_ending(draws_file, DRAWS, "--draws-file")
+    if keep is not None:
+        require_new_name(keep)
+    capture = camera_capture(read_layout(layout), photos, patches, light, reference, corners,
+                             leave_out)
+    options = CalibrationOptions(
+        method, None if prior_file is None else load_camera_prior(prior_file),
+        curves=None if curves is None else read_measured_curves(
+            curves, len(capture.shown[0].bands), FINE_GRID))
+    fitted = measure_camera(capture, options)
     facts, text = fitted.facts(), fitted.text()
-    if request.out is not None:
-        write_curves(request.out, fitted)
-        facts["file"] = request.out
-        text += f"\nwrote {request.out}"
-    if request.keep is not None:
-        facts["kept"] = keep_camera(request.keep, fitted.sensitivity.grid.nm, fitted.columns(),
+    if out is not None:
+        write_curves(out, fitted)
+        facts["file"] = out
+        text += f"\nwrote {out}"
+    if keep is not None:
+        facts["kept"] = keep_camera(keep, fitted.sensitivity.grid.nm, fitted.columns(),
                                     fitted.source)
-    if request.draws_file is not None:
-        write_draws(request.draws_file, fitted)
-        facts["samples"] = request.draws_file
+    if draws_file is not None:
+        write_draws(draws_file, fitted)
+        facts["samples"] = draws_file
     return Answer(facts, text)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraPriorRequest(CommonOptions):
-    """Options of ``spectrabox camera prior``."""
-
+@Command
+def prior(
     folder: Annotated[Path, typer.Argument(
-        metavar="FOLDER", show_default=False, help="Curves: rawtoaces JSON, CSV.")]
+        metavar="FOLDER", show_default=False, help="Curves: rawtoaces JSON, CSV.")],
     out: Annotated[Path, typer.Option(
-        "--out", "-o", metavar="NPZ", show_default=False, help="Where to write the prior.")]
+        "--out", "-o", metavar="NPZ", show_default=False, help="Where to write the prior.")],
     leave_out: Annotated[tuple[str, ...], typer.Option(
-        metavar="NAME", help="A camera to leave out; may be repeated.")] = ()
+        metavar="NAME", help="A camera to leave out; may be repeated.")] = (),
     source: Annotated[str | None, typer.Option(
-        metavar="TEXT", help="Stored with the prior; the folder by default.")] = None
-    licence: Annotated[str, typer.Option(help="Licence of the curves.")] = "not stated"
-
-
-@command
-def prior(request: CameraPriorRequest) -> Answer:
+        metavar="TEXT", help="Stored with the prior; the folder by default.")] = None,
+    licence: Annotated[str, typer.Option(help="Licence of the curves.")] = "not stated",
+) -> Answer:
     """Build a prior on sensitivities from a folder of measured cameras."""
-    check_ending(request.out, PRIORS)
+    check_ending(out, PRIORS)
     from spectrabox.calibrate.prior.camera_database import read_camera_database
     from spectrabox.calibrate.prior.camera_prior import save_camera_prior
     from spectrabox.calibrate.prior.learnt_prior import build_prior
-    database = read_camera_database(request.folder, leave_out=request.leave_out)
+    database = read_camera_database(folder, leave_out=leave_out)
     count = len(database.names)
-    learnt = build_prior(database.nm, database.curves, database.names, licence=request.licence,
-                         source=request.source or f"{count} cameras of {request.folder.name}")
-    save_camera_prior(request.out, learnt)
+    learnt = build_prior(database.nm, database.curves, database.names, licence=licence,
+                         source=source or f"{count} cameras of {folder.name}")
+    save_camera_prior(out, learnt)
     families = [members for members, level in zip(learnt.members, learnt.level, strict=True)
                 if level == 0]
-    return Answer({"file": request.out, "cameras": database.names, "skipped": database.skipped,
+    return Answer({"file": out, "cameras": database.names, "skipped": database.skipped,
                    "families": families, "bands": learnt.bands},
-                  "\n".join([f"wrote {request.out}: {count} cameras, {len(families)} families of "
+                  "\n".join([f"wrote {out}: {count} cameras, {len(families)} families of "
                              "two or more",
                              *(f"- skipped: {reason}" for reason in database.skipped)]))
 
 
-@command
+@Command
 def preflight(request: CameraPreflightRequest) -> Answer:
     """Forecast, before shooting, the errors of curves and of spectra, family by family, for this
     camera, chart and light, and what a second light would bring.
@@ -145,38 +181,59 @@ def preflight(request: CameraPreflightRequest) -> Answer:
     return Answer(*preflight_answer(request))
 
 
-@command
-def profile(request: CameraProfileRequest) -> Answer:
+@Command
+def profile(
+    sensitivity: Annotated[str, typer.Argument(
+        metavar="FILE|NAME", show_default=False, help="Curves of three bands, or a camera by its "
+        "name.")],
+    camera: Annotated[str, typer.Option(
+        "--camera", metavar="'MAKER MODEL'", show_default=False, help="As the camera's raw files "
+        "name it.")],
+    out: Annotated[tuple[Path, ...], typer.Option(
+        "--out", "-o", metavar="FILE", help=".icc, .clf, .ocio: profile under --light for ICC "
+        "programs, as Common LUT Format, for OpenColorIO; .dcp: DNG profile for A and D65; .json: "
+        "rawtoaces; .txt: vkdt. May be repeated.")] = (),
+    light: Annotated[str, typer.Option(
+        metavar="FILE|NAME", help="Spectrum or CIE name of the photos' light, of .icc, .clf and "
+        ".ocio.")] = "D50",
+    family: Annotated[tuple[str, ...], typer.Option(
+        metavar="FAMILY", help="What will be photographed: paint, textile, leaves, skin, white, "
+        "earth or animal; any by default. May be repeated.")] = (),
+    raw: Annotated[Path | None, typer.Option(
+        metavar="PHOTO", help="A raw file of the camera: the errors of its own matrix (that by "
+        "which LibRaw knows it, or a DNG's) stand beside the profile's.")] = None,
+    draws_file: Annotated[Path | None, typer.Option(
+        metavar="NPZ",
+        help="Draws of the curves, from 'camera fit --draws-file': gives every number "
+        "its spread.")] = None,
+    idt_light: Annotated[str, typer.Option(
+        metavar="NAME", help="CIE name, of the ACES matrix.")] = "D55",
+) -> Answer:
     """Write colour matrices and profiles of a camera, with error bars and colour errors."""
-    from spectrabox.session.camera.profile import FORMS, write_profiles
-    for path in request.out:
+    from spectrabox.session.camera.profiles import FORMS, write_profiles
+    for path in out:
         check_ending(path, FORMS)
-    known = write_profiles(request)
-    return Answer(known.facts() | {"files": request.out}, "\n".join([
-        known.text(), *(f"wrote {path}" for path in request.out)]))
+    known = write_profiles(sensitivity, camera, out, light, family, raw, draws_file, idt_light)
+    return Answer(known.facts() | {"files": out}, "\n".join([
+        known.text(), *(f"wrote {path}" for path in out)]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraAddRequest(CommonOptions):
-    """Options of ``spectrabox camera add``."""
-
+@Command
+def add(
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="FILE|FOLDER...", show_default=False, help="Measured curves: rawtoaces JSON, "
-        "CSV; folders of them.")]
-
-
-@command
-def add(request: CameraAddRequest) -> Answer:
+        "CSV; folders of them.")],
+) -> Answer:
     """Keep further measured cameras by their names, for --sensitivity \"My camera\"."""
-    from spectrabox.session.camera.kept import add_cameras
-    kept, skipped, folder = add_cameras(request.files)
+    from spectrabox.session.camera.files import add_cameras
+    kept, skipped, folder = add_cameras(files)
     return Answer({"folder": str(folder), "cameras": kept, "skipped": skipped},
                   "\n".join([f"kept in {folder}: {', '.join(kept) or 'none'}",
                              *(f"- skipped: {reason}" for reason in skipped)]))
 
 
-@command
-def list_cameras(request: CommonOptions) -> Answer:
+@Command
+def list_cameras() -> Answer:
     """Names of the cameras and observers that --sensitivity takes, such as \"Nikon D810\"."""
     from spectrabox.radiometry.published.published_tables import (
         CAMERAS,

@@ -3,7 +3,6 @@ photo.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,9 +14,10 @@ from spectrabox.session.terminal.command_line import (
     CORNERS_HELP,
     Answer,
     ChartLayout,
-    CommonOptions,
+    Command,
+    Debug,
+    Json,
     check_ending,
-    command,
 )
 
 if TYPE_CHECKING:
@@ -34,81 +34,73 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChartRequest(CommonOptions):
-    """Options of ``spectrabox chart``."""
-
+@Command
+def chart(
     photo: Annotated[Path, typer.Argument(
         metavar="PHOTO", show_default=False, help="Camera raw, DNG, linear EXR or TIFF; or a "
-        "JPEG or PNG, of which light, glare and focus are judged.")]
+        "JPEG or PNG, of which light, glare and focus are judged.")],
     overlay: Annotated[Path | None, typer.Option(
-        metavar="PNG", help="Write the photo with the samples drawn.")] = None
-    corners: Annotated[str | None, typer.Option(metavar=CORNERS, help=CORNERS_HELP)] = None
-    layout: ChartLayout = ""
+        metavar="PNG", help="Write the photo with the samples drawn.")] = None,
+    corners: Annotated[str | None, typer.Option(metavar=CORNERS, help=CORNERS_HELP)] = None,
+    layout: ChartLayout = "",
     reference: Annotated[str | None, typer.Option(
         metavar="NAME|FILE", show_default=False, help="Reflectances by which a chart is known that "
-        "is no ColorChecker of 24 patches.")] = None
+        "is no ColorChecker of 24 patches.")] = None,
     encoded: Annotated[bool | None, typer.Option(
         "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. Default: "
-        "JPEG and PNG are encoded.")] = None
-
-
-@command
-def chart(request: ChartRequest) -> Answer:
+        "JPEG and PNG are encoded.")] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> Answer:
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_writers import write_png
-    from spectrabox.session.camera.inputs import chart_named
-    image = _open(request.photo, request.encoded)
+    from spectrabox.session.camera.files import chart_named
+    image = _open(photo, encoded)
     try:
-        detection, verdict = chart_named(image, request.layout, request.reference,
-                                         request.corners)
+        detection, verdict = chart_named(image, layout, reference,
+                                         corners)
     except CheckError as error:
-        if request.debug or not request.as_json:
+        if debug or not as_json:
             raise
         return Answer({"verdict": "refused", "reasons": [str(error)], "corners_px": None,
                        "mean": None, "standard_error": None, "mirrored": None, "confidence": 0.0,
-                       "photo": request.photo}, "", error.exit_code)
-    if request.overlay is not None:
-        write_png(request.overlay, chart_overlay(image, detection))
-    return Answer(_facts(request.photo, image, detection, verdict),
-                  _text(request.photo, image, detection, verdict),
+                       "photo": photo}, "", error.exit_code)
+    if overlay is not None:
+        write_png(overlay, chart_overlay(image, detection))
+    return Answer(_facts(photo, image, detection, verdict),
+                  _text(photo, image, detection, verdict),
                   0 if verdict.verdict == "good" else RE_SHOOT)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DevelopRequest(CommonOptions):
-    """Options of ``spectrabox develop``."""
-
+@Command
+def develop(
     photos: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="PHOTO...", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")]
+        metavar="PHOTO...", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")],
     out: Annotated[Path, typer.Option(
-        "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the signal.")]
+        "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the signal.")],
     dark: Annotated[tuple[Path, ...], typer.Option(
         metavar="PHOTO",
-        help="Dark frame at the photo's exposure and ISO; several are averaged.")] = ()
+        help="Dark frame at the photo's exposure and ISO; several are averaged.")] = (),
     flat_field: Annotated[Path | None, typer.Option(
-        metavar="PHOTO", help="White card in the same place: divides the photo.")] = None
+        metavar="PHOTO", help="White card in the same place: divides the photo.")] = None,
     not_linear: Annotated[bool, typer.Option(
         "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked so: "
-        "good for finding a chart, but not for measuring.")] = False
-
-
-@command
-def develop(request: DevelopRequest) -> Answer:
+        "good for finding a chart, but not for measuring.")] = False,
+) -> Answer:
     """Turn raw photos into linear camera signal: black and dark removed, exposures merged,
     flat-fielded; an EXR with its variance.
     """
     from spectrabox.capture.develop.developed import develop_photos
     from spectrabox.capture.photo.image_writers import write_linear_exr
     from spectrabox.capture.photo.orientation import photo_orientation
-    check_ending(request.out, {".exr": "the signal in floating point"})
-    image, notes = develop_photos(request.photos, request.dark, request.flat_field,
-                                  request.not_linear)
-    write_linear_exr(request.out, image, photo_orientation(request.photos[0]))
-    facts = {**_photo_facts(image), "out": str(request.out), "notes": list(notes),
+    check_ending(out, {".exr": "the signal in floating point"})
+    image, notes = develop_photos(photos, dark, flat_field,
+                                  not_linear)
+    write_linear_exr(out, image, photo_orientation(photos[0]))
+    facts = {**_photo_facts(image), "out": str(out), "notes": list(notes),
              "size": [image.signal.shape[1], image.signal.shape[0]]}
-    lines = [f"wrote {request.out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "
+    lines = [f"wrote {out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "
              f"{facts['saturated_fraction']:.2%} saturated, noise at half scale "
              + ", ".join(f"{value:.3%}" for value in facts["noise_at_half"]),
              *(f"- {note}" for note in notes)]

@@ -1,7 +1,6 @@
 """The command that measures a filter: from two photos of a chart, or from two readings."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +10,9 @@ from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
     ChartLayout,
-    CommonOptions,
+    Command,
     UsageProblem,
     check_ending,
-    command,
 )
 
 if TYPE_CHECKING:
@@ -30,48 +28,43 @@ def register(app: typer.Typer) -> None:
     app.add_typer(filters)
 
 
-@dataclass(frozen=True, kw_only=True)
-class FilterFitRequest(CommonOptions):
-    """Options of ``spectrabox filter fit``."""
-
+@Command
+def fit(
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="WITHOUT WITH", show_default=False, help="Two photos of a colour chart, or with "
-        "--readings two spectra of one lamp: first without the filter, then with it.")]
+        "--readings two spectra of one lamp: first without the filter, then with it.")],
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="CSV", show_default=False, help="Where to write the transmittance "
-        "and its standard error.")]
+        "and its standard error.")],
     readings: Annotated[bool, typer.Option(
-        "--readings", help="The files are readings of a spectroradiometer.")] = False
+        "--readings", help="The files are readings of a spectroradiometer.")] = False,
     light: Annotated[str, typer.Option(
         metavar="FILE|NAME",
         help="Light of the photos: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
-        "spectrum.")] = "unknown"
+        "spectrum.")] = "unknown",
     reference: Annotated[str | None, typer.Option(
-        metavar="NAME|FILE", help="Chart reflectances.")] = None
-    layout: ChartLayout = ""
-
-
-@command
-def fit(request: FilterFitRequest) -> Answer:
+        metavar="NAME|FILE", help="Chart reflectances.")] = None,
+    layout: ChartLayout = "",
+) -> Answer:
     """Measure the transmittance of a filter, with standard errors, as a file for --filters."""
-    if len(request.files) != 2:
-        raise UsageProblem(f"{len(request.files)} files were given; two are needed: first without "
+    if len(files) != 2:
+        raise UsageProblem(f"{len(files)} files were given; two are needed: first without "
                            "the filter, then with it")
-    check_ending(request.out, WRITTEN)
+    check_ending(out, WRITTEN)
     from spectrabox.radiometry.errors import InputError
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.records import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import table_text
 
-    if request.out in request.files:
-        raise InputError(f"{request.out} is one of the given files; name another file")
-    known = _of_readings(*request.files) if request.readings else _of_charts(request)
-    write_text_whole(request.out, table_text(
+    if out in files:
+        raise InputError(f"{out} is one of the given files; name another file")
+    known = _of_readings(*files) if readings else _of_charts(*files, light, reference, layout)
+    write_text_whole(out, table_text(
         FINE_GRID.nm, {"transmittance": known.transmittance,
                        "standard_error": known.standard_error},
         quantity=Quantity.RELATIVE, source=known.source))
-    return Answer(known.facts() | {"file": request.out}, f"wrote {request.out}: {known.text()}")
+    return Answer(known.facts() | {"file": out}, f"wrote {out}: {known.text()}")
 
 
 def _of_readings(without: Path, through: Path) -> MeasuredFilter:
@@ -82,16 +75,16 @@ def _of_readings(without: Path, through: Path) -> MeasuredFilter:
                                   for path in (without, through)))
 
 
-def _of_charts(request: FilterFitRequest) -> MeasuredFilter:
+def _of_charts(without: Path, through: Path, light: str, reference: str | None,
+               layout: str) -> MeasuredFilter:
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.measure.more_bands.filter_fit import filter_from_photos
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.stated_light import stated_light
-    from spectrabox.session.camera.inputs import read_layout
+    from spectrabox.session.camera.files import read_layout
 
-    chart = read_layout(request.layout)
-    without, through = (open_photo(path) for path in request.files)
-    return filter_from_photos(without, through, chart,
-                              reference_reflectances(request.reference, chart, FINE_GRID),
-                              stated_light(request.light, FINE_GRID))
+    chart = read_layout(layout)
+    return filter_from_photos(open_photo(without), open_photo(through), chart,
+                              reference_reflectances(reference, chart, FINE_GRID),
+                              stated_light(light, FINE_GRID))

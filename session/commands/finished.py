@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,12 +10,12 @@ import typer
 
 from spectrabox.session.terminal.command_line import (
     Answer,
+    Command,
     Device,
+    Folder,
+    Outside,
     Quiet,
-    SessionOptions,
-    check_device,
     check_ending,
-    command,
     tell,
 )
 
@@ -27,32 +26,28 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RelightRequest(SessionOptions):
-    """Options of ``spectrabox relight``."""
-
+@Command
+def relight(
+    folder: Folder,
+    allow_outside: Outside = False,
     light: Annotated[str | None, typer.Option(
         metavar="FILE|NAME",
         help="A CIE illuminant such as D65 or FL11, or a file; the session's own by "
-        "default.")] = None
+        "default.")] = None,
     observer: Annotated[str | None, typer.Option(
         metavar="FILE|NAME",
-        help="Colour-matching functions by name or file; CIE 1931 2 degrees by default.")] = None
+        help="Colour-matching functions by name or file; CIE 1931 2 degrees by default.")] = None,
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="PNG", help="DIR/relit LIGHT.png by default; the same as EXR is "
-        "written beside it.")] = None
-    width: Annotated[int, typer.Option(min=16, max=4096, help="Width in pixels.")] = 480
-    spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64
-    device: Device = "auto"
-
-
-@command
-def relight(request: RelightRequest) -> Answer:
+        "written beside it.")] = None,
+    width: Annotated[int, typer.Option(min=16, max=4096, help="Width in pixels.")] = 480,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64,
+    device: Device = "auto",
+) -> Answer:
     """Render the scene with the recovered spectra under any light, and say how far its colours are
     known there.
     """
-    check_device(request.device)
-    check_ending(request.out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
+    check_ending(out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
     from spectrabox.capture.photo.image_writers import write_exr, write_png
     from spectrabox.measure.scene.box_camera import scene_of
     from spectrabox.session.box.scenes import stated_scene
@@ -62,17 +57,17 @@ def relight(request: RelightRequest) -> Answer:
     from spectrabox.session.relight import OBSERVER
     from spectrabox.session.relight import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
-    config = read_session(request.folder, request.allow_outside)
+    config = read_session(folder, allow_outside)
     scene = scene_of(stated_scene(config))
-    size = (request.width, max(round(request.width * scene.height / scene.width), 1))
+    size = (width, max(round(width * scene.height / scene.width), 1))
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
     digests = finished.result_digests()
-    relit, notes = render_under(finished, light=request.light,
-                                observer=request.observer or OBSERVER, size=size, spp=request.spp,
-                                device=request.device)
-    label = re.sub(r"[^\w.-]", "-", Path(request.light or "session").stem)
-    png = request.out or request.folder / f"relit {label}.png"
+    relit, notes = render_under(finished, light=light,
+                                observer=observer or OBSERVER, size=size, spp=spp,
+                                device=device)
+    label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
+    png = out or folder / f"relit {label}.png"
     with outputs_writer(config.folder):     # two pictures that belong together
         require_results(finished, digests, "spectrabox relight")
         write_png(png, relit.picture)
@@ -84,27 +79,24 @@ def relight(request: RelightRequest) -> Answer:
                 f"{colour.delta_e00_95:.2f} (95 %)")
              for colour in relit.colours]
     return Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
-                   "light": request.light or "session",
+                   "light": light or "session",
                    "colours": [vars(colour) for colour in relit.colours],
                    "notes": list(notes), "stale": stale},
                   "\n".join([*lines, *notes, f"picture: {png}"]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColourRequest(SessionOptions):
-    """Options of ``spectrabox colour``."""
-
+@Command
+def colour(
+    folder: Folder,
+    allow_outside: Outside = False,
     out: Annotated[Path | None, typer.Option(
-        "--out", "-o", metavar="DIR", help="Folder of the files; DIR/colour by default.")] = None
+        "--out", "-o", metavar="DIR", help="Folder of the files; DIR/colour by default.")] = None,
     space: Annotated[Literal["prophoto", "p3", "lab"], typer.Option(
-        help="Colour space of the photo: ProPhoto RGB, Display P3 or L*a*b*.")] = "prophoto"
+        help="Colour space of the photo: ProPhoto RGB, Display P3 or L*a*b*.")] = "prophoto",
     family: Annotated[tuple[str, ...], typer.Option(
         metavar="FAMILY", help="What the surfaces are: paint, textile, leaves, skin, white, earth "
-        "or animal; by default what the session states. May be repeated.")] = ()
-
-
-@command
-def colour(request: ColourRequest) -> Answer:
+        "or animal; by default what the session states. May be repeated.")] = (),
+) -> Answer:
     """Write a finished session of flat samples for colour management: the photo as 16-bit TIFF, ICC
     and OpenColorIO profiles with their errors, and a page for the archive.
     """
@@ -113,71 +105,65 @@ def colour(request: ColourRequest) -> Answer:
     from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import require_results
     from spectrabox.session.store.locks import outputs_writer
-    config = read_session(request.folder, request.allow_outside)
+    config = read_session(folder, allow_outside)
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
     digests = finished.result_digests()
     with outputs_writer(config.folder):
-        facts, text = write_colour(config, finished, request.out or request.folder / "colour",
-                                   request.space, request.family)
+        facts, text = write_colour(config, finished, out or folder / "colour",
+                                   space, family)
         require_results(finished, digests, "spectrabox colour")
     return Answer({**facts, "stale": stale}, text)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DrawsRequest(SessionOptions):
-    """Options of ``spectrabox draws``."""
-
+@Command
+def draws(
+    *,
+    folder: Folder,
+    allow_outside: Outside = False,
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="FILE", show_default=False, help=".npz: one array a surface; .csv "
-        "or .parquet: a row for each surface, draw and wavelength.")]
-    step: Annotated[int, typer.Option(min=1, max=100, help="Nanometres between wavelengths.")] = 5
+        "or .parquet: a row for each surface, draw and wavelength.")],
+    step: Annotated[int, typer.Option(min=1, max=100, help="Nanometres between wavelengths.")] = 5,
     count: Annotated[int | None, typer.Option(
-        "--samples", min=1, help="Draws of each surface; all by default.")] = None
-
-
-@command
-def draws(request: DrawsRequest) -> Answer:
+        "--samples", min=1, help="Draws of each surface; all by default.")] = None,
+) -> Answer:
     """Write the spectra that were drawn for the surfaces of a finished session into one file."""
     from spectrabox.session.store.draws_files import FORMS, stored_draws, write_draws
-    check_ending(request.out, FORMS)
+    check_ending(out, FORMS)
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
-    config = read_session(request.folder, request.allow_outside)
-    drawn = stored_draws(load_finished(config).records.sample, request.step, request.count)
+    config = read_session(folder, allow_outside)
+    drawn = stored_draws(load_finished(config).records.sample, step, count)
     stale = warn_of_stale_stages(config, tell)
-    write_draws(request.out, drawn)
+    write_draws(out, drawn)
     numbers = {name: len(values) for name, (_, values) in drawn.items()}
     nm = next(iter(drawn.values()))[0]
     counts = ", ".join(f"{count} of {name}" for name, count in numbers.items())
-    return Answer({"file": request.out, "draws": numbers, "wavelengths_nm": nm, "stale": stale},
-                  f"wrote {request.out}: {counts}, {nm[0]:g}-{nm[-1]:g} nm every {request.step} "
+    return Answer({"file": out, "draws": numbers, "wavelengths_nm": nm, "stale": stale},
+                  f"wrote {out}: {counts}, {nm[0]:g}-{nm[-1]:g} nm every {step} "
                   "nm")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RehearseRequest(SessionOptions):
-    """Options of ``spectrabox rehearse``."""
-
-    times: Annotated[int, typer.Option(help="Photos of known truth, from 20 up.")] = 200
-    seed: Annotated[int, typer.Option(help="Random seed of truths, photos and draws.")] = 1
-    device: Device = "auto"
-    quiet: Quiet = False
-
-
-@command
-def rehearse(request: RehearseRequest) -> Answer:
+@Command
+def rehearse(
+    folder: Folder,
+    allow_outside: Outside = False,
+    times: Annotated[int, typer.Option(help="Photos of known truth, from 20 up.")] = 200,
+    seed: Annotated[int, typer.Option(help="Random seed of truths, photos and draws.")] = 1,
+    device: Device = "auto",
+    quiet: Quiet = False,
+) -> Answer:
     """Test whether this session's bands hold, on simulated photos with known truths."""
-    check_device(request.device)
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.rehearsal import rehearse as replay
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.store.rehearsals import save_rehearsal
     from spectrabox.session.terminal.progress_display import progress_display
-    config = read_session(request.folder, request.allow_outside)
+    config = read_session(folder, allow_outside)
     with only_writer(config.folder, "spectrabox rehearse"), \
-            progress_display(request.quiet) as progress:
-        rehearsed = replay(config, request.times, request.seed, request.device,
+            progress_display(quiet) as progress:
+        rehearsed = replay(config, times, seed, device,
                            lambda done, what: progress("rehearse", done, what))
         path = save_rehearsal(config, rehearsed)
     return Answer(dataclasses.asdict(rehearsed) | {"file": str(path)}, rehearsed.text)

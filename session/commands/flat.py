@@ -2,31 +2,29 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
-from spectrabox.session.commands.session import RunRequest, run_session
+from spectrabox.session.commands.session import run_session
 from spectrabox.session.terminal.command_line import (
     CORNERS,
     CORNERS_HELP,
     RECTANGLE,
     Answer,
     ChartLayout,
-    CommonOptions,
+    Command,
     Quiet,
-    command,
     pixel_numbers,
+    tell,
 )
 
 if TYPE_CHECKING:
-    from spectrabox.session.flat.new_session import FurtherPhoto
+    from spectrabox.session.flat.new_session import Tables
 
 
 def register(app: typer.Typer) -> None:
@@ -34,95 +32,117 @@ def register(app: typer.Typer) -> None:
     app.command()(flat)
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlatRequest(CommonOptions):
-    """Options of ``spectrabox flat``."""
-
+@Command
+def flat(
     photos: Annotated[tuple[Path, ...], typer.Argument(
         metavar="PHOTO...", show_default=False, help="The samples, with a colour chart among them: "
         "camera raw or linear file. Further photos are of the same samples from the same tripod, "
-        "each with the chart and under another unknown light: every one adds its bands.")]
+        "each with the chart and under another unknown light: every one adds its bands.")],
     also: Annotated[tuple[str, ...], typer.Option(
         "--also", metavar="PHOTO=WHAT",
         help="A further photo under a light or through a filter of which "
         "something is known: filter:FILE or filter:unknown (before the first photo's light), "
-        "light:LIGHT as of --light, or same (the first photo's light). May be repeated.")] = ()
+        "light:LIGHT as of --light, or same (the first photo's light). May be repeated.")] = (),
     region: Annotated[tuple[str, ...], typer.Option(
         "--region", metavar=f"NAME={RECTANGLE}", help="A region by two opposite corners in pixels "
         "of the first photo; may be repeated. Without one, the command looks for the chart and "
-        "writes a picture of the photo with its pixels on the axes.")] = ()
+        "writes a picture of the photo with its pixels on the axes.")] = (),
     regions: Annotated[Path | None, typer.Option(
         metavar="TOML",
         help="File of regions, [regions.NAME] with rect, family, surface, known and "
-        "truth as in a session, for photos that are framed alike.")] = None
+        "truth as in a session, for photos that are framed alike.")] = None,
     each: Annotated[bool, typer.Option(
         "--each", help="Measure every photo by itself, with the same regions, and make a session "
-        "of each: for the photos of a day. All are turned as the first states.")] = False
+        "of each: for the photos of a day. All are turned as the first states.")] = False,
     light: Annotated[str, typer.Option(
         metavar="FILE|NAME",
         help="Of the first photo: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
-        "spectrum.")] = "unknown"
+        "spectrum.")] = "unknown",
     chart: Annotated[Path | None, typer.Option(
         "--chart", metavar="PHOTO",
         help="Photo of the chart in the samples' place, where they do not show "
-        "it.")] = None
+        "it.")] = None,
     corners: Annotated[str | None, typer.Option(
-        metavar=CORNERS, help=CORNERS_HELP)] = None
-    layout: ChartLayout = ""
+        metavar=CORNERS, help=CORNERS_HELP)] = None,
+    layout: ChartLayout = "",
     reference: Annotated[str | None, typer.Option(
         metavar="NAME|FILE", show_default=False, help="Chart reflectances: a published average, or "
-        "a file you measured; by default the layout's own.")] = None
+        "a file you measured; by default the layout's own.")] = None,
     white_card: Annotated[str | None, typer.Option(
         metavar=f"{RECTANGLE}=FILE|NUMBER", help="A region of known reflectance, such as "
-        "986,462,1073,537=0.94 or =card.csv.")] = None
+        "986,462,1073,537=0.94 or =card.csv.")] = None,
     swatches: Annotated[Path | None, typer.Option(
         help="Measured spectra of swatches of the samples' material, eight or more, each named as "
-        "its --region; they correct the other regions.")] = None
+        "its --region; they correct the other regions.")] = None,
     flat_field: Annotated[Path | None, typer.Option(
-        metavar="PHOTO", help="Photo of a white card that fills the samples' place.")] = None
+        metavar="PHOTO", help="Photo of a white card that fills the samples' place.")] = None,
     family: Annotated[tuple[str, ...], typer.Option(
         "--family", metavar="NAME=KIND", help="What a region's surface is: paint, textile, leaves, "
-        "skin, white, earth or animal. May be repeated.")] = ()
+        "skin, white, earth or animal. May be repeated.")] = (),
     surface: Annotated[tuple[str, ...], typer.Option(
         "--surface", metavar="[NAME=]matt|satin|glossy", help="How much the surfaces mirror: of "
-        "all regions, or of the named one. May be repeated.")] = ()
+        "all regions, or of the named one. May be repeated.")] = (),
     truth: Annotated[tuple[str, ...], typer.Option(
         "--truth", metavar="NAME=FILE", help="Measured reflectance of a region, to compare "
-        "with.")] = ()
+        "with.")] = (),
     not_linear: Annotated[bool, typer.Option(
         "--not-linear", help="Take JPEG and PNG, decoded as sRGB: for a first look, since nobody "
-        "knows the errors of what the camera has processed; never a PASS.")] = False
+        "knows the errors of what the camera has processed; never a PASS.")] = False,
     picture: Annotated[bool, typer.Option(
         "--picture", help="Also the spectrum of every pixel, with maps, in "
-        "results/picture.")] = False
+        "results/picture.")] = False,
     picture_light: Annotated[str | None, typer.Option(
         metavar="NAME",
         help="CIE name of a second light, besides D65, under which the picture's colours are "
-        "shown.")] = None
+        "shown.")] = None,
     session: Annotated[Path | None, typer.Option(
         metavar="DIR", help="The session folder; beside the photo and named after it by "
-        "default.")] = None
-    quiet: Quiet = False
-
-
-@command
-def flat(request: FlatRequest) -> Answer:
+        "default.")] = None,
+    quiet: Quiet = False,
+) -> Answer:
     """Measure spectra of flat samples in photos that show a colour chart."""
-    return _measure_each(request) if request.each else _measure(request)
-
-
-def _measure_each(request: FlatRequest) -> Answer:
-    """A session for each photo; one that will not do does not stop the others."""
-    from spectrabox.session.terminal.command_line import tell
-    if request.also or request.session is not None:
+    if each and (also or session is not None):
         raise InputError("--each makes a session beside every photo: leave --also and --session "
                          "out")
+    tables: Tables | None = None        # of session.toml, but for those of its photo
+    if region or regions is not None:
+        from spectrabox.session.flat.new_session import file_or_word, views_of
+        outlined, of_all = _regions(region, regions, white_card, family, truth, surface, swatches)
+        further = [(photo, _light_of(photo, said)) for photo, said in (
+            *((photo, "light:unknown") for photo in photos[1:]),
+            *((Path(file), said) for file, said in _pairs(also, "--also", "WHAT").items()))]
+        tables = {"light": {"spectrum": file_or_word(light)},
+                  "chart": _chart(layout, reference, corners) or None,
+                  "views": None if each else views_of(photos[0], further) or None,
+                  "regions": outlined,
+                  "picture": {"light": picture_light, "surface": of_all} if picture else None}
+        if picture_light is not None and not picture:
+            raise InputError("--picture-light says how a picture is shown: give --picture too")
+
+    def measured(photo: Path, orientation: int | None = None) -> Answer:
+        if tables is None:
+            return _show_photo(photo, orientation, chart, layout, reference, corners, not_linear)
+        from spectrabox.session.flat.new_session import session_of, tables_of_photo
+        start = time.perf_counter()
+        of_photo = tables_of_photo(photo, chart=chart, flat=flat_field, orientation=orientation,
+                                   not_linear=not_linear or None)
+        with session_of(of_photo | tables, session) as folder:
+            answer = run_session(folder, device="not needed", quiet=quiet,
+                                 words=["spectrabox", "flat", photo.stem])
+        return Answer({**answer.facts, "seconds": round(time.perf_counter() - start, 3)},
+                      answer.text)
+    return _measure_each(photos, measured) if each else measured(photos[0])
+
+
+def _measure_each(photos: Sequence[Path],
+                  measured: Callable[[Path, int | None], Answer]) -> Answer:
+    """A session for each photo; one that will not do does not stop the others."""
     answers: list[dict[str, object]] = []
     texts, codes = [], []
-    orientation = _first_orientation(request.photos)
-    for photo in request.photos:
+    orientation = _first_orientation(photos)
+    for photo in photos:
         try:
-            answer = _measure(dataclasses.replace(request, photos=(photo,)), orientation)
+            answer = measured(photo, orientation)
             answers.append({"photo": photo, **answer.facts})
             texts.append(f"{photo}\n{answer.text}")
         except SpectraboxError as error:
@@ -144,65 +164,40 @@ def _first_orientation(photos: Sequence[Path]) -> int | None:
     return None
 
 
-def _measure(request: FlatRequest, orientation: int | None = None) -> Answer:
-    """The session of one sample, run; without regions a look at its photo."""
-    start = time.perf_counter()
-    photo, *others = request.photos
-    if not request.region and request.regions is None:
-        return _show_photo(photo, request, orientation)
-    from spectrabox.session.flat.new_session import CARD, FlatOrder, session_of
-    from spectrabox.session.flat.regions_file import StatedRegions, read_regions
-    in_file = StatedRegions() if request.regions is None else read_regions(request.regions)
-    regions = {name: pixel_numbers(rest, 4, f"--region {name}", RECTANGLE)
-               for name, rest in _pairs(request.region, "--region", RECTANGLE).items()}
-    if twice := regions.keys() & in_file.rects.keys():
-        raise InputError(f"{min(twice)!r} is a --region and in {request.regions} too; leave one "
-                         "out")
-    regions |= {name: list(rect) for name, rect in in_file.rects.items()}
-    known = dict(in_file.known)
-    if request.white_card is not None:
-        rect, _, known[CARD] = request.white_card.partition("=")
-        regions[CARD] = pixel_numbers(rect, 4, "--white-card", RECTANGLE)
-        if not known[CARD]:
+def _regions(region: Sequence[str], file: Path | None, white_card: str | None,
+             family: Sequence[str], truth: Sequence[str], surface: Sequence[str],
+             swatches: Path | None) -> tuple[Tables, str | None]:
+    """[regions] of session.toml, and what is stated of the surface of all that is photographed."""
+    from spectrabox.sampling.further.swatch_files import read_swatch_spectra
+    from spectrabox.session.flat.new_session import CARD, read_regions
+    tables: Tables = {name: {"rect": pixel_numbers(rest, 4, f"--region {name}", RECTANGLE)}
+                      for name, rest in _pairs(region, "--region", RECTANGLE).items()}
+    in_file = {} if file is None else read_regions(file)
+    if twice := tables.keys() & in_file.keys():
+        raise InputError(f"{min(twice)!r} is a --region and in {file} too; leave one out")
+    tables |= in_file
+    if white_card is not None:
+        rect, _, known = white_card.partition("=")
+        tables[CARD] = {"rect": pixel_numbers(rect, 4, "--white-card", RECTANGLE), "known": known}
+        if not known:
             raise InputError("--white-card needs the card's reflectance: X0,Y0,X1,Y1=FILE, or "
                              "a number such as X0,Y0,X1,Y1=0.95")
-    families = {**in_file.families} | {name: word.split(",") for name, word
-                in _pairs(request.family, "--family", "paint").items()}
-    truths = {**in_file.truths} | _pairs(request.truth, "--truth", "FILE")
-    surfaces, of_all = _surfaces(request.surface, [name for name in regions if name not in known])
-    surfaces = {**in_file.surfaces} | surfaces
-    if unknown := [name for name in (*families, *truths, *surfaces) if name not in regions]:
-        raise InputError(f"{unknown[0]!r} is no region; the regions are {', '.join(regions)}")
-    px = None if request.corners is None else pixel_numbers(request.corners, 8, "--corners",
-                                                            CORNERS)
-    further = [*map(_further, others), *(
-        _further(Path(file), said)
-        for file, said in _pairs(request.also, "--also", "WHAT").items())]
-    order = FlatOrder(photo, regions, request.light, request.chart, request.flat_field,
-                      None if px is None else [px[at:at + 2] for at in range(0, 8, 2)],
-                      families, surfaces, of_all, known, truths, request.layout,
-                      request.reference, request.picture, request.picture_light,
-                      further, request.swatches, request.not_linear, orientation)
-    if request.picture_light is not None and not request.picture:
-        raise InputError("--picture-light says how a picture is shown: give --picture too")
-    with session_of(order, request.session) as folder:
-        run = RunRequest(folder=folder, device="not needed", quiet=request.quiet)
-        answer = run_session(run, ["spectrabox", "flat", photo.stem])
-    seconds = round(time.perf_counter() - start, 3)
-    return Answer({**answer.facts, "seconds": seconds}, answer.text)
-
-
-def _further(photo: Path, said: str = "light:unknown") -> FurtherPhoto:
-    """A further photo and what is said of its light."""
-    from spectrabox.session.flat.new_session import FurtherPhoto
-
-    kind, _, what = said.partition(":")
-    if said == "same":
-        return FurtherPhoto(photo, None)
-    if not what or kind not in ("filter", "light"):
-        raise InputError(f"--also {photo}={said}: PHOTO=filter:FILE, PHOTO=filter:unknown, "
-                         "PHOTO=light:LIGHT or PHOTO=same is needed")
-    return FurtherPhoto(photo, None, what) if kind == "filter" else FurtherPhoto(photo, what)
+    surfaces, of_all = _surfaces(surface, [name for name, table in tables.items()
+                                           if "known" not in table])
+    for key, stated in (
+            ("family", {name: word.split(",") for name, word
+                        in _pairs(family, "--family", "paint").items()}),
+            ("truth", {name: Path(word) for name, word
+                       in _pairs(truth, "--truth", "FILE").items()}),
+            ("surface", surfaces)):
+        for name, value in stated.items():
+            if name not in tables:
+                raise InputError(f"{name!r} is no region; the regions are {', '.join(tables)}")
+            tables[name][key] = value
+    if swatches is not None:
+        for name in read_swatch_spectra(swatches, tables):
+            tables[name]["swatch"] = {"file": swatches, "column": name}
+    return tables, of_all
 
 
 def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, str], str | None]:
@@ -219,18 +214,53 @@ def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, s
     return stated, of_all
 
 
-def _show_photo(photo: Path, request: FlatRequest, orientation: int | None) -> Answer:
+def _chart(layout: str, reference: str | None, corners: str | None) -> dict[str, Any]:
+    """[chart] of session.toml."""
+    from spectrabox.radiometry.charts.layout_names import is_layout_file
+    from spectrabox.radiometry.charts.layouts import chart_layout
+    from spectrabox.session.flat.new_session import file_or_word
+    said: dict[str, Any] = {}
+    if layout:
+        known = chart_layout(layout)
+        said["layout"] = Path(layout) if is_layout_file(layout) else known.name
+        if reference is None and known.reference_file is not None:
+            reference = str(known.reference_file)
+    if reference is not None:
+        said["reference"] = file_or_word(reference)
+    if corners is not None:
+        px = pixel_numbers(corners, 8, "--corners", CORNERS)
+        said["corners_px"] = [px[at:at + 2] for at in range(0, 8, 2)]
+    return said
+
+
+def _light_of(photo: Path, said: str) -> dict[str, Any]:
+    """What [views] says of the light of a further photo."""
+    from spectrabox.session.config.session_schema import FIRST_PHOTO
+    from spectrabox.session.flat.new_session import file_or_word
+    kind, _, what = said.partition(":")
+    if said == "same":
+        return {"same_light_as": FIRST_PHOTO}
+    if not what or kind not in ("filter", "light"):
+        raise InputError(f"--also {photo}={said}: PHOTO=filter:FILE, PHOTO=filter:unknown, "
+                         "PHOTO=light:LIGHT or PHOTO=same is needed")
+    if kind == "light":
+        return {"light": file_or_word(what)}
+    return {"same_light_as": FIRST_PHOTO, "filter": file_or_word(what)}
+
+
+def _show_photo(photo: Path, orientation: int | None, chart_photo: Path | None, layout: str,
+                reference: str | None, corners: str | None, not_linear: bool) -> Answer:
     """Look for the chart, and write a picture to read regions from, with the chart drawn on it."""
     from spectrabox.capture.develop.developed import open_any
     from spectrabox.capture.photo.orientation import photo_orientation, turned
-    from spectrabox.session.camera.inputs import chart_named
+    from spectrabox.session.camera.files import chart_named
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
-    image = turned(open_any(photo, request.not_linear), orientation or photo_orientation(photo))
+    image = turned(open_any(photo, not_linear), orientation or photo_orientation(photo))
     chart = None
     try:
-        if request.chart is None:
-            chart = chart_named(image, request.layout, request.reference, request.corners)
+        if chart_photo is None:
+            chart = chart_named(image, layout, reference, corners)
     except CheckError as error:
         write_picture(image, picture)
         raise type(error)(f"{error}. {picture} shows the photo with its pixels on the axes, to "

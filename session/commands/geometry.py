@@ -1,7 +1,6 @@
 """Commands about the camera's geometry: its lens, its pose, photos without distortion."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,11 +11,11 @@ from spectrabox.session.commands.lamp import beam, light
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommonOptions,
+    Command,
+    Folder,
     Force,
-    SessionOptions,
+    Outside,
     check_ending,
-    command,
     require_new,
 )
 from spectrabox.session.terminal.json_values import to_json
@@ -47,51 +46,41 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group, name="geometry")
 
 
-@dataclass(frozen=True, kw_only=True)
-class BoardRequest(CommonOptions):
-    """Options of ``spectrabox geometry board``."""
-
-    board_file: PrintedBoard
+@Command
+def board(
+    board_file: PrintedBoard,
     out: Annotated[Path, typer.Option(
-        "--out", "-o", metavar="PNG", show_default=False, help="Where to write the board.")]
+        "--out", "-o", metavar="PNG", show_default=False, help="Where to write the board.")],
     square_px: Annotated[int, typer.Option(min=40, max=4000,
-                                           help="Width of a square in the picture.")] = 200
-    force: Force = False
-
-
-@command
-def board(request: BoardRequest) -> Answer:
+                                           help="Width of a square in the picture.")] = 200,
+    force: Force = False,
+) -> Answer:
     """Draw a ChArUco board for printing; measure its squares on the print."""
     from spectrabox.calibrate.geometry.board import read_board
     from spectrabox.calibrate.geometry.projection import board_picture
     from spectrabox.capture.photo.image_writers import write_png
     from spectrabox.radiometry.files import writable
-    check_ending(request.out, {".png": "a picture of the board"})
-    require_new(request.out, request.force, request.board_file)
-    picture = board_picture(read_board(request.board_file), request.square_px)
-    with writable(request.out.parent):
-        write_png(request.out, picture[..., None].repeat(3, axis=2))
-    return Answer({"out": request.out, "size": picture.shape[::-1]},
-                  f"wrote {request.out}: print it without scaling, glue it flat, then measure "
-                  f"squares and markers and write their widths into {request.board_file.name}")
+    check_ending(out, {".png": "a picture of the board"})
+    require_new(out, force, board_file)
+    picture = board_picture(read_board(board_file), square_px)
+    with writable(out.parent):
+        write_png(out, picture[..., None].repeat(3, axis=2))
+    return Answer({"out": out, "size": picture.shape[::-1]},
+                  f"wrote {out}: print it without scaling, glue it flat, then measure "
+                  f"squares and markers and write their widths into {board_file.name}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class LensRequest(CommonOptions):
-    """Options of ``spectrabox geometry lens``."""
-
+@Command
+def lens(
     photos: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="PHOTO...", show_default=False, help="Of the board, tilted in different ways.")]
-    board_file: PrintedBoard
+        metavar="PHOTO...", show_default=False, help="Of the board, tilted in different ways.")],
+    board_file: PrintedBoard,
     out: Annotated[Path, typer.Option(
-        "--out", "-o", metavar="lens.json", show_default=False, help="Where to write the lens.")]
+        "--out", "-o", metavar="lens.json", show_default=False, help="Where to write the lens.")],
     overlay: Annotated[Path | None, typer.Option(
-        metavar="DIR", help="Write each photo with its corners.")] = None
-    force: Force = False
-
-
-@command
-def lens(request: LensRequest) -> Answer:
+        metavar="DIR", help="Write each photo with its corners.")] = None,
+    force: Force = False,
+) -> Answer:
     """Measure focal length, principal point and distortion on photos of a ChArUco board, with
     standard errors.
     """
@@ -99,11 +88,11 @@ def lens(request: LensRequest) -> Answer:
     from spectrabox.calibrate.geometry.lens_files import lens_facts, write_lens
     from spectrabox.calibrate.geometry.projection import find_board, lens_from_views
     from spectrabox.radiometry.errors import CheckError
-    check_ending(request.out, {".json": "the lens"})
-    require_new(request.out, request.force, *request.photos, request.board_file)
-    printed = read_board(request.board_file)
+    check_ending(out, {".json": "the lens"})
+    require_new(out, force, *photos, board_file)
+    printed = read_board(board_file)
     views, names, skipped, sizes = [], [], [], {}
-    for photo in request.photos:
+    for photo in photos:
         image = _open(photo)
         sizes[photo.name] = _whole_size(image)
         try:
@@ -113,49 +102,44 @@ def lens(request: LensRequest) -> Answer:
             continue
         names.append(photo.name)
         views.append((positions, _whole_px(points, image)))
-        if request.overlay is not None:
-            _overlay(request.overlay / f"{photo.stem}.png", image, views[-1][1], views[-1][1][:0])
+        if overlay is not None:
+            _overlay(overlay / f"{photo.stem}.png", image, views[-1][1], views[-1][1][:0])
     if len(set(sizes.values())) > 1:
         raise InputError("the photos differ in size ("
                          + ", ".join(f"{name} {size[0]} x {size[1]}" for name,
                                      size in sizes.items())
                          + "); give whole photos of one camera")
     source = f"{len(views)} views of a board, {sum(len(view[1]) for view in views)} corners"
-    if len(views) < len(request.photos) and len(views) < 3:
-        raise CheckError(f"{len(views)} of {len(request.photos)} photos show the board, 3 or more "
+    if len(views) < len(photos) and len(views) < 3:
+        raise CheckError(f"{len(views)} of {len(photos)} photos show the board, 3 or more "
                          f"are needed; {skipped[0]}")
     estimate, by_view = lens_from_views(views, *next(iter(sizes.values())), source)
-    write_lens(request.out, estimate)
-    facts = {**lens_facts(estimate), "out": request.out, "skipped": skipped,
+    write_lens(out, estimate)
+    facts = {**lens_facts(estimate), "out": out, "skipped": skipped,
              "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
                        for name, view, rms in zip(names, views, by_view, strict=True)]}
     return Answer(facts, "\n".join([
       *_lens_lines(estimate), *skipped,
-      f"wrote {request.out}: it holds for this zoom, focus and size of photo"]))
+      f"wrote {out}: it holds for this zoom, focus and size of photo"]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class PoseRequest(CommonOptions):
-    """Options of ``spectrabox geometry pose``."""
-
-    photo: Photo
+@Command
+def pose(
+    photo: Photo,
     scene: Annotated[Path, typer.Option(
-        metavar="scene.xml", show_default=False, help="The Mitsuba scene to place the camera in.")]
+        metavar="scene.xml", show_default=False, help="The Mitsuba scene to place the camera in.")],
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="scene.xml", show_default=False, help="Where to write its copy with "
-        "this camera.")]
+        "this camera.")],
     points_file: Annotated[Path | None, typer.Option(
         "--points", metavar="points.toml", help="Known points: [points.NAME] scene = [x, y, z], px "
-        "= [x, y] in the photo as the sensor read it.")] = None
-    board_file: BoardFile = None
-    lens_file: LensFile = None
+        "= [x, y] in the photo as the sensor read it.")] = None,
+    board_file: BoardFile = None,
+    lens_file: LensFile = None,
     overlay: Annotated[Path | None, typer.Option(
-        metavar="PNG", help="Write the photo with the points given and reprojected.")] = None
-    force: Force = False
-
-
-@command
-def pose(request: PoseRequest) -> Answer:
+        metavar="PNG", help="Write the photo with the points given and reprojected.")] = None,
+    force: Force = False,
+) -> Answer:
     """Place the camera in the scene, from a ChArUco board or known points such as a box's
     corners.
     """
@@ -168,41 +152,41 @@ def pose(request: PoseRequest) -> Answer:
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.reconstruct.scene.edit_scene import scene_with_camera
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
-    check_ending(request.out, {".xml": "the scene with this camera"})
-    require_new(request.out, request.force, request.photo, request.points_file, request.board_file,
-                request.lens_file)
-    image = _open(request.photo)
-    names, positions, points = _known_points(image, request.points_file, request.board_file)
+    check_ending(out, {".xml": "the scene with this camera"})
+    require_new(out, force, photo, points_file, board_file,
+                lens_file)
+    image = _open(photo)
+    names, positions, points = _known_points(image, points_file, board_file)
     width, height = _whole_size(image)
-    if request.lens_file is None:
+    if lens_file is None:
         camera_pose, used = pose_and_focal_length(positions, points, width, height, names)
     else:
-        used = read_lens(request.lens_file)
+        used = read_lens(lens_file)
         _require_size(image, used)
         camera_pose = pose_from_points(positions, points, used, names)
     camera = mitsuba_sensor(used, camera_pose)
     position = camera_position(camera_pose)
     refinement = Refinement(
         what="camera", name="of the photo", how=f"found from {len(names)} points of "
-        f"{request.photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known to "
+        f"{photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known to "
         f"{position.direction_standard_error_deg:.2f} degrees", place=rounded(position.position),
         standard_error=rounded(position.position_standard_error))
-    write_text_whole(request.out, scene_with_camera(
-        request.scene, camera, (width, height), request.out.parent, refinement))
-    if request.overlay is not None:
-        _overlay(request.overlay, image, points, points - camera_pose.residuals_px)
-    flat = request.points_file is not None and spread(positions)[2] < FLAT
+    write_text_whole(out, scene_with_camera(
+        scene, camera, (width, height), out.parent, refinement))
+    if overlay is not None:
+        _overlay(overlay, image, points, points - camera_pose.residuals_px)
+    flat = points_file is not None and spread(positions)[2] < FLAT
     misses = dict(zip(names, np.linalg.norm(camera_pose.residuals_px, axis=1).tolist(),
                       strict=True))
-    facts = {"out": request.out, **to_json(position), "rms_px": camera_pose.rms_px,
+    facts = {"out": out, **to_json(position), "rms_px": camera_pose.rms_px,
              "residuals_px": misses, "camera": camera, "lens": lens_facts(used),
              "in_one_plane": bool(flat)}
     return Answer(facts, "\n".join(_pose_lines(position, misses, camera_pose.rms_px, used,
-                                               request, bool(flat))))
+                                               out, lens_file is None, bool(flat))))
 
 
-@command
-def box(request: SessionOptions) -> Answer:
+@Command
+def box(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
     from spectrabox.measure.scene.box_camera import box_camera
     from spectrabox.session.box.box_overlay import box_texts, box_views, write_overlays
@@ -211,9 +195,9 @@ def box(request: SessionOptions) -> Answer:
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.config.session_schema import FIRST_PHOTO
     from spectrabox.session.store.locks import outputs_writer
-    config = read_session(request.folder, request.allow_outside)
+    config = read_session(folder, allow_outside)
     if config.box is None:
-        raise InputError(f"{request.folder} has no [scene.box]: 'spectrabox new --template box' "
+        raise InputError(f"{folder} has no [scene.box]: 'spectrabox new --template box' "
                          "writes a session that has one")
     cameras = {view.title: box_camera(box_photo(config, view))
                for view in box_views(config)}
@@ -227,21 +211,17 @@ def box(request: SessionOptions) -> Answer:
       *(f"wrote {path}" for path in written)]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class UndistortRequest(CommonOptions):
-    """Options of ``spectrabox geometry undistort``."""
-
+@Command
+def undistort(
     photo: Annotated[Path, typer.Argument(
-        metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")]
+        metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")],
     lens_file: Annotated[Path, typer.Option(
-        "--lens", metavar="lens.json", show_default=False, help="From 'spectrabox geometry lens'.")]
+        "--lens", metavar="lens.json", show_default=False,
+        help="From 'spectrabox geometry lens'.")],
     out: Annotated[Path, typer.Option(
-        "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the photo.")]
-    force: Force = False
-
-
-@command
-def undistort(request: UndistortRequest) -> Answer:
+        "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the photo.")],
+    force: Force = False,
+) -> Answer:
     """Take the lens's distortion out of a photo: a linear EXR with its variance."""
     from spectrabox.calibrate.geometry.lens_files import read_lens
     from spectrabox.calibrate.geometry.projection import undistorted
@@ -249,17 +229,17 @@ def undistort(request: UndistortRequest) -> Answer:
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.capture.photo.orientation import photo_orientation
     from spectrabox.radiometry.files import writable
-    check_ending(request.out, {".exr": "the signal in floating point"})
-    require_new(request.out, request.force, request.photo)
-    image = open_photo(request.photo)
-    straight = undistorted(image, read_lens(request.lens_file))
-    with writable(request.out.parent):
-        write_linear_exr(request.out, straight, photo_orientation(request.photo))
+    check_ending(out, {".exr": "the signal in floating point"})
+    require_new(out, force, photo)
+    image = open_photo(photo)
+    straight = undistorted(image, read_lens(lens_file))
+    with writable(out.parent):
+        write_linear_exr(out, straight, photo_orientation(photo))
     lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
-    return Answer({"out": request.out,
+    return Answer({"out": out,
                    "size": [straight.signal.shape[1], straight.signal.shape[0]],
                    "outside_fraction": max(lost, 0.0)},
-                  f"wrote {request.out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} "
+                  f"wrote {out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} "
                   f"pixels, {max(lost, 0.0):.1%} of which the photo does not show (marked as "
                   "saturated)")
 
@@ -333,7 +313,7 @@ def _lens_lines(lens: Lens) -> list[str]:
 
 
 def _pose_lines(camera: CameraPosition, misses: dict[str, float], rms_px: float, lens: Lens,
-                request: PoseRequest, flat: bool) -> list[str]:
+                out: Path, without_lens: bool, flat: bool) -> list[str]:
     worst = max(misses, key=lambda name: misses[name])
     position = ", ".join(f"{value:.4g} ({error:.2g})" for value, error in
                          zip(camera.position, camera.position_standard_error, strict=True))
@@ -341,7 +321,7 @@ def _pose_lines(camera: CameraPosition, misses: dict[str, float], rms_px: float,
              f"direction known to {camera.direction_standard_error_deg:.2f} degrees",
              f"{len(misses)} points, rms {rms_px:.2f} pixels, largest "
              f"{misses[worst]:.2f} at {worst}"]
-    if request.lens_file is None:
+    if without_lens:
         lines.append(f"focal length {lens.matrix[0, 0]:.1f} pixels (standard error "
                      f"{lens.standard_error[0]:.1f}); principal point in the middle and no "
                      "distortion are assumed: a lens file is better")
@@ -351,4 +331,4 @@ def _pose_lines(camera: CameraPosition, misses: dict[str, float], rms_px: float,
     if flat:
         lines.append("all points lie in one plane: had left and right been exchanged, nothing "
                      "would show it; look at the position")
-    return [*lines, f"wrote {request.out}"]
+    return [*lines, f"wrote {out}"]

@@ -1,7 +1,6 @@
 """Commands that measure the lamp of a scene on photos: its position, its beam."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,12 +9,11 @@ import typer
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommonOptions,
+    Command,
     Device,
     Force,
-    check_device,
+    Json,
     check_ending,
-    command,
     require_new,
 )
 from spectrabox.session.terminal.json_values import to_json
@@ -37,41 +35,36 @@ UndistortLens = Annotated[Path | None, typer.Option(
     "--lens", metavar="lens.json", help="Undistort the photo with this lens first.")]
 
 
-@dataclass(frozen=True, kw_only=True)
-class LightRequest(CommonOptions):
-    """Options of ``spectrabox geometry light``."""
-
+@Command
+def light(
     photo: Annotated[Path, typer.Argument(
         metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF, as the "
-        "scene shows it.")]
+        "scene shows it.")],
     scene: Annotated[Path, typer.Option(
-        metavar="scene.xml", show_default=False, help="The Mitsuba scene.")]
+        metavar="scene.xml", show_default=False, help="The Mitsuba scene.")],
     light_spectrum: Annotated[str, typer.Option(
         "--light", metavar="FILE|NAME", show_default=False,
-        help="Spectrum of the light: a file or a CIE name.")]
+        help="Spectrum of the light: a file or a CIE name.")],
     sensitivity: Annotated[str, typer.Option(
-        metavar="FILE|NAME", show_default=False, help="Camera: a file of curves or a name.")]
+        metavar="FILE|NAME", show_default=False, help="Camera: a file of curves or a name.")],
     reflectances: Annotated[Path, typer.Option(
         metavar="paints.csv", show_default=False, help="One column per BSDF of the scene, named by "
-        "its id.")]
+        "its id.")],
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="scene.xml", show_default=False, help="Where to write its copy with "
-        "the light moved.")]
+        "the light moved.")],
     light_id: Annotated[str | None, typer.Option(
-        metavar="ID", help="Which light, where the scene has several.")] = None
-    lens_file: UndistortLens = None
+        metavar="ID", help="Which light, where the scene has several.")] = None,
+    lens_file: UndistortLens = None,
     width: Annotated[int, typer.Option(
-        min=16, max=1024, help="Width of the rendered view in pixels.")] = 96
-    spp: Annotated[int, typer.Option(min=1, help="Paths per pixel of each rendering.")] = 256
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of the paths.")] = 1
-    force: Force = False
-    device: Device = "auto"
-
-
-@command
-def light(request: LightRequest) -> Answer:
+        min=16, max=1024, help="Width of the rendered view in pixels.")] = 96,
+    spp: Annotated[int, typer.Option(min=1, help="Paths per pixel of each rendering.")] = 256,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of the paths.")] = 1,
+    force: Force = False,
+    device: Device = "auto",
+    as_json: Json = False,
+) -> Answer:
     """Refine the position of a light, from a photo of surfaces of known reflectance."""
-    check_device(request.device)
     from spectrabox.capture.photo.binning import bin_image, render_size
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.radiometry.files import write_text_whole
@@ -88,39 +81,39 @@ def light(request: LightRequest) -> Answer:
     from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     from spectrabox.reconstruct.scene.scene_file import read_scene, require_same_shape
     from spectrabox.session.terminal.progress_display import progress_display
-    check_ending(request.out, {".xml": "the scene with the light moved"})
-    require_new(request.out, request.force, request.photo, request.reflectances)
+    check_ending(out, {".xml": "the scene with the light moved"})
+    require_new(out, force, photo, reflectances)
     grid = visible_grid()
-    written = read_scene(request.scene)
-    number = light_number(written, request.light_id)
-    response = response_matrix(grid, sensitivities(request.sensitivity, grid),
-                               spectrum_of_light(request.light_spectrum, grid))
-    paints = read_reflectances(request.reflectances, grid)
-    image, _ = _undistorted(open_photo(request.photo), request.lens_file)
+    written = read_scene(scene)
+    number = light_number(written, light_id)
+    response = response_matrix(grid, sensitivities(sensitivity, grid),
+                               spectrum_of_light(light_spectrum, grid))
+    paints = read_reflectances(reflectances, grid)
+    image, _ = _undistorted(open_photo(photo), lens_file)
     if image.signal.shape[2] != len(response):
-        raise InputError(f"photo {request.photo.name} has {image.signal.shape[2]} bands and "
-                         f"{request.sensitivity} has {len(response)} curves; one curve per band is "
+        raise InputError(f"photo {photo.name} has {image.signal.shape[2]} bands and "
+                         f"{sensitivity} has {len(response)} curves; one curve per band is "
                          "needed")
-    require_same_shape(image, written, request.photo.name)
-    size = render_size(image.signal.shape[1], image.signal.shape[0], request.width)
-    start_mitsuba(request.device)
-    with progress_display(request.as_json) as show:
+    require_same_shape(image, written, photo.name)
+    size = render_size(image.signal.shape[1], image.signal.shape[0], width)
+    start_mitsuba(device)
+    with progress_display(as_json) as show:
         estimate = refine_light_position(
-            written, paints, response, bin_image(image, *size), request.light_id,
-            PositionSettings(spp=request.spp, seed=request.seed),
+            written, paints, response, bin_image(image, *size), light_id,
+            PositionSettings(spp=spp, seed=seed),
             lambda done, message: show("light", done, message))
     refinement = Refinement(
         what="light", name=estimate.light,
         how="moved to explain the shading of surfaces of known reflectance in "
-        f"{request.photo.name}; chi-square {estimate.chi_square:.2f} per degree of freedom, "
+        f"{photo.name}; chi-square {estimate.chi_square:.2f} per degree of freedom, "
         f"{estimate.chi_square_before:.2f} before",
         moved=rounded(estimate.offset), standard_error=rounded(estimate.standard_error))
-    write_text_whole(request.out, scene_with_light_moved(
-        request.scene, number, estimate.offset, request.out.parent, refinement))
+    write_text_whole(out, scene_with_light_moved(
+        scene, number, estimate.offset, out.parent, refinement))
     facts = to_json(estimate)
     facts["steps"] = len(facts.pop("offsets")) - 1
-    return Answer({**facts, "out": request.out},
-                  _light_text(estimate, request.out, is_of_box(request.scene)),
+    return Answer({**facts, "out": out},
+                  _light_text(estimate, out, is_of_box(scene)),
                   ConvergenceError.exit_code if estimate.outcome is Outcome.STEP_LIMIT else 0)
 
 
@@ -142,30 +135,25 @@ def _light_text(estimate: LightPosition, out: Path, of_box: bool) -> str:
     return "\n".join([*lines, estimate.outcome.value, f"wrote {out}"])
 
 
-@dataclass(frozen=True, kw_only=True)
-class BeamRequest(CommonOptions):
-    """Options of ``spectrabox geometry beam``."""
-
+@Command
+def beam(
     photo: Annotated[Path, typer.Argument(
         metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF of the "
-        "wall, lit by the lamp alone.")]
+        "wall, lit by the lamp alone.")],
     wall_file: Annotated[Path, typer.Option(
         "--wall", metavar="wall.toml", show_default=False, help="Where a rectangle on the wall and "
-        "the lamp are.")]
+        "the lamp are.")],
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="beam.csv", show_default=False, help="Where to write radiance by "
-        "angle.")]
+        "angle.")],
     dark: Annotated[tuple[Path, ...], typer.Option(
         metavar="PHOTO",
-        help="The same with the lamp off, or dark frames, at the same exposure.")] = ()
+        help="The same with the lamp off, or dark frames, at the same exposure.")] = (),
     flat_field: Annotated[Path | None, typer.Option(
-        metavar="PHOTO", help="Evenly lit white card: takes the lens's own fall-off out.")] = None
-    lens_file: UndistortLens = None
-    force: Force = False
-
-
-@command
-def beam(request: BeamRequest) -> Answer:
+        metavar="PHOTO", help="Evenly lit white card: takes the lens's own fall-off out.")] = None,
+    lens_file: UndistortLens = None,
+    force: Force = False,
+) -> Answer:
     """Measure how a lamp's radiance falls off with the angle, on a photo of a white wall."""
     from spectrabox.calibrate.beam.beam_fit import fit_beam
     from spectrabox.calibrate.beam.wall import read_wall, wall_cells
@@ -173,20 +161,20 @@ def beam(request: BeamRequest) -> Answer:
     from spectrabox.capture.photo.binning import bin_image, render_size
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.reconstruct.scene.light_profile import profile_text
-    check_ending(request.out, {".csv": "radiance by angle"})
-    require_new(request.out, request.force, request.photo, request.wall_file, request.flat_field,
-                request.lens_file, *request.dark)
-    wall = read_wall(request.wall_file)
-    image, _ = develop_photos([request.photo], request.dark, request.flat_field)
-    image, lens = _undistorted(image, request.lens_file)
+    check_ending(out, {".csv": "radiance by angle"})
+    require_new(out, force, photo, wall_file, flat_field,
+                lens_file, *dark)
+    wall = read_wall(wall_file)
+    image, _ = develop_photos([photo], dark, flat_field)
+    image, lens = _undistorted(image, lens_file)
     height, width = image.signal.shape[:2]
     if width > WIDTH:
         image = bin_image(image, *render_size(width, height, WIDTH))
     profile = fit_beam(wall_cells(image, wall, lens), wall)
-    write_text_whole(request.out, profile_text(profile.angle_deg, profile.radiance,
+    write_text_whole(out, profile_text(profile.angle_deg, profile.radiance,
                                        profile.standard_error))
-    return Answer({"out": request.out, **to_json(profile)},
-                  "\n".join(_beam_lines(profile, request.out, request.flat_field is not None)))
+    return Answer({"out": out, **to_json(profile)},
+                  "\n".join(_beam_lines(profile, out, flat_field is not None)))
 
 
 def _beam_lines(profile: BeamProfile, out: Path, flat: bool) -> list[str]:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -17,10 +16,9 @@ from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommonOptions,
+    Command,
     Folder,
     check_ending,
-    command,
 )
 
 if TYPE_CHECKING:
@@ -58,8 +56,8 @@ def register(app: typer.Typer) -> None:
     app.add_typer(meter)
 
 
-@command
-def list_of_ports(request: CommonOptions) -> Answer:
+@Command
+def list_of_ports() -> Answer:
     """List the serial ports of this computer, without opening any."""
     from spectrabox.capture.meter.serial_line import list_ports
     ports = list_ports()
@@ -69,125 +67,107 @@ def list_of_ports(request: CommonOptions) -> Answer:
                   "\n".join(lines) or "no serial ports: plug the instrument in and switch it on")
 
 
-@dataclass(frozen=True, kw_only=True)
-class IdentifyRequest(CommonOptions):
-    """Options of ``spectrabox meter identify``."""
-
-    port: Port
-    instrument: Meter
-
-
-@command
-def identify(request: IdentifyRequest) -> Answer:
+@Command
+def identify(port: Port, instrument: Meter) -> Answer:
     """Ask the instrument who it is, then leave it as found."""
     from spectrabox.capture.meter.measurement import trusted_identity
-    with _instrument(request.instrument, request.port, lambda direction, data: None) as meter:
+    with _instrument(instrument, port, lambda direction, data: None) as meter:
         identity = trusted_identity(meter)
     return Answer({"instrument": identity.model, "serial_number": identity.serial_number,
-                   "firmware": identity.firmware, "port": request.port},
+                   "firmware": identity.firmware, "port": port},
                   f"{identity.model}, serial number {identity.serial_number}, firmware "
                   f"{identity.firmware or 'not stated'}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasureRequest(CommonOptions):
-    """Options of ``spectrabox meter measure``."""
-
-    folder: Folder
+@Command
+def measure(
+    folder: Folder,
     port: Annotated[str | None, typer.Option(
         metavar="PORT", show_default=False,
         help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With "
-        "spotread: the instrument's number in its list.")] = None
+        "spotread: the instrument's number in its list.")] = None,
     instrument: Annotated[str | None, typer.Option(
-        metavar=METERS, show_default=False, help="Which instrument it is.")] = None
+        metavar=METERS, show_default=False, help="Which instrument it is.")] = None,
     program: Annotated[str | None, typer.Option(
         "--with", metavar="spotread", show_default=False, help="Measure with ArgyllCMS's spotread: "
-        "i1Pro, ColorMunki, Spyder and others.")] = None
+        "i1Pro, ColorMunki, Spyder and others.")] = None,
     ambient: Annotated[bool, typer.Option(
-        "--ambient", help="With spotread: irradiance, through the diffuser.")] = False
+        "--ambient", help="With spotread: irradiance, through the diffuser.")] = False,
     role: Annotated[str, typer.Option(
         "--as", metavar="light|white|paint|chart", help="What is measured; white is the white "
-        "standard.")] = "light"
+        "standard.")] = "light",
     name: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv.")] = None
-    repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1
+        metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv.")] = None,
+    repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1,
     integration_ms: Annotated[float | None, typer.Option(
-        min=0.1, help="Fixed exposure in milliseconds; automatic by default.")] = None
+        min=0.1, help="Fixed exposure in milliseconds; automatic by default.")] = None,
     averages: Annotated[int | None, typer.Option(
         min=1, max=99,
-        help="Readings that the instrument averages; its own setting by default.")] = None
+        help="Readings that the instrument averages; its own setting by default.")] = None,
     sync_hz: Annotated[float | None, typer.Option(
-        min=10, help="Flicker frequency of the light.")] = None
+        min=10, help="Flicker frequency of the light.")] = None,
     white_reflectance: Annotated[float, typer.Option(
-        min=0.01, max=1.1, help="Reflectance of the white standard.")] = 1.0
+        min=0.01, max=1.1, help="Reflectance of the white standard.")] = 1.0,
     calibration: Annotated[tuple[str, ...], typer.Option(
         metavar="SERIAL=FILE", help="Factors of an instrument by wavelength; of each, where "
-        "readings of several are to be compared.")] = ()
+        "readings of several are to be compared.")] = (),
     again: Annotated[bool, typer.Option(
-        "--again", help="Start a new series; earlier readings are kept aside.")] = False
+        "--again", help="Start a new series; earlier readings are kept aside.")] = False,
     wait: Annotated[bool, typer.Option(
-        "--wait/--no-wait", help="Ask before each patch of a chart.")] = True
-    draw: Drawn = False
-    plot: Png = None
-
-
-@command
-def measure(request: MeasureRequest) -> Answer:
+        "--wait/--no-wait", help="Ask before each patch of a chart.")] = True,
+    draw: Drawn = False,
+    plot: Png = None,
+) -> Answer:
     """Measure into a session. Every reading is on disk before it is shown; a broken series goes on
     where it stopped.
     """
-    check_ending(request.plot, {".png": "a picture of the spectrum"}, "--plot")
+    check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.instruments.interface import MeterSettings
     from spectrabox.capture.meter.measurement_targets import claim
     from spectrabox.capture.meter.meter_calibration import read_calibration
-    names = _names(request.role, request.name)
-    wanted = MeterSettings(request.integration_ms, request.averages, request.sync_hz)
-    source = _source(request.port, request.instrument, request.program, request.ambient, wanted)
-    calibrations = [read_calibration(text) for text in request.calibration]
-    spectra = request.folder / "spectra"
-    claim(spectra, request.role, names)
-    if request.again:
+    names = _names(role, name)
+    wanted = MeterSettings(integration_ms, averages, sync_hz)
+    source = _source(port, instrument, program, ambient, wanted)
+    calibrations = [read_calibration(text) for text in calibration]
+    spectra = folder / "spectra"
+    claim(spectra, role, names)
+    if again:
         _set_aside(spectra, names)
-    readings = _measure_all(spectra, request.role, names, source, request.repeat, calibrations,
-                            request.wait and request.role == "chart")
-    written, spectrum = _write_result(spectra, request.role, names, request.white_reflectance,
+    readings = _measure_all(spectra, role, names, source, repeat, calibrations,
+                            wait and role == "chart")
+    written, spectrum = _write_result(spectra, role, names, white_reflectance,
                                       calibrations)
     series = _series(spectra, names, calibrations)
-    if request.plot is not None and spectrum is not None:
+    if plot is not None and spectrum is not None:
         from spectrabox.capture.meter.measurement_plot import png_plot
-        png_plot(spectrum, request.plot)
+        png_plot(spectrum, plot)
     return Answer({"taken": len(readings), "file": written, "series": series,
-                   "png": request.plot},
-                  _measured_text(written, series, spectrum if request.draw else None))
+                   "png": plot},
+                  _measured_text(written, series, spectrum if draw else None))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReplayRequest(CommonOptions):
-    """Options of ``spectrabox meter replay``."""
-
+@Command
+def replay(
     transcript: Annotated[Path, typer.Argument(
-        metavar="FILE", show_default=False, help="A transcript.")]
+        metavar="FILE", show_default=False, help="A transcript.")],
     speed: Annotated[float, typer.Option(
-        min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0
+        min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0,
     over_socket: Annotated[bool, typer.Option(
-        "--over-socket", help="Through a socket in place of a pseudo-terminal.")] = False
-    draw: Drawn = False
-    plot: Png = None
-
-
-@command
-def replay(request: ReplayRequest) -> Answer:
+        "--over-socket", help="Through a socket in place of a pseudo-terminal.")] = False,
+    draw: Drawn = False,
+    plot: Png = None,
+) -> Answer:
     """Play a recorded transcript to the driver's own code and show what it reads."""
-    check_ending(request.plot, {".png": "a picture of the spectrum"}, "--plot")
+    check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.measurement_files import reading_facts
     from spectrabox.capture.transcripts.transcript import read_transcript
     from spectrabox.capture.transcripts.transcript_replay import replay_transcript
-    played = replay_transcript(read_transcript(request.transcript), speed=request.speed,
-                               over_socket=request.over_socket)
+    played = replay_transcript(read_transcript(transcript), speed=speed,
+                               over_socket=over_socket)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
-    if request.plot is not None and spectra:
+    if plot is not None and spectra:
         from spectrabox.capture.meter.measurement_plot import png_plot
-        png_plot(spectra[-1], request.plot)
+        png_plot(spectra[-1], plot)
     facts = {"instrument": played.instrument, "synthetic": played.synthetic,
              "problems": list(played.problems),
              "readings": [reading_facts(reading) for reading in played.readings]}
@@ -196,7 +176,7 @@ def replay(request: ReplayRequest) -> Answer:
     lines += [f"- {problem}" for problem in played.problems]
     if played.synthetic:
         lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
-    if request.draw and spectra:
+    if draw and spectra:
         from spectrabox.capture.meter.measurement_plot import text_plot
         lines.append(text_plot(spectra[-1]))
     return Answer(facts, "\n".join(lines))

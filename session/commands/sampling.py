@@ -3,27 +3,40 @@ prior train.
 """
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from spectrabox.measure.signals.options import JudgeOptions, SampleOptions
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 from spectrabox.session.commands.requests import (
-    CertifyRequest,
-    JudgeRequest,
-    MatchRequest,
+    OBSERVER,
+    Baseline,
+    Coefficients,
+    DeltaLights,
+    Families,
+    Light,
+    MeasuredSignal,
+    Noise,
+    OptionalLight,
+    OptionalSensitivity,
     PlanRequest,
-    SampleRequest,
-    TrainRequest,
+    PriorFile,
+    Seed,
+    Sensitivity,
     UpliftRequest,
+    White,
 )
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
+    Command,
+    Json,
+    Outside,
     UsageProblem,
     check_ending,
-    command,
 )
 
 if TYPE_CHECKING:
@@ -44,49 +57,114 @@ def register(app: typer.Typer) -> None:
     app.add_typer(prior, name="prior")
 
 
-@command
-def sample(request: SampleRequest) -> Answer:
+@Command
+def sample(
+    measured: MeasuredSignal,
+    prior: PriorFile = None,
+    family: Families = (),
+    sensitivity: OptionalSensitivity = None,
+    light: OptionalLight = None,
+    srgb: Annotated[str | None, typer.Option(
+        "--srgb", metavar="R,G,B|#RRGGBB",
+        help="In place of --signal, --sensitivity and --light: a colour of a screen or a web "
+        "page. Its spectra are of surfaces that would look so in "
+        "daylight.")] = None,
+    signals: Annotated[Path | None, typer.Option(
+        metavar="CSV", help="Many signals: a header that names the bands, a row for each, with its "
+        "name first or without.")] = None,
+    swatches: Annotated[Path | None, typer.Option(
+        metavar="CSV",
+        help="Measured samples of the material: band names and wavelengths above, below of "
+        "each its signals and its reflectances. They correct the spectra.")] = None,
+    coefficients: Coefficients = SampleOptions.coefficients,
+    method: Annotated[str, typer.Option(
+        metavar="prior|uniform|paper", help="How spectra are drawn: by the learnt prior, uniformly "
+        "among all that fit, or as the paper draws them.")] = SampleOptions.method,
+    samples: Annotated[int, typer.Option(
+        help="Draws of each signal; 1000 at least for a 95 % band.")] = SampleOptions.samples,
+    seed: Seed = SampleOptions.seed,
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="NPZ|CSV", help="Where to write the draws (.npz), or means and "
+        "bands (.csv).")] = None,
+    plot: Annotated[Path | None, typer.Option(
+        "--plot", metavar="PNG", help="Draw means and bands into this picture.")] = None,
+    level: Annotated[float, typer.Option(
+        help="Level of the bands: 0.95 for 95 %.")] = SampleOptions.level,
+    twice: Annotated[str | None, typer.Option(
+        metavar="V1,V2,V3:E1,E2,E3", help="Signal of light reflected twice off the "
+        "surface.")] = None,
+    start: Annotated[str, typer.Option(
+        metavar="bounded|unbounded",
+        help="Spectrum that the method paper starts from.")] = SampleOptions.start,
+    keep: Annotated[int | None, typer.Option(
+        "--best",
+        help="Method paper: rank by the further measurements and give the best so many (Eqs. 9, "
+        "10).")] = None,
+    refine: Annotated[int | None, typer.Option(
+        help="Coefficients of a finer basis with nested knots; uniform, or paper (Eqs. "
+        "11-16).")] = None,
+    light_error: Annotated[float, typer.Option(
+        help="Relative standard error of the light scale.")] = 0.0,
+    sensitivity_error: Annotated[float, typer.Option(
+        help="Relative standard error of each curve.")] = 0.0,
+    baseline: Baseline = False,
+    truth: Annotated[Path | None, typer.Option(
+        help="File of the measured spectrum, to judge by.")] = None,
+    column: Annotated[str | None, typer.Option(
+        metavar="NAME", help="Column of the truth.")] = None,
+    delta_light: DeltaLights = DELTA_LIGHTS,
+    as_json: Json = False,
+) -> Answer:
     """Recover the spectra behind a colour: mean, 95 % band, exact bounds and draws."""
-    check_ending(request.out, {".npz": "the draws", ".csv": "means and bands"})
-    check_ending(request.plot, {".png": "a picture of means and bands"}, "--plot")
-    if request.srgb is None and None in (request.sensitivity, request.light):
+    check_ending(out, {".npz": "the draws", ".csv": "means and bands"})
+    check_ending(plot, {".png": "a picture of means and bands"}, "--plot")
+    if srgb is None and None in (sensitivity, light):
         raise UsageProblem("give --sensitivity and --light, the camera that saw the signal and the "
                            "light it was seen under; or a colour of a screen as --srgb R,G,B")
-    if request.srgb is not None and (request.sensitivity or request.light or request.white):
+    if srgb is not None and (sensitivity or light or measured.white):
         raise UsageProblem("--srgb is a colour under D65; leave --sensitivity, --light and --white "
                            "out")
-    from spectrabox.measure.signals.estimate import SampleOptions, columns_of, draws_of
-    from spectrabox.measure.signals.judgement import compared
+    if [measured.signal, signals, srgb].count(None) != 2:
+        raise InputError("give one of --signal V1,V2,V3, --signals FILE.csv and --srgb R,G,B")
+    if signals is not None and (truth or twice or measured.signal_under or measured.same
+                                or measured.more):
+        raise InputError("a truth and further measurements belong to one surface; give its "
+                         "--signal, not --signals")
+    from spectrabox.measure.signals.estimate import columns_of, draws_of
     from spectrabox.measure.signals.sample import sample_signals
     from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
-    capture, truth = signal_capture(request), stated_truth(request)
-    options = SampleOptions(**{each.name: getattr(request, each.name)
-                               for each in fields(SampleOptions)})
-    one, as_table = request.signals is None, _ends_in(request.out, ".csv")
-    estimates = sample_signals(capture, options, with_draws=one or request.baseline
-                               or _ends_in(request.out, ".npz"))
-    if request.baseline or truth is not None:
-        estimates = [compared(estimate, options, truth, request.delta_light, request.baseline)
+    capture = signal_capture(
+        measured, signals, srgb, sensitivity or OBSERVER, light or "D65", twice=twice,
+        light_error=light_error, sensitivity_error=sensitivity_error, prior=prior, family=family,
+        swatches=swatches)
+    true = None if truth is None else stated_truth(truth, column)
+    options = SampleOptions(method, samples, seed, coefficients, level, start, keep, refine)
+    one, as_table = signals is None, _ends_in(out, ".csv")
+    estimates = sample_signals(capture, options, with_draws=one or baseline
+                               or _ends_in(out, ".npz"))
+    if baseline or true is not None:
+        from spectrabox.measure.signals.judgement import compared
+        estimates = [compared(estimate, options, true, delta_light, baseline)
                      for estimate in estimates]
     written: dict[str, Path] = {}
-    if request.out is not None:
-        written["file"] = request.out
+    if out is not None:
+        written["file"] = out
         if as_table:
-            _write_columns(request.out, estimates[0].wavelengths_nm, columns_of(estimates))
+            _write_columns(out, estimates[0].wavelengths_nm, columns_of(estimates))
         else:
-            write_arrays(request.out, draws_of(estimates))
-    if request.plot is not None:
+            write_arrays(out, draws_of(estimates))
+    if plot is not None:
         from spectrabox.session.signals.sample_plot import write_plot
-        written["plot"] = request.plot
-        write_plot(request.plot, estimates)
+        written["plot"] = plot
+        write_plot(plot, estimates)
     if one:
         return Answer(estimates[0].facts() | written, estimates[0].text())
-    text = "" if request.as_json else "\n\n".join(      # of thousands of signals it takes a while
+    text = "" if as_json else "\n\n".join(      # of thousands of signals it takes a while
         f"signal {estimate.name}\n{estimate.text()}" for estimate in estimates)
     return Answer({"results": [estimate.facts() for estimate in estimates], **written}, text)
 
 
-@command
+@Command
 def uplift(request: UpliftRequest) -> Answer:
     """Recover the spectrum behind every pixel: mean and spread, as EXR, ENVI or OME-Zarr."""
     out = request.out
@@ -102,7 +180,7 @@ def uplift(request: UpliftRequest) -> Answer:
         return Answer(*shared_uplift_answer(request, with_time_left(progress)))
 
 
-@command
+@Command
 def plan(request: PlanRequest) -> Answer:
     """Say which reading or photo to take next, and how much narrower it would make the band of a
     signal, or of every surface of a finished session.
@@ -111,37 +189,84 @@ def plan(request: PlanRequest) -> Answer:
     return Answer(*plan_answer(request))
 
 
-@command
-def certify(request: CertifyRequest) -> Answer:
+@Command
+def certify(
+    *,
+    sensitivity: Sensitivity = OBSERVER,
+    light: Light = "D65",
+    prior: PriorFile = None,
+    family: Families = (),
+    folders: Annotated[tuple[Path, ...], typer.Argument(
+        metavar="FOLDER...", help="Measured reflectances, one folder per library.")],
+    noise: Annotated[float, typer.Option(help="Relative standard error of the signals.")] = 0.0,
+    delta_light: DeltaLights = DELTA_LIGHTS,
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="MD", help="Where to write the page.")] = None,
+) -> Answer:
     """Test on your own measured spectra whether the bands hold the truth, as a certificate."""
-    check_ending(request.out, {".md": "the certificate as a page"})
+    check_ending(out, {".md": "the certificate as a page"})
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.sampling.judge.certificate import certificate_page
     from spectrabox.sampling.judge.certificate import certify as certify_library
     from spectrabox.sampling.prior.libraries import read_library
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.signals.signal_options import response_of_names
-    prior = of_families(load_prior(request.prior), request.family)
-    response = response_of_names(request.sensitivity, request.light)
-    certificates = [certify_library(prior, read_library(folder), response, request.noise,
-                                    lights=request.delta_light) for folder in request.folders]
-    page = certificate_page(certificates, prior, f"{request.sensitivity} under {request.light}")
+    known = of_families(load_prior(prior), family)
+    response = response_of_names(sensitivity, light)
+    certificates = [certify_library(known, read_library(folder), response, noise,
+                                    lights=delta_light) for folder in folders]
+    page = certificate_page(certificates, known, f"{sensitivity} under {light}")
     facts = {"libraries": [certificate.facts() for certificate in certificates],
-             "prior": prior.source, "noise": request.noise}
-    if request.out is not None:
-        write_text_whole(request.out, page)
-        facts["page"] = request.out
+             "prior": known.source, "noise": noise}
+    if out is not None:
+        write_text_whole(out, page)
+        facts["page"] = out
     return Answer(facts, page)
 
 
-@command
-def judge(request: JudgeRequest) -> Answer:
+@Command
+def judge(
+    *,
+    sensitivity: Sensitivity = OBSERVER,
+    light: Light = "D65",
+    prior: PriorFile = None,
+    family: Families = (),
+    cube: Annotated[Path, typer.Argument(
+        metavar="CUBE", help="ENVI, .npy, .npz, .mat or spectral EXR.")],
+    truth: Annotated[Path | None, typer.Option(
+        metavar="FILE", help="Measured spectra; without it nothing is judged.")] = None,
+    column: Annotated[str | None, typer.Option(
+        metavar="NAME", help="Column of the truth for all regions.")] = None,
+    regions: Annotated[Path | None, typer.Option(
+        metavar="TOML", help="Regions: [regions.NAME] with rect, point or mask.")] = None,
+    point: Annotated[tuple[str, ...], typer.Option(
+        metavar="[NAME=]X,Y", help="One pixel.")] = (),
+    wavelengths: Annotated[str | None, typer.Option(
+        metavar="FIRST:LAST:STEP|FILE", help="In nm: 400:700:10, a list, or a text file.")] = None,
+    variable: Annotated[str | None, typer.Option(
+        metavar="NAME", help="Of which array in a .npz or .mat.")] = None,
+    full_scale: Annotated[float, typer.Option(
+        help="What reflectance 1 reads in the picture.")] = JudgeOptions.full_scale,
+    white_region: Annotated[str | None, typer.Option(
+        metavar="NAME", help="Region of known reflectance to divide by.")] = None,
+    signals: Annotated[Path | None, typer.Option(
+        metavar="CSV", help="What our methods see, one row a region; the truths' own signals "
+        "otherwise.")] = None,
+    white: White = None,
+    noise: Noise = None,
+    delta_light: DeltaLights = DELTA_LIGHTS,
+    coefficients: Coefficients = SampleOptions.coefficients,
+    samples: Annotated[int, typer.Option(help="Draws of our methods.")] = SampleOptions.samples,
+    seed: Seed = SampleOptions.seed,
+    baseline: Baseline = False,
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="CSV", help="Where to write the regions' spectra.")] = None,
+) -> Answer:
     """Score another method's hyperspectral picture next to ours, by the same measures."""
-    check_ending(request.out, {".csv": "the regions' spectra"})
+    check_ending(out, {".csv": "the regions' spectra"})
     from spectrabox.capture.photo.image_files import read_plane
-    from spectrabox.measure.signals.judgement import JudgeOptions, judge_picture
+    from spectrabox.measure.signals.judgement import judge_picture
     from spectrabox.measure.signals.spectral_pictures import open_picture
-    from spectrabox.radiometry.errors import InputError
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.named_spectra import relative_response
     from spectrabox.radiometry.spectra.spectrum_files import read_table
@@ -153,61 +278,73 @@ def judge(request: JudgeRequest) -> Answer:
         optional_numbers,
         read_signals,
     )
-    cube = open_picture(request.cube, None if request.wavelengths is None
-                        else parse_wavelengths(request.wavelengths), request.variable)
-    regions = [point_region(text, cube.width, cube.height) for text in request.point]
-    if request.regions is not None:
-        regions += read_regions(request.regions, cube.width, cube.height,
-                                lambda path: read_plane(path)[0])
-    if not regions:
+    picture = open_picture(cube, None if wavelengths is None else parse_wavelengths(wavelengths),
+                           variable)
+    outlined = [point_region(text, picture.width, picture.height) for text in point]
+    if regions is not None:
+        outlined += read_regions(regions, picture.width, picture.height,
+                                 lambda path: read_plane(path)[0])
+    if not outlined:
         raise InputError("no region was given; give --regions FILE.toml or --point x,y")
-    response = relative_response(request.sensitivity, request.light, FINE_GRID)
+    response = relative_response(sensitivity, light, FINE_GRID)
     bands = len(response)
-    options = JudgeOptions(
-        request.delta_light, request.samples, request.seed, request.coefficients, request.baseline,
-        request.column, request.full_scale, request.white_region,
-        f"{request.sensitivity} under {request.light}")
+    options = JudgeOptions(delta_light, samples, seed, coefficients, baseline, column, full_scale,
+                           white_region, f"{sensitivity} under {light}")
     judgement = judge_picture(
-        cube, regions, None if request.truth is None else read_table(request.truth), response,
-        of_families(load_prior(request.prior), request.family), options,
-        signals=None if request.signals is None else read_signals(request.signals, bands),
-        white=optional_numbers(request.white, bands, "white"),
-        noise=optional_noise(request.noise, bands))
+        picture, outlined, None if truth is None else read_table(truth), response,
+        of_families(load_prior(prior), family), options,
+        signals=None if signals is None else read_signals(signals, bands),
+        white=optional_numbers(white, bands, "white"), noise=optional_noise(noise, bands))
     facts = judgement.facts()
-    if request.out is not None:
-        _write_regions(request.out, cube.nm, judgement.columns(), request.cube.name)
-        facts["file"] = request.out
+    if out is not None:
+        _write_regions(out, picture.nm, judgement.columns(), cube.name)
+        facts["file"] = out
     return Answer(facts, judgement.text())
 
 
-@command
-def match(request: MatchRequest) -> Answer:
+@Command
+def match(
+    *,
+    folder: Annotated[Path, typer.Argument(
+        metavar="SESSION", help="The folder of a finished session.", show_default=False)],
+    allow_outside: Outside = False,
+    library: Annotated[tuple[str, ...], typer.Argument(
+        metavar="LIBRARY...", help="Files of reflectances of any format, folders of them, or "
+        "published sets: \"CES99\", \"BabelColor Average\" ...", show_default=False)],
+    only: Annotated[tuple[str, ...], typer.Option(
+        metavar="NAME", help="This surface or region alone.")] = (),
+    variation: Annotated[float, typer.Option(
+        help="How far samples of one material differ from each other: standard deviation, of "
+        "white.")] = 0.01,
+    ratio: Annotated[float | None, typer.Option(
+        help="A spectrum counts as not told apart from the best while its evidence is at most so "
+        "many times lower; by default the true one is kept 19 times in 20.")] = None,
+) -> Answer:
     """List the measured spectra of a library that could be each surface, and how many of them the
     camera cannot tell apart.
     """
     from spectrabox.measure.signals.matching import LibraryMatches, match_signal
     from spectrabox.measure.surfaces.surface_signals import measurement
-    from spectrabox.radiometry.errors import InputError
     from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.kept_stages import load_finished
-    config = read_session(request.folder, request.allow_outside)
+    config = read_session(folder, allow_outside)
     signals = load_finished(config).records.signals
     unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]
-    for name in request.only:
+    for name in only:
         if name not in unknown:
             raise InputError(f"{name!r} is no surface of unknown spectrum in this session; these "
                              f"are {', '.join(unknown) or 'none'}")
     if not unknown:
         raise InputError("every surface of this session has a known spectrum: there is nothing to "
                          "identify")
-    library = read_spectral_libraries(request.library, signals.grid)
+    known = read_spectral_libraries(library, signals.grid)
     matches = LibraryMatches([match_signal(
-        name, measurement(signals, signals.names.index(name)), library,
-        of_families(load_prior(), config.surfaces[name].families), variation=request.variation,
-        evidence_ratio=request.ratio) for name in request.only or unknown],
-        library, request.variation)
+        name, measurement(signals, signals.names.index(name)), known,
+        of_families(load_prior(), config.surfaces[name].families), variation=variation,
+        evidence_ratio=ratio) for name in only or unknown],
+        known, variation)
     texts = [_match_text(match) for match in matches.surfaces]
     if left_out := matches.left_out(LEFT_OUT_NAMED):
         texts.append("\n".join(left_out))
@@ -225,25 +362,38 @@ def _match_text(match: SurfaceMatch) -> str:
     return "\n".join(lines)
 
 
-@command
-def prior_train(request: TrainRequest) -> Answer:
+@Command
+def prior_train(
+    *,
+    sensitivity: Sensitivity = OBSERVER,
+    light: Light = "D65",
+    folders: Annotated[tuple[str, ...], typer.Argument(
+        metavar="[FAMILY=]FOLDER...", help="One folder per library, and the family of surfaces "
+        "that it is of, or mixed; paint by default.")],
+    out: Annotated[Path, typer.Option(
+        "--out", "-o", metavar="NPZ", help="Where to write the prior.")],
+    models: Annotated[bool, typer.Option(
+        "--models/--libraries-alone", help="Also learn from the models of skin, leaves, dyes ... "
+        "that come with the program.")] = True,
+    seed: Seed = SampleOptions.seed,
+) -> Answer:
     """Learn a prior from folders of measured reflectances; calibrate it on each left out in
     turn.
     """
-    check_ending(request.out, {".npz": "the prior"})
+    check_ending(out, {".npz": "the prior"})
     from spectrabox.measure.signals.prior_training import train_prior
     from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
     from spectrabox.sampling.prior.mixture import save_prior
     from spectrabox.session.signals.signal_options import response_of_names
     libraries: dict[str, list[ReflectanceLibrary]] = {}
-    for text in request.folders:
+    for text in folders:
         family, folder = _family_and_folder(text)
         libraries.setdefault(family, []).append(read_library(folder))
-    trained = train_prior(libraries, response_of_names(request.sensitivity, request.light),
-                          request.seed, models=request.models)
-    save_prior(request.out, trained.prior)
-    return Answer(trained.facts() | {"prior": request.out},
-                  f"{trained.text()}\nwrote {request.out}")
+    trained = train_prior(libraries, response_of_names(sensitivity, light),
+                          seed, models=models)
+    save_prior(out, trained.prior)
+    return Answer(trained.facts() | {"prior": out},
+                  f"{trained.text()}\nwrote {out}")
 
 
 def _family_and_folder(text: str) -> tuple[str, Path]:

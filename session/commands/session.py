@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,15 +11,11 @@ import typer
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommonOptions,
-    DebugOption,
+    Command,
     Device,
     Folder,
     Outside,
     Quiet,
-    SessionOptions,
-    check_device,
-    command,
     tell,
 )
 
@@ -39,73 +34,62 @@ def register(app: typer.Typer) -> None:
     app.command(name="open")(open_page)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DemoRequest(CommonOptions):
-    """Options of ``spectrabox demo``."""
-
+@Command
+def demo(
     folder: Annotated[Path | None, typer.Argument(
         metavar="[DIR]", help="Where to write it; by default demo-session, with --flat demo-flat, "
-        "with --picture demo-picture.")] = None
+        "with --picture demo-picture.")] = None,
     flat: Annotated[bool, typer.Option(
-        "--flat", help="A painting with a chart in one photo, without a scene.")] = False
+        "--flat", help="A painting with a chart in one photo, without a scene.")] = False,
     picture: Annotated[bool, typer.Option(
-        "--picture", help="A box with painted patterns: a spectrum for every pixel.")] = False
-    seed: Annotated[int, typer.Option(help="Random seed of the synthetic photos.")] = 1
-    device: Device = "auto"
-
-
-@command
-def demo(request: DemoRequest) -> Answer:
+        "--picture", help="A box with painted patterns: a spectrum for every pixel.")] = False,
+    seed: Annotated[int, typer.Option(help="Random seed of the synthetic photos.")] = 1,
+    device: Device = "auto",
+) -> Answer:
     """Make a synthetic capture session with known truth, run it, write its report."""
-    check_device(request.device)
-    if request.flat and request.picture:
+    if flat and picture:
         raise InputError("--flat and --picture are two demos; run one after the other")
     from spectrabox.session.demo import make_demo, make_flat_demo, make_picture_demo
-    kind = "flat" if request.flat else "picture" if request.picture else "session"
-    folder = request.folder or Path(f"demo-{kind}")
+    kind = "flat" if flat else "picture" if picture else "session"
+    folder = folder or Path(f"demo-{kind}")
     {"flat": make_flat_demo, "picture": make_picture_demo,
-     "session": make_demo}[kind](folder, request.seed)
-    return run_session(RunRequest(folder=folder, device=request.device))
+     "session": make_demo}[kind](folder, seed)
+    return run_session(folder, device=device)
 
 
-@dataclass(frozen=True, kw_only=True)
-class NewRequest(CommonOptions):
-    """Options of ``spectrabox new``."""
-
-    folder: Folder
+@Command
+def new(
+    folder: Folder,
     template: Annotated[str | None, typer.Option(
         metavar="box|flat|turntable|views", help="A filled-in session: a box measured with a tape, "
         "flat samples beside a chart, objects on a turntable, one box under several "
-        "lights.")] = None
-
-
-@command
-def new(request: NewRequest) -> Answer:
+        "lights.")] = None,
+) -> Answer:
     """Start a session folder with a commented session.toml."""
     from spectrabox.radiometry.files import writable
     from spectrabox.session.config.session_schema import FILE_NAME
     from spectrabox.session.config.template import template_names, write_template
-    if request.template is not None and request.template not in template_names():
-        raise InputError(f"there is no template {request.template!r}; take one of "
+    if template is not None and template not in template_names():
+        raise InputError(f"there is no template {template!r}; take one of "
                          f"{', '.join(template_names())}, or none for a session with every key")
-    if (request.folder / FILE_NAME).exists():
-        raise InputError(f"{request.folder / FILE_NAME} exists already; edit it, or choose another "
+    if (folder / FILE_NAME).exists():
+        raise InputError(f"{folder / FILE_NAME} exists already; edit it, or choose another "
                          "folder")
-    with writable(request.folder):
+    with writable(folder):
         for name in ("photos", "spectra", "scene"):
-            (request.folder / name).mkdir(parents=True, exist_ok=True)
-    written = write_template(request.folder, request.template)
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    written = write_template(folder, template)
     return Answer({"session": str(written)},
-                  f"wrote {written}: fill it in, then run 'spectrabox check {request.folder}'")
+                  f"wrote {written}: fill it in, then run 'spectrabox check {folder}'")
 
 
-@command
-def check(request: SessionOptions) -> Answer:
+@Command
+def check(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Check a session before a run: read every input, and list everything that is wrong."""
     from spectrabox.radiometry.spectra.kept_cameras import known_camera_words
     from spectrabox.radiometry.system.free_memory import free_memory
     from spectrabox.session.check import preflight_check
-    checked = preflight_check(request.folder, request.allow_outside)
+    checked = preflight_check(folder, allow_outside)
     problems = checked.problems
     sentences = [problem.sentence for problem in problems]
     text = "\n".join(f"- {sentence}"
@@ -123,36 +107,33 @@ def check(request: SessionOptions) -> Answer:
     return Answer(facts, text, exit_code)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunRequest(SessionOptions):
-    """Options of ``spectrabox run``."""
-
+@Command
+def run(
+    folder: Folder,
+    allow_outside: Outside = False,
     only: Annotated[str | None, typer.Option(
-        metavar="STAGE,...", help=f"These stages alone: {STAGE_NAMES}.")] = None
+        metavar="STAGE,...", help=f"These stages alone: {STAGE_NAMES}.")] = None,
     until: Annotated[str | None, typer.Option(
-        metavar="STAGE", help="Run up to this stage, and write no report.")] = None
-    force: Annotated[bool, typer.Option("--force", help="Run also what is up to date.")] = False
-    device: Device = "auto"
-    quiet: Quiet = False
-
-
-@command
-def run(request: RunRequest) -> Answer:
+        metavar="STAGE", help="Run up to this stage, and write no report.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Run also what is up to date.")] = False,
+    device: Device = "auto",
+    quiet: Quiet = False,
+) -> Answer:
     """Run every stage whose inputs changed, and write the report."""
-    check_device(request.device)
-    return run_session(request)
+    return run_session(folder, allow_outside, only=only, until=until, force=force, device=device,
+                       quiet=quiet)
 
 
-@command
-def status(request: SessionOptions) -> Answer:
+@Command
+def status(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Show which stages are done, which are out of date, and why."""
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.kept_stages import stage_states
-    states = stage_states(read_session(request.folder, request.allow_outside))
+    states = stage_states(read_session(folder, allow_outside))
     lines = [f"{state.name:<12} {state.state:<10} "
              + (f"{state.seconds:.1f} s" if state.state == "done" and state.seconds is not None
                 else "; ".join(state.reasons)) for state in states]
-    report = request.folder / "report.html"
+    report = folder / "report.html"
     lines.append(f"{'report':<12} {'written' if report.exists() else 'missing'}")
     return Answer({"stages": [{"name": state.name, "state": state.state,
                                "reasons": list(state.reasons), "seconds": state.seconds}
@@ -160,36 +141,31 @@ def status(request: SessionOptions) -> Answer:
                    "report": str(report) if report.exists() else None}, "\n".join(lines))
 
 
-@dataclass(frozen=True, kw_only=True)
-class OpenRequest(DebugOption):
-    """Options of ``spectrabox open``."""
-
+@Command
+def open_page(
     paths: Annotated[tuple[Path, ...], typer.Argument(
         metavar="[DIR|PHOTO...]", show_default=False, help="A session folder; or photos of flat "
         "samples with a colour chart among them, further ones as of 'spectrabox flat', whose "
         "session is made beside the first. Without any, a page that lists the sessions of the "
-        "working folder and takes photos that are dropped on it.")] = ()
+        "working folder and takes photos that are dropped on it.")] = (),
     watch: Annotated[Path | None, typer.Option(
         metavar="DIR", show_default=False, help="Judge each new photo that comes into this folder, "
-        "as when shooting tethered.")] = None
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 0
+        "as when shooting tethered.")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option(
-        "--browser/--no-browser", help="Open it in the browser.")] = True
-    allow_outside: Outside = False
-
-
-@command
-def open_page(request: OpenRequest) -> None:
+        "--browser/--no-browser", help="Open it in the browser.")] = True,
+    allow_outside: Outside = False,
+) -> None:
     """Open a photo's or session's page on this machine: point at colours, mark, run, read."""
     import webbrowser
 
     from spectrabox.session.page.run_control import RunControl
 
     run = None
-    if request.paths:
-        folder = _folder_to_open(request.paths).resolve()
-        run = RunControl(folder, ("--allow-outside",) if request.allow_outside else ())
-        if folder != request.paths[0].resolve() and not (folder / "results").exists():
+    if paths:
+        folder = _folder_to_open(paths).resolve()
+        run = RunControl(folder, ("--allow-outside",) if allow_outside else ())
+        if folder != paths[0].resolve() and not (folder / "results").exists():
             run.start("calibrate")      # before the page loads its libraries
     from spectrabox.session.page.server import serve
     from spectrabox.session.page.session_page import SessionPage
@@ -200,23 +176,18 @@ def open_page(request: OpenRequest) -> None:
         tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
              "session from this machine.")
     page: SessionPage | StartPage = StartPage(Path()) if run is None else SessionPage(
-        run.folder, request.watch, request.allow_outside, run)
-    serve(page, request.port, say, webbrowser.open if request.browser else None)
+        run.folder, watch, allow_outside, run)
+    serve(page, port, say, webbrowser.open if browser else None)
 
 
 def _folder_to_open(paths: tuple[Path, ...]) -> Path:
     """The session folder that is named, or that of photos, made where it is missing."""
     from spectrabox.session.config.session_schema import FILE_NAME
-    from spectrabox.session.flat.new_session import (
-        FlatOrder,
-        FurtherPhoto,
-        folder_beside,
-        session_of,
-    )
+    from spectrabox.session.flat.new_session import folder_beside, session_of, tables_of_photos
     first, *others = paths
     if first.is_file() and first.name != FILE_NAME:
         if not (folder_beside(first) / FILE_NAME).is_file():
-            with session_of(FlatOrder(first, {}, further=[*map(FurtherPhoto, others)]), None):
+            with session_of(tables_of_photos(*paths), None):
                 pass
         return folder_beside(first)
     if others:
@@ -228,18 +199,13 @@ def _folder_to_open(paths: tuple[Path, ...]) -> Path:
     return first
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReportRequest(SessionOptions):
-    """Options of ``spectrabox report``."""
-
-
-@command
-def report(request: ReportRequest) -> Answer:
+@Command
+def report(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Rebuild report.html and report.json from stored results."""
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
-    config = read_session(request.folder, request.allow_outside)
+    config = read_session(folder, allow_outside)
     finished = load_finished(config)
     stale = warn_of_stale_stages(config, tell)
     facts = rewritten_outputs(config, finished, ["spectrabox", "report"],
@@ -247,19 +213,11 @@ def report(request: ReportRequest) -> Answer:
     return Answer({"report": facts["report"], "stale": stale}, f"wrote {facts['report']}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DoctorRequest(CommonOptions):
-    """Options of ``spectrabox doctor``."""
-
-    device: Device = "auto"
-
-
-@command
-def doctor(request: DoctorRequest) -> Answer:
+@Command
+def doctor(device: Device = "auto") -> Answer:
     """Check whether this machine is ready: LLVM, GPU, versions."""
-    check_device(request.device)
     from spectrabox.session.doctor import examine
-    facts = examine(request.device)
+    facts = examine(device)
     llvm = facts["llvm"]
     lines = [f"{'ready' if facts['ready'] else 'NOT READY'}: "
              f"{facts['variant'] or 'no renderer'}, LLVM "
@@ -271,12 +229,15 @@ def doctor(request: DoctorRequest) -> Answer:
     return Answer(facts, "\n".join(lines), EnvironmentProblem.exit_code if facts["problems"] else 0)
 
 
-def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
+def run_session(folder: Path, allow_outside: bool = False, *, only: str | None = None,
+                until: str | None = None, force: bool = False, device: str = "auto",
+                quiet: bool = False, words: list[str] | None = None) -> Answer:
     """Run the stages of a session that are asked for, and write its report after the last.
 
     Parameters
     ----------
-    request : RunRequest
+    folder, allow_outside, only, until, force, device, quiet
+        As the options of ``spectrabox run``.
     words : list of str, optional
         The command as the operator could type it again, for the report; that of ``run`` by default.
     """
@@ -291,23 +252,24 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 
-    config = read_session(request.folder, request.allow_outside)
+    config = read_session(folder, allow_outside)
     order = stage_names(config)
-    wanted = stages_in_order(request.only, order)
-    if request.until is not None and (request.only is not None or request.until not in order):
-        raise InputError(f"--until {request.until}: one of the stages {', '.join(order)} is "
+    wanted = stages_in_order(only, order)
+    if until is not None and (only is not None or until not in order):
+        raise InputError(f"--until {until}: one of the stages {', '.join(order)} is "
                          "needed, without --only")
-    after = None if request.until is None else dict(pairwise([*order, None]))[request.until]
-    words = words or ["spectrabox", "run", request.folder.name, "--device", request.device,
-                      *(["--force"] if request.force else []),
-                      *(["--only", request.only] if request.only else []),
-                      *(["--until", request.until] if request.until else [])]
+    after = None if until is None else dict(pairwise([*order, None]))[until]
+    words = words or ["spectrabox", "run", folder.name, "--device", device,
+                      *(["--force"] if force else []),
+                      *(["--only", only] if only else []),
+                      *(["--until", until] if until else [])]
     with only_writer(config.folder, " ".join(words[:2])), \
-            progress_display(request.quiet) as show:
+            progress_display(quiet) as show:
         progress = with_time_left(show)
-        all_of_them = wanted == [None] and after is None and not request.force
+        all_of_them = wanted == [None] and after is None and not force
         kept = kept_run(config, progress) if all_of_them else None
-        finished = kept or _finished_run(config, request, wanted, after, progress)
+        finished = kept or _finished_run(
+            config, wanted, after, device, force, progress)
         if wanted[-1] not in (None, "sample") or after is not None:
             seconds = {stage: finished.stored[stage].seconds
                        for stage in (wanted if after is None else finished.stored) if stage}
@@ -318,16 +280,16 @@ def run_session(request: RunRequest, words: list[str] | None = None) -> Answer:
                 "\n".join([*(f"stage {stage} took {taken:.1f} s"
                              for stage, taken in seconds.items()),
                            "run without --only and --until for the report"]))
-        finished = load_finished(config) if request.only is not None else finished
-        outputs = outputs_of_run(config, finished, words, request.device, progress)
+        finished = load_finished(config) if only is not None else finished
+        outputs = outputs_of_run(config, finished, words, device, progress)
     return Answer(outputs.facts, outputs.text)
 
 
-def _finished_run(config: SessionConfig, request: RunRequest, wanted: Sequence[str | None],
-                  before: str | None, progress: StageProgress) -> FinishedRun:
+def _finished_run(config: SessionConfig, wanted: Sequence[str | None], before: str | None,
+                  device: str, force: bool, progress: StageProgress) -> FinishedRun:
     """Run each stage that is wanted, None being all; what makes them is loaded only here."""
     from spectrabox.session.pipeline import run_stages
     for stage in wanted:
-        finished = run_stages(config, device=request.device, only=stage, force=request.force,
+        finished = run_stages(config, device=device, only=stage, force=force,
                               progress=progress, before=before)
     return finished

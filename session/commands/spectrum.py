@@ -13,9 +13,8 @@ from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
-    CommonOptions,
+    Command,
     check_ending,
-    command,
 )
 from spectrabox.session.terminal.json_values import to_json
 
@@ -40,62 +39,52 @@ def register(app: typer.Typer) -> None:
     app.add_typer(spectrum)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShowRequest(CommonOptions):
-    """Options of ``spectrabox spectrum show``."""
-
+@Command
+def show(
     files: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="FILE...", show_default=False, help="Files of spectra, of any format.")]
+        metavar="FILE...", show_default=False, help="Files of spectra, of any format.")],
     column: Annotated[str | None, typer.Option(
-        metavar="COLUMN", help="Name or number of one column.")] = None
+        metavar="COLUMN", help="Name or number of one column.")] = None,
     draw: Annotated[bool, typer.Option(
-        "--draw", help="Draw the spectrum in the terminal.")] = False
-
-
-@command
-def show(request: ShowRequest) -> Answer:
+        "--draw", help="Draw the spectrum in the terminal.")] = False,
+) -> Answer:
     """Show what a spectral file holds: format, range, quantity, unit, and what to beware of."""
     from spectrabox.radiometry.spectra.spectrum_files import read_table
-    tables = [read_table(path) for path in request.files]
-    shown = [_shown(table, request.column) for table in tables]
-    text = "\n\n".join(_text(table, each, request.column, request.draw)
+    tables = [read_table(path) for path in files]
+    shown = [_shown(table, column) for table in tables]
+    text = "\n\n".join(_text(table, each, column, draw)
                        for table, (each, _) in zip(tables, shown, strict=True))
     facts = [to_json(each) | ({} if main is None else {"values": main.values, "column": main.name})
              for each, main in shown]
     return Answer(facts[0] if len(facts) == 1 else {"files": facts}, text)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ConvertRequest(CommonOptions):
-    """Options of ``spectrabox spectrum convert``."""
-
+@Command
+def convert(
     files: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="FILE...", show_default=False, help="Files of spectra, of any format.")]
+        metavar="FILE...", show_default=False, help="Files of spectra, of any format.")],
     out: Annotated[Path, typer.Option(
-        "--out", "-o", metavar="FILE|FOLDER", help=OUT_HELP, show_default=False)]
+        "--out", "-o", metavar="FILE|FOLDER", help=OUT_HELP, show_default=False)],
     column: Annotated[str | None, typer.Option(
-        metavar="COLUMN", help="Name or number of one column.")] = None
+        metavar="COLUMN", help="Name or number of one column.")] = None,
     quantity: Annotated[str | None, typer.Option(
-        metavar=QUANTITIES, help="What the spectra are, where the file does not state it.")] = None
+        metavar=QUANTITIES, help="What the spectra are, where the file does not state it.")] = None,
     grid: Annotated[str | None, typer.Option(
         metavar="FIRST:LAST:STEP", help="In nm, such as 400:700:5; the file's own by "
-        "default.")] = None
+        "default.")] = None,
     to: Annotated[str, typer.Option(
-        metavar="|".join(WRITTEN), help="Format of the files in a folder.")] = ".csv"
-
-
-@command
-def convert(request: ConvertRequest) -> Answer:
+        metavar="|".join(WRITTEN), help="Format of the files in a folder.")] = ".csv",
+) -> Answer:
     """Write spectra in another format, on another grid where one is given. Nothing is
     extrapolated.
     """
-    suffix = request.to if len(request.files) > 1 else request.out.suffix.lower()
-    check_ending(Path(f"spectra{suffix}") if len(request.files) > 1 else request.out, WRITTEN,
-                 "--to" if len(request.files) > 1 else "--out")
+    suffix = to if len(files) > 1 else out.suffix.lower()
+    check_ending(Path(f"spectra{suffix}") if len(files) > 1 else out, WRITTEN,
+                 "--to" if len(files) > 1 else "--out")
     written = []
-    for path in request.files:
-        target = request.out / f"{path.stem}{suffix}" if len(request.files) > 1 else request.out
-        written.append(WrittenFile(target, _convert(path, target, request)))
+    for path in files:
+        target = out / f"{path.stem}{suffix}" if len(files) > 1 else out
+        written.append(WrittenFile(target, _convert(path, target, column, quantity, grid)))
     return Answer({"written": written}, "\n".join(
              f"wrote {each.file}" + "".join(f"\n- {note}" for note in each.notes)
              for each in written))
@@ -201,7 +190,8 @@ def _one(table: SpectralTable, column: str | None, role: Quantity) -> Spectrum:
     return Spectrum(grid_from_nm(table.nm[keep]), table.values[index][keep], role, table.file)
 
 
-def _convert(path: Path, target: Path, request: ConvertRequest) -> list[str]:
+def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
+             grid: str | None) -> list[str]:
     import numpy as np
 
     from spectrabox.radiometry.files import whole_file, write_text_whole
@@ -209,8 +199,8 @@ def _convert(path: Path, target: Path, request: ConvertRequest) -> list[str]:
     from spectrabox.radiometry.spectra.resampling import resampled
     from spectrabox.radiometry.spectra.spectrum_files import read_table, spectrum_of, table_text
 
-    table, column, grid = read_table(path), request.column, request.grid
-    role = _stated_quantity(table, column, request.quantity)
+    table = read_table(path)
+    role = _stated_quantity(table, column, quantity)
     names = [table.main] if column is None and table.main is not None else \
         [table.names[index] for index in _indices(table, column)]
     names = [name for name in names if not name.startswith("standard_error")]

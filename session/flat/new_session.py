@@ -12,14 +12,15 @@ import json
 import re
 import shutil
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from spectrabox.capture.photo.image_files import require_linear_file
 from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
-from spectrabox.radiometry.charts.layout_names import is_layout_file
-from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import (
     names_a_file,
@@ -28,9 +29,9 @@ from spectrabox.radiometry.files import (
     writable,
     write_text_whole,
 )
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.names import file_stem
-from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
 
@@ -38,54 +39,39 @@ MARK = "# as 'spectrabox flat' wrote it: "
 SUFFIX = "-flat"
 CARD = "white card"
 WAVELENGTHS_NM = (360, 830)
+PHOTO_KEYS = ("object", "chart", "flat", "photo")       # whose files are photos
+REGIONS_ADVICE = "write [regions.NAME] and rect = [x0, y0, x1, y1] for each region"
+Tables = dict[str, Any]     # of session.toml, by their names
 
 
-@dataclass(frozen=True)
-class FurtherPhoto:
-    """A further photo of the samples from the same tripod; it shows the chart too."""
+class StatedRegion(Table):
+    """A region of a file of its own: what ``[regions.NAME]`` of a session may say of it, where
+    ``known`` may be a number.
+    """
 
-    photo: Path
-    light: str | None = "unknown"               # a light of its own; None: the first photo's lamp
-    filter: str | None = None                   # a file of its transmittance, or "unknown"
-
-    @property
-    def name(self) -> str:
-        """What it is called in the session."""
-        return _name(self.photo)
+    rect: Annotated[ListOf[float], Field(min_length=4, max_length=4)]
+    family: str | ListOf[str] | None = None
+    surface: Literal["matt", "satin", "glossy"] | None = None
+    known: float | str | None = None
+    truth: str | None = None
 
 
-@dataclass(frozen=True)
-class FlatOrder:
-    """What the command was asked for."""
+class RegionsFile(Table):
+    """Regions for photos that are framed alike."""
 
-    photo: Path                                 # in which the regions are outlined
-    regions: Mapping[str, Sequence[float]]      # [x0, y0, x1, y1] by name; none yet for the page
-    light: str = "unknown"
-    chart: Path | None = None
-    flat_field: Path | None = None
-    corners_px: Sequence[Sequence[float]] | None = None
-    families: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    surfaces: Mapping[str, str] = field(default_factory=dict)   # matt, satin or glossy, by region
-    picture_surface: str | None = None
-    known: Mapping[str, str] = field(default_factory=dict)      # file or number, by region
-    truths: Mapping[str, str] = field(default_factory=dict)
-    layout: str = ""                            # of the chart: a name or a file
-    reference: str | None = None                # its reflectances: a name or a file
-    picture: bool = False                       # of the spectra of every pixel
-    picture_light: str | None = None            # CIE name of a light beside D65
-    further: Sequence[FurtherPhoto] = ()
-    swatches: Path | None = None                # spectra, named as their regions
-    not_linear: bool = False                    # JPEG and PNG are decoded as sRGB
-    orientation: int | None = None              # of all photos; None: as the first states
+    regions: dict[str, StatedRegion] = Field(min_length=1)
 
 
 @contextlib.contextmanager
-def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
+def session_of(tables: Tables, folder: Path | None) -> Iterator[Path]:
     """The session folder, written. One that was made for this command vanishes again if it fails.
 
     Parameters
     ----------
-    order : FlatOrder
+    tables : dict of dict
+        What session.toml is to say: a ``Path`` is a file that is copied into the session, None is
+        left out, and a region's ``known`` may be a number. Photos are turned as the first states,
+        unless ``orientation`` says otherwise.
     folder : Path or None
         None: beside the photo, named after it.
 
@@ -94,26 +80,113 @@ def session_of(order: FlatOrder, folder: Path | None) -> Iterator[Path]:
     InputError
         If a file is missing, or the folder holds another session or an edited one.
     """
-    folder = folder or folder_beside(order.photo)
-    for path in (order.photo, order.chart, order.flat_field,
-                 *(further.photo for further in order.further)):
+    photos = tables["photos"]
+    folder = folder or folder_beside(photos["object"])
+    for path in (*map(photos.get, PHOTO_KEYS),
+                 *(view["photo"] for view in (tables.get("views") or {}).values())):
         if path is not None and not path.is_file():
             raise InputError(f"{path} is missing; give the name of a photo")
-        if path is not None and not order.not_linear:
+        if path is not None and not photos.get("not_linear"):
             require_linear_file(path)
-    _require_several(order)
     made = not folder.exists()
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; name another folder with --session")
     _require_unedited(folder)
     try:
         with writable(folder.parent):
-            _write(order, folder)
+            _write(tables, folder)
         yield folder
     except BaseException:
         if made:
             shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def tables_of_photos(photo: Path, *others: Path) -> Tables:
+    """What session.toml says of photos of flat samples before anything is outlined on them.
+
+    Parameters
+    ----------
+    photo, *others : Path
+        From one tripod, each under an unknown light of its own.
+    """
+    return {**tables_of_photo(photo), "light": {"spectrum": UNKNOWN},
+            "views": views_of(photo, [(other, {"light": UNKNOWN}) for other in others]) or None,
+            "regions": {}}
+
+
+def tables_of_photo(photo: Path, **stated: Any) -> Tables:
+    """[session] and [photos] of a photo.
+
+    Parameters
+    ----------
+    photo : Path
+    **stated
+        Further keys of [photos].
+    """
+    return {"session": {"name": _name(photo)}, "photos": {"object": photo, **stated}}
+
+
+def views_of(photo: Path, further: Iterable[tuple[Path, dict[str, Any]]]) -> Tables:
+    """[views] of further photos of the same samples, each named after its file.
+
+    Parameters
+    ----------
+    photo : Path
+        The first.
+    further : iterable of (Path, dict)
+        A photo, and what its table says of light and filter.
+
+    Raises
+    ------
+    InputError
+        If a photo is given twice, or two have one name.
+    """
+    given, views = {_name(photo): photo}, dict[str, Any]()
+    for path, said in further:
+        name = _name(path)
+        if (other := given.get(name)) is not None:
+            raise InputError(f"{path} is given twice; give each photo once"
+                             if path.resolve() == other.resolve() else
+                             f"{other} and {path} have one name, after which results are named; "
+                             "rename one")
+        given[name], views[name] = path, {"photo": path, **said}
+    return views
+
+
+def read_regions(path: Path) -> Tables:
+    """[regions] of a TOML file; files that it names lie beside it.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a key is unknown or of another kind.
+    """
+    tables: Tables = {}
+    for name, region in checked(RegionsFile, read_toml(path, REGIONS_ADVICE),
+                                path.name).regions.items():
+        said = {key: value for key, value in vars(region).items() if value is not None}
+        for key in ("known", "truth"):
+            if isinstance(said.get(key), str):
+                said[key] = path.parent / said[key]
+        if isinstance(region.family, str):
+            said["family"] = [region.family]
+        tables[name] = said
+    return tables
+
+
+def file_or_word(word: str) -> Path | str:
+    """A file that is to be copied into the session, or a word such as D65.
+
+    Parameters
+    ----------
+    word : str
+    """
+    return Path(word) if names_a_file(word) else word
 
 
 def folder_beside(photo: Path) -> Path:
@@ -133,18 +206,6 @@ def _name(photo: Path) -> str:
     return re.sub(r"^[\W_]+", "", photo.stem) or FIRST_PHOTO
 
 
-def _require_several(order: FlatOrder) -> None:
-    """Refuse photos that are given twice, or whose names are one."""
-    given: dict[str, Path] = {}
-    for path in (order.photo, *(further.photo for further in order.further)):
-        if (other := given.get(_name(path))) is not None:
-            raise InputError(f"{path} is given twice; give each photo once"
-                             if path.resolve() == other.resolve() else
-                             f"{other} and {path} have one name, after which results are named; "
-                             "rename one")
-        given[_name(path)] = path
-
-
 def _require_unedited(folder: Path) -> None:
     written = folder / FILE_NAME
     if not written.exists():
@@ -159,91 +220,63 @@ def _require_unedited(folder: Path) -> None:
                          "with --session")
 
 
-def _write(order: FlatOrder, folder: Path) -> None:
+def _write(tables: Tables, folder: Path) -> None:
     for part in ("photos", "spectra"):
         (folder / part).mkdir(parents=True, exist_ok=True)
-    photos = {"object": _copied(order.photo, folder, "photos")}
-    for key, path in (("chart", order.chart), ("flat", order.flat_field)):
-        if path is not None:
-            photos[key] = _copied(path, folder, "photos")
-    light, orientation = _spectrum(order.light, folder), _orientation(order, folder)
-    lines = ["#:schema ./session.schema.json", "", "[session]",
-             f"name = {_quoted(_name(order.photo))}", "", "[photos]",
-             *(f"{key} = {_quoted(name)}" for key, name in photos.items()),
-             # of all photos: a camera that looks down states any orientation
-             *([] if orientation == AS_READ else [f"orientation = {orientation}"]),
-             *(["not_linear = true"] if order.not_linear else []), "", "[light]",
-             f"spectrum = {_quoted(light)}", ""]
-    if chart := _chart(order, folder):
-        lines += ["[chart]", *(f"{key} = {value}" for key, value in chart.items()), ""]
-    for further in order.further:
-        lines += [f"[views.{_quoted(further.name)}]",
-                  f"photo = {_quoted(_copied(further.photo, folder, 'photos'))}",
-                  'same_light_as = "photo"' if further.light is None
-                  else f"light = {_quoted(_spectrum(further.light, folder))}",
-                  *([] if further.filter is None
-                    else [f"filter = {_quoted(_spectrum(further.filter, folder))}"]), ""]
-    swatches = () if order.swatches is None else read_swatch_spectra(order.swatches,
-                                                                     order.regions)
-    if not order.regions:       # a flat sample, before anything is outlined on it
-        lines += ["[regions]", ""]
-    for name, rect in order.regions.items():
-        lines += [f"[regions.{_quoted(name)}]", f"rect = {json.dumps(list(rect))}"]
-        if name in order.known:
-            lines.append(f"known = {_quoted(known_file(order.known[name], name, folder))}")
-        if name in swatches:
-            assert order.swatches is not None
-            file = _copied(order.swatches, folder, "spectra")
-            lines.append(f"swatch = {{ file = {_quoted(file)}, column = {_quoted(name)} }}")
-        if name in order.truths:
-            lines.append(f"truth = {_quoted(_copied(Path(order.truths[name]), folder, 'spectra'))}")
-        if name in order.families:
-            lines.append(f"family = {json.dumps(list(order.families[name]))}")
-        if name in order.surfaces:
-            lines.append(f"surface = {_quoted(order.surfaces[name])}")
-        lines.append("")
-    if order.picture:
-        lines += ["[picture]", *(f"{key} = {_quoted(value)}" for key, value in (
-            ("light", order.picture_light), ("surface", order.picture_surface))
-            if value is not None), ""]
-    body = "\n".join(lines)
+    orientation = _orientation(tables["photos"], folder)
+    photos = tables["photos"] | {"orientation": None if orientation == AS_READ else orientation}
+    regions = {name: region | ({"known": known_file(str(region["known"]), name, folder)}
+                               if "known" in region else {})
+               for name, region in tables["regions"].items()}
+    body = toml_text(_in_session(tables | {"photos": photos, "regions": regions}, folder))
     write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
     if not (folder / SCHEMA_NAME).exists():
         write_schema(folder)
 
 
-def _orientation(order: FlatOrder, folder: Path) -> int:
-    """How photos are turned: as ordered, as the first states, or as in the session that is written
+def _orientation(photos: Mapping[str, Any], folder: Path) -> int:
+    """How photos are turned: as stated, as the first states, or as in the session that is written
     anew, whose regions must not move.
     """
     written = folder / FILE_NAME
     if not written.exists():
-        return order.orientation or photo_orientation(order.photo)
+        return photos.get("orientation") or photo_orientation(photos["object"])
     with written.open("rb") as file:
         return int(tomllib.load(file)["photos"].get("orientation", AS_READ))
 
 
-def _chart(order: FlatOrder, folder: Path) -> dict[str, str]:
-    """What [chart] says, value by key; files are copied into the session."""
-    said, reference = {}, order.reference
-    if order.layout:
-        layout = chart_layout(order.layout)
-        by_file = is_layout_file(order.layout)
-        name = _copied(Path(order.layout), folder, "spectra") if by_file else layout.name
-        said["layout"] = _quoted(name)
-        if reference is None and layout.reference_file is not None:
-            reference = str(layout.reference_file)
-    if reference is not None:
-        said["reference"] = _quoted(_copied(Path(reference), folder, "spectra")
-                                    if names_a_file(reference) else reference)
-    if order.corners_px is not None:
-        said["corners_px"] = json.dumps([list(corner) for corner in order.corners_px])
-    return said
+def _in_session(value: Any, folder: Path, key: str = "") -> Any:
+    """Tables whose files have been copied into the session, by their names there."""
+    if isinstance(value, dict):
+        return {each: _in_session(own, folder, each) for each, own in value.items()
+                if own is not None}
+    if isinstance(value, Path):
+        return _copied(value, folder, "photos" if key in PHOTO_KEYS else "spectra")
+    return value
 
 
-def _spectrum(word: str, folder: Path) -> str:
-    """A word for a spectrum, or the name in the session of the copy of its file."""
-    return _copied(Path(word), folder, "spectra") if names_a_file(word) else word
+def toml_text(tables: Tables) -> str:
+    """A session.toml: a table for each of [views] and [regions], one line for every key.
+
+    Parameters
+    ----------
+    tables : dict of dict
+        Of text, numbers, truths, lists of them, and small tables.
+    """
+    lines = [f"#:schema ./{SCHEMA_NAME}"]
+    for section, table in tables.items():
+        several = section in ("views", "regions") and table
+        for header, keys in ({f"{section}.{_toml(name)}": own for name, own in table.items()}
+                             if several else {section: table}).items():
+            lines += ["", f"[{header}]", *(f"{key} = {_toml(own)}" for key, own in keys.items())]
+    return "\n".join([*lines, ""])
+
+
+def _toml(value: Any) -> str:
+    """A value or a quoted key."""
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_toml(own)}' for key, own in value.items())} }}"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _copied(path: Path, folder: Path, part: str) -> str:
@@ -294,11 +327,6 @@ def known_file(word: str, name: str, folder: Path) -> str:
     write_text_whole(folder / file, f"# quantity: reflectance\nwavelength_nm,value\n{low},{value}\n"
                      f"{high},{value}\n")
     return file
-
-
-def _quoted(text: str) -> str:
-    """A TOML string, or a quoted key."""
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _digest(body: str) -> str:

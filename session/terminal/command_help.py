@@ -4,7 +4,6 @@ from __future__ import annotations
 import copy
 import inspect
 from collections.abc import Callable
-from dataclasses import MISSING
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -24,30 +23,26 @@ SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "repo
 TYPE_WORDS = {str: "TEXT", Path: "FILE", int: "NUMBER", float: "NUMBER"}    # of a value
 
 
-def parameter_of(name: str, hint: Any, default: Any) -> inspect.Parameter:
+def parameter_of(option: inspect.Parameter) -> inspect.Parameter:
     """A parameter as Typer reads it, which knows lists in place of tuples of any length.
 
     Parameters
     ----------
-    name : str
-    hint : type
+    option : Parameter
         Annotated, with ``typer.Option`` or ``typer.Argument``.
-    default : Any
-        ``MISSING`` where there is none.
     """
-    kind, *about = get_args(hint)
-    option = next((each for each in about if isinstance(each, OptionInfo)), None)
-    if option is not None:
-        option = copy.copy(option)
-        _describe_option(option, kind, is_repeated(hint))
-        about = [option if isinstance(each, OptionInfo) else each for each in about]
-    if is_repeated(hint):
+    kind, *about = get_args(option.annotation)
+    repeated, default = is_repeated(option.annotation), option.default
+    about = [copy.copy(each) if isinstance(each, OptionInfo) else each for each in about]
+    for each in about:
+        if isinstance(each, OptionInfo):
+            _describe_option(each, kind, repeated)
+    if repeated:
         kind = list.__class_getitem__(get_args(kind)[0])
-        kind = kind if default is MISSING else kind | None
+        kind = kind if default is inspect.Parameter.empty else kind | None
         default = None if default == () else default
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY,
-                             annotation=Annotated[kind, *about],
-                             default=inspect.Parameter.empty if default is MISSING else default)
+    return inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=default,
+                             annotation=Annotated[kind, *about])
 
 
 def _describe_option(option: OptionInfo, kind: Any, repeated: bool) -> None:

@@ -1,5 +1,5 @@
-"""What every command shares: options as fields of a record, one clear message per error, one JSON
-object per answer.
+"""What every command shares: a function's parameters as its options, one clear message per error,
+one JSON object per answer.
 """
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import io
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
-from functools import wraps
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, is_dataclass
+from functools import cached_property, update_wrapper
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, TypeVar, get_type_hints
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -23,7 +23,6 @@ from spectrabox.radiometry.system.words import message, plain
 from spectrabox.session.terminal.command_help import is_repeated, parameter_of
 from spectrabox.session.terminal.json_values import to_json
 
-Request = TypeVar("Request", bound="DebugOption")
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
                                         show_default=False)]
 Json = Annotated[bool, typer.Option("--json",
@@ -40,11 +39,24 @@ CORNERS_HELP = ("Corners of the chart in pixels, where it is not found: of a Col
 RECTANGLE = "X0,Y0,X1,Y1"       # two opposite corners in pixels
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]
+
+
+def _known_device(device: str) -> str:
+    if device not in DEVICES:
+        raise typer.BadParameter(f"{device!r} is not one of {', '.join(DEVICES)}",
+                                 param_hint="--device")
+    return device
+
+
+DEVICES = ("auto", "cpu", "cuda")
 Device = Annotated[str, typer.Option(
-    metavar="auto|cpu|cuda", help="Where Mitsuba renders: auto is the CPU; a GPU (cuda) is "
-    "untested.")]
+    metavar="|".join(DEVICES), callback=_known_device,
+    help="Where Mitsuba renders: auto is the CPU; a GPU (cuda) is untested.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
+AS_JSON, DEBUG = (inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False,
+                                    annotation=kind)
+                  for name, kind in (("as_json", Json), ("debug", Debug)))
 LAST = ("device", "allow_outside", "quiet", "as_json", "debug")
 INTERRUPTED = 130
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
@@ -65,32 +77,6 @@ BAD_NAMES = {"Symlink loop": "a symbolic link leads back to itself: remove it, o
              "embedded null": "the name of a file holds a zero byte: correct it"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class DebugOption:
-    """The option of every command.
-
-    The fields of a request are the parameters of its command: name, type, help and default stand
-    there once. Repeated ones are tuples, () where none is given.
-    """
-
-    debug: Debug = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class CommonOptions(DebugOption):
-    """Options of every command that answers a script."""
-
-    as_json: Json = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class SessionOptions(CommonOptions):
-    """Options of a command on the folder of one session."""
-
-    folder: Folder
-    allow_outside: Outside = False
-
-
 @dataclass(frozen=True)
 class Answer:
     """What a command says: facts for a script, text for a person."""
@@ -100,42 +86,75 @@ class Answer:
     exit_code: int = 0
 
 
-def command(body: Callable[[Request], Answer | None]) -> Callable[..., None]:
-    """Make a command of a function of one request: its fields become the options, its errors one
-    clear message, its answer what is printed.
+class Command:
+    """A function as a command: its parameters are the options, its errors become one clear
+    message, its answer is printed.
+
+    A parameter that is a record stands for the options that its fields are. ``--debug`` is added,
+    and ``--json`` where the function answers something. Typer asks for the signature of the one
+    command that is called.
 
     Parameters
     ----------
-    body : function of one dataclass, annotated with it
-        Of frozen fields ``name: Annotated[type, typer.Option(...)] = default``.
-
-    Returns
-    -------
-    function
-        With the signature that Typer reads.
+    body : function
+        Its parameters, or the fields of their records, are ``name: Annotated[type,
+        typer.Option(...)] = default``; those that may be repeated are tuples, () where none is
+        given.
     """
-    request_of = get_type_hints(body)["request"]
-    hints = get_type_hints(request_of, include_extras=True)
-    parameters = [parameter_of(field.name, hints[field.name], field.default)
-                  for field in fields(request_of)]
-    # Options that many commands have come last, in one order.
-    parameters.sort(key=lambda each: LAST.index(each.name) if each.name in LAST else -1)
 
-    @wraps(body)
-    def run(**options: Any) -> None:
-        given = {name: tuple(value) if isinstance(value, list) else value
-                 for name, value in options.items()}
-        request = request_of(**{name: () if value is None and is_repeated(hints[name]) else value
-                                for name, value in given.items()})
-        as_json = options.get("as_json", False)
-        with reported_errors(as_json, request.debug):
-            answer = body(request)
+    def __init__(self, body: Callable[..., Answer | None]) -> None:
+        update_wrapper(self, body)
+        self.body = body
+        self.__annotations__ = {}       # Typer reads those of the signature
+
+    @cached_property
+    def written(self) -> inspect.Signature:
+        """The signature of the function."""
+        return inspect.signature(self.body, eval_str=True)
+
+    @cached_property
+    def options(self) -> dict[str, inspect.Parameter]:
+        """Every option by its name; what many commands have comes last, in one order."""
+        options = [option for each in self.written.parameters.values()
+                   for option in _options_of(each)]
+        if self.written.return_annotation is not None:
+            options.append(AS_JSON)
+        by_name = {option.name: option for option in (*options, DEBUG)}
+        return dict(sorted(by_name.items(),
+                           key=lambda item: LAST.index(item[0]) if item[0] in LAST else -1))
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        return inspect.Signature([parameter_of(option) for option in self.options.values()])
+
+    def __call__(self, **given: Any) -> None:
+        for name, value in given.items():
+            if is_repeated(self.options[name].annotation):
+                given[name] = tuple(value or ())
+        as_json = given.get("as_json", False)
+        with reported_errors(as_json, given["debug"]):
+            answer = self.body(**{name: _value_of(each, given)
+                                  for name, each in self.written.parameters.items()})
             if answer is not None:
                 print_answer(as_json, answer)
 
-    run.__signature__ = inspect.Signature(parameters)       # type: ignore[attr-defined]
-    run.__annotations__ = {}
-    return run
+
+def _options_of(parameter: inspect.Parameter) -> Collection[inspect.Parameter]:
+    """A parameter, or the fields of the record that it is."""
+    if not _is_record(parameter):
+        return (parameter,)
+    return inspect.signature(parameter.annotation, eval_str=True).parameters.values()
+
+
+def _value_of(parameter: inspect.Parameter, given: Mapping[str, Any]) -> Any:
+    """What was given for a parameter, or for the fields of the record that it is."""
+    if not _is_record(parameter):
+        return given[parameter.name]
+    return parameter.annotation(**{each.name: given[each.name] for each in _options_of(parameter)})
+
+
+def _is_record(parameter: inspect.Parameter) -> bool:
+    return is_dataclass(parameter.annotation)
 
 
 class UsageProblem(SpectraboxError):
@@ -356,12 +375,6 @@ def require_new(out: Path, force: bool, *inputs: Path | None) -> None:
         raise InputError(f"{out} is an input of this command; give another name for the output")
     if out.exists() and not force:
         raise InputError(f"{out} exists already; give another name, or replace it with --force")
-
-
-def check_device(device: str) -> None:
-    """Refuse an unknown device as a usage error."""
-    if device not in ("auto", "cpu", "cuda"):
-        raise typer.BadParameter(f"{device!r} is not one of auto, cpu, cuda", param_hint="--device")
 
 
 def pixel_numbers(text: str, count: int, option: str, form: str) -> list[float]:

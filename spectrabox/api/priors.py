@@ -9,15 +9,16 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.inputs import CameraLike, LightLike, as_prior, families_of, relative_response
 from spectrabox.measure.signals.judgement import (
-    JudgeOptions,
     PictureJudgement,
     judge_picture,
 )
+from spectrabox.measure.signals.options import JudgeOptions
 from spectrabox.measure.signals.prior_training import train_prior as learn_prior
 from spectrabox.measure.signals.spectral_pictures import open_picture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
+from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.judge.certificate import Certificate
 from spectrabox.sampling.judge.certificate import certify as certify_library
@@ -27,7 +28,6 @@ from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
-DELTA_LIGHTS = ("D65", "A", "FL11")     # daylight, incandescent, narrow bands
 
 LibraryLike = str | Path | ArrayLike
 

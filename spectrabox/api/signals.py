@@ -17,8 +17,9 @@ from spectrabox.api.inputs import (
     one_blas_thread,
     relative_response,
 )
-from spectrabox.measure.signals.estimate import SampleOptions, SignalCapture, SignalEstimate
+from spectrabox.measure.signals.estimate import SignalCapture, SignalEstimate
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
+from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectrumSummary
@@ -35,8 +36,9 @@ SwatchesLike = str | Path | tuple[ArrayLike, ArrayLike, ArrayLike]
 def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: ArrayLike = 0.0,
            white: ArrayLike | None = None, light_error: float = 0.0,
            sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,
-           method: str = "prior", draws: int = 2000, seed: int = 0, coefficients: int = 13,
-           level: float = 0.95, prior: str | Path | LogitMixture | None = None,
+           method: str = SampleOptions.method, draws: int = SampleOptions.samples,
+           seed: int = SampleOptions.seed, coefficients: int = SampleOptions.coefficients,
+           level: float = SampleOptions.level, prior: str | Path | LogitMixture | None = None,
            swatches: SwatchesLike | None = None,
            names: Sequence[str] | None = None) -> SpectrumEstimate | SpectrumEstimates:
     """Every reflectance behind one signal, or behind each of many.
