@@ -128,12 +128,13 @@ class Command:
         return inspect.Signature([parameter_of(option) for option in self.options.values()])
 
     def __call__(self, **given: Any) -> None:
-        for name, value in given.items():
-            if is_repeated(self.options[name].annotation):
-                given[name] = tuple(value or ())
-        as_json = given.get("as_json", False)
-        with reported_errors(as_json, given["debug"]):
-            answer = self.body(**{name: _value_of(each, given)
+        values = {name: given.get(name, option.default) for name, option in self.options.items()}
+        for name, option in self.options.items():
+            if is_repeated(option.annotation):
+                values[name] = tuple(values[name] or ())
+        as_json = values.get("as_json", False)
+        with reported_errors(as_json, values["debug"]):
+            answer = self.body(**{name: _value_of(each, values)
                                   for name, each in self.written.parameters.items()})
             if answer is not None:
                 print_answer(as_json, answer)
