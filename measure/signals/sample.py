@@ -207,10 +207,10 @@ def _estimate_without_draws(capture: SignalCapture,
     summary = summaries(prior, response_on(first, PRIOR_GRID), y, causes, options.level)
     estimates = []
     for row, outcome in enumerate(summary.outcome):
-        base = replace(first, signal=y[row])
         own = {name: covariance[row] for name, covariance in causes.items()}
         if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
-            estimates.append(_estimate_from_draws(base, own, options, capture, None))
+            estimates.append(_estimate_from_draws(replace(first, signal=y[row]), own, options,
+                                                  capture, None))
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
         method = "learnt prior" if outcome is Outcome.FAMILIAR else "smoothness prior"
@@ -223,7 +223,7 @@ def _estimate_without_draws(capture: SignalCapture,
             None, 0, options.level, method, options.seed, sentence,
             f"Conditional on the prior {method}, computed in closed form. {sentence}",
             float(summary.next_measurement_nm[row]), "all measurements",
-            replace(base, noise_covariance=total[row]), own, error_budget=dict(zip(
+            replace(first, signal=y[row], noise_covariance=total[row]), own, error_budget=dict(zip(
                 (METAMERISM, *causes, FLOOR), summary.budget[row].tolist(), strict=True)),
             families=shares, certified=certified, certificate=certificate))
     return estimates

@@ -334,7 +334,8 @@ def print_answer(as_json: bool, answer: Answer) -> None:
     ------
     typer.Exit
     """
-    print(json.dumps(to_json(answer.facts), allow_nan=False) if as_json else plain(answer.text))
+    print(json.dumps(answer.facts, default=to_json, allow_nan=False) if as_json
+          else plain(answer.text))
     if answer.exit_code:
         raise typer.Exit(answer.exit_code)
 
