@@ -4,7 +4,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,6 +18,10 @@ from spectrabox.session.terminal.command_line import (
     check_ending,
     tell,
 )
+
+if TYPE_CHECKING:
+    from spectrabox.session.config.session_schema import SessionConfig
+    from spectrabox.session.kept_stages import FinishedRun
 
 
 def register(app: typer.Typer) -> None:
@@ -51,17 +55,13 @@ def relight(
     from spectrabox.capture.photo.image_writers import write_exr, write_png
     from spectrabox.measure.scene.box_camera import scene_of
     from spectrabox.session.box.scenes import stated_scene
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import require_results
     from spectrabox.session.relight import OBSERVER
     from spectrabox.session.relight import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
-    config = read_session(folder, allow_outside)
+    config, finished, stale = finished_session(folder, allow_outside)
     scene = scene_of(stated_scene(config))
     size = (width, max(round(width * scene.height / scene.width), 1))
-    finished = load_finished(config)
-    stale = warn_of_stale_stages(config, tell)
     digests = finished.result_digests()
     relit, notes = render_under(finished, light=light,
                                 observer=observer or OBSERVER, size=size, spp=spp,
@@ -101,13 +101,9 @@ def colour(
     and OpenColorIO profiles with their errors, and a page for the archive.
     """
     from spectrabox.session.colour.colour_outputs import write_colour
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import require_results
     from spectrabox.session.store.locks import outputs_writer
-    config = read_session(folder, allow_outside)
-    finished = load_finished(config)
-    stale = warn_of_stale_stages(config, tell)
+    config, finished, stale = finished_session(folder, allow_outside)
     digests = finished.result_digests()
     with outputs_writer(config.folder):
         facts, text = write_colour(config, finished, out or folder / "colour",
@@ -131,11 +127,8 @@ def draws(
     """Write the spectra that were drawn for the surfaces of a finished session into one file."""
     from spectrabox.session.store.draws_files import FORMS, stored_draws, write_draws
     check_ending(out, FORMS)
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
-    config = read_session(folder, allow_outside)
-    drawn = stored_draws(load_finished(config).records.sample, step, count)
-    stale = warn_of_stale_stages(config, tell)
+    _, finished, stale = finished_session(folder, allow_outside)
+    drawn = stored_draws(finished.records.sample, step, count)
     write_draws(out, drawn)
     numbers = {name: len(values) for name, (_, values) in drawn.items()}
     nm = next(iter(drawn.values()))[0]
@@ -167,3 +160,20 @@ def rehearse(
                            lambda done, what: progress("rehearse", done, what))
         path = save_rehearsal(config, rehearsed)
     return Answer(dataclasses.asdict(rehearsed) | {"file": str(path)}, rehearsed.text)
+
+
+def finished_session(folder: Path, allow_outside: bool
+                     ) -> tuple[SessionConfig, FinishedRun, list[str]]:
+    """A session, what is stored of its run, and the stages that are out of date, of which the
+    operator is told.
+
+    Parameters
+    ----------
+    folder : Path
+    allow_outside : bool
+        Let the session name files outside its folder.
+    """
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
+    config = read_session(folder, allow_outside)
+    return config, load_finished(config), warn_of_stale_stages(config, tell)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.session.commands.finished import finished_session
 from spectrabox.session.terminal.command_line import (
     Answer,
     Command,
@@ -202,12 +203,8 @@ def _folder_to_open(paths: tuple[Path, ...]) -> Path:
 @Command
 def report(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Rebuild report.html and report.json from stored results."""
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
-    config = read_session(folder, allow_outside)
-    finished = load_finished(config)
-    stale = warn_of_stale_stages(config, tell)
+    config, finished, stale = finished_session(folder, allow_outside)
     facts = rewritten_outputs(config, finished, ["spectrabox", "report"],
                               "stored results").facts
     return Answer({"report": facts["report"], "stale": stale}, f"wrote {facts['report']}")
