@@ -3,14 +3,20 @@
 The info string of a fence says what a block is: ``sh``, ``python``, ``xml``, ``text``; ``toml
 session`` is a part of a session.toml, ``toml NAME`` a file of that name. A further word says why a
 block is not run here (NOT_RUN); its commands and imports must exist all the same.
+
+Most pages begin with one and the same demo: its command is run once, and each page has a copy. A
+calibration or a photo that several pages measure alike is measured once.
 """
 from __future__ import annotations
 
 import ast
 import collections
+import contextlib
+import functools
 import importlib
 import inspect
 import itertools
+import json
 import re
 import runpy
 import shlex
@@ -31,7 +37,6 @@ from spectrabox.calibrate.geometry.lens_files import write_lens
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.capture.photo.raw import read_raw
-from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Quantity
@@ -64,6 +69,9 @@ FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 PATH = re.compile(r"`((?:radiometry|capture|calibrate|reconstruct|sampling|session|fixtures|tests"
                   r"|benchmarks|docs)/[\w./-]*)`")
+PAINTING = ["spectrabox", "demo", "painting", "--flat"]
+MADE = "painting-as-made"       # what that has written, beside a reader's own files
+MEASURED_ONCE = ("fit_camera", "flat")
 SMALL_CHART = "a patch has 56 pixels and 100 are needed"    # in the small photos of these tests
 
 
@@ -104,6 +112,9 @@ def commands_in(text):
 
 def run_command(words, mark):
     assert words[0] == "spectrabox", f"a {mark or 'sh'} block runs {words[0]}: mark it"
+    if words == PAINTING and Path(MADE).exists():
+        shutil.copytree(MADE, "painting")
+        return
     result = CliRunner().invoke(app, words[1:])
     small = result.exit_code == 4 and words[1] == "chart" and SMALL_CHART in result.output
     assert result.exit_code == 0 or small, (f"{' '.join(words)} ends in {result.exit_code}\n"
@@ -166,13 +177,49 @@ def run_block(block, folder, names):
         assert block.language == "text", f"{block.page}:{block.line}: say what this block is"
 
 
+@pytest.fixture(scope="module")
+def painting(tmp_path_factory):
+    """The folder that the command of the flat demo writes."""
+    folder = tmp_path_factory.mktemp("demo")
+    with contextlib.chdir(folder):
+        run_command(PAINTING, "")
+    return folder / "painting"
+
+
+@pytest.fixture(scope="module")
+def answers():
+    """What was measured in the files of the demos, by function and arguments."""
+    return {}
+
+
 @pytest.fixture
-def reader(_finished, tmp_path, monkeypatch):
+def reader(_finished, painting, answers, tmp_path, monkeypatch):
     """A folder with the demo's session, and the repository's transcripts."""
     shutil.copytree(_finished, tmp_path / "mybox")
+    (tmp_path / MADE).symlink_to(painting)
     (tmp_path / "fixtures").symlink_to(ROOT / "fixtures")
     monkeypatch.chdir(tmp_path)
+    for name in MEASURED_ONCE:
+        monkeypatch.setattr(spectrabox, name, answered_once(getattr(spectrabox, name), answers))
     return tmp_path
+
+
+def answered_once(function, answers):
+    """The function, which keeps what it has answered where files and numbers alone are given."""
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def answer(*given, **named):
+        asked = signature.bind(*given, **named)
+        asked.apply_defaults()
+        try:
+            key = function.__name__, json.dumps(asked.arguments)
+        except TypeError:       # a record, of which two may look alike
+            return function(*given, **named)
+        if key not in answers:
+            answers[key] = function(*given, **named)
+        return answers[key]
+    return answer
 
 
 @pytest.mark.parametrize("page", [page for page, blocks in RUN.items() if blocks])
@@ -254,10 +301,8 @@ def test_an_example_that_is_not_run_has_options_that_exist(name):
 
 def write_files_of(words, folder):
     """Those of an example's files that a reader brings along."""
-    if any(word.startswith("painting/") for word in words) and not (folder / "painting").exists():
-        write_flat_demo(folder / "painting", 1)
-    if "colour" in words and not (folder / "painting").exists():
-        run_command(["spectrabox", "demo", "painting", "--flat"], "")
+    if any(word.startswith("painting") for word in words) and not (folder / "painting").exists():
+        run_command(PAINTING, "")
     for file, write in FILES.items():
         if file in words and not (folder / file).exists():
             write(folder)
