@@ -97,6 +97,24 @@ def light_as_stated(monkeypatch):
     monkeypatch.setattr(chart_calibration, "light_doubts", lambda *_: ((), ()))
 
 
+@pytest.fixture(scope="session")
+def _calibrated_flat(tmp_path_factory):
+    from flat_example import write_flat
+
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import run_stages
+    folder = write_flat(tmp_path_factory.mktemp("calibrated") / "s")
+    run_stages(read_session(folder), device="cpu", only=None, force=False,
+               progress=lambda *_: None, before="signals")
+    return folder
+
+
+@pytest.fixture
+def calibrated_flat(_calibrated_flat, tmp_path):
+    """A session of flat samples whose chart has been found and camera calibrated."""
+    return shutil.copytree(_calibrated_flat, tmp_path / "s")
+
+
 @pytest.fixture
 def captured(_captured, tmp_path):
     """A session with photos, spectra and scenes that nobody has run."""

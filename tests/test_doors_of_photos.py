@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from flat_example import HEAD, PAINTS, picture, rect_of, regions_toml, write_flat
+from flat_example import HEAD, PAINTS, picture, rect_of, write_flat
 from test_both_doors import command, entered
 
 import spectrabox as sb
@@ -29,6 +29,7 @@ STATED = {"score", "_rmse", "_share_inside", "refined_placements"}
 # what session.toml states, and the keeper in memory
 LIBRARY = {"photo_orientation", "raw_orientation", "keep", "read", "records", "light"}
 GEL = 1 / (1 + np.exp((NM - 570) / 12))
+SMALL = (208, 312)
 WARM = NM**-5.0 / np.expm1(1.438777e7 / NM / 2856)
 
 
@@ -71,6 +72,18 @@ def part_of(name):
     return [x0, middle, x1, y1] if name.endswith("_again") else [x0, y0, x1, middle]
 
 
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """What is loaded once is loaded, after a photo with all that further ones state."""
+    folder = write_flat(tmp_path_factory.mktemp("warm") / "session")
+    given = of_gel(folder)[1] | of_second_lamp(folder)[1] | of_swatches(folder)[1]
+    parts = {name: part_of(name) for name in given["swatches"]} | {
+        "card": rect_of("white_wall"), "wall": rect_of("green_wall")}
+    sb.flat(folder / "photos" / "sample.dng", parts, draws=1000, **given,
+            known={"card": folder / "spectra" / "white_wall.csv"})
+
+
+@pytest.mark.usefixtures("warm")
 @pytest.mark.parametrize("more", [lambda folder: ("", {}), of_gel, of_second_lamp, of_known_card,
                                   of_swatches],
                          ids=["plain", "gel", "second lamp", "known card", "swatches"])
@@ -92,7 +105,6 @@ def test_a_flat_sample(tmp_path, more):
     def library():
         return sb.flat(folder / "photos" / "sample.dng", parts, draws=1000, **given)
 
-    library()       # so that what is loaded once is loaded
     by_session, said = entered(lambda: command("run", folder))
     by_library, (result, facts) = entered(lambda: with_words(library()))
     assert_one_way(by_library, by_session)
@@ -125,12 +137,16 @@ def assert_one_way(by_library, by_session):
 
 def test_a_photo_taken_again_and_a_picture_of_every_pixel(tmp_path):
     folder = write_flat(tmp_path / "session")
-    again = take(folder, "again", lamp.radiance(NM))
-    result = sb.flat(folder / "photos" / "sample.dng", {name: rect_of(name) for name in PAINTS},
+    for name, seed in (("sample", 3), ("again", 11)):       # small: every pixel is computed twice
+        write_photo(folder / "photos" / f"{name}.dng", picture(SMALL), Fraction(1, 60),
+                    np.random.default_rng(seed))
+    again, parts = folder / "photos" / "again.dng", {name: rect_of(name, SMALL) for name in PAINTS}
+    result = sb.flat(folder / "photos" / "sample.dng", parts,
                      light=folder / "spectra" / "light.csv", also={again: "same"},
                      picture=tmp_path / "picture", draws=1000)
     (folder / "session.toml").write_text(
-        f'{HEAD}[views.again]\nphoto = "photos/again.dng"\n[picture]\n{regions_toml()}',
+        f'{HEAD}[views.again]\nphoto = "photos/again.dng"\n[picture]\n' + "".join(
+            f"[regions.{name}]\nrect = {part}\n" for name, part in parts.items()),
         encoding="utf-8")
     session = sb.Session(folder).run()
     for name in PAINTS:

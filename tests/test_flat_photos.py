@@ -1,5 +1,6 @@
 """Flat samples in several photos: other lights and filters, other exposures, one after another."""
 import json
+import shutil
 import tomllib
 from fractions import Fraction
 
@@ -333,19 +334,23 @@ def test_photos_that_moved_are_measured_where_they_show_the_regions(tmp_path):
     photo, glass = folder / "photos" / "sample.dng", folder / "photos" / "glass.dng"
     regions, filtered = {name: rect_of(name) for name in PAINTS}, {glass: folder / "spectra" /
                                                                    "glass.csv"}
-    seen = spectrabox.flat(photo, regions, draws=1000, filtered=filtered).signals.signal
-    # one computation: other regions' edges and seeds
-    np.testing.assert_allclose(seen, signals.signal[:, [0, 1, 2, 6, 7, 8]], rtol=0.02)
     write_photo(glass, np.roll(picture(power=SECOND["glass"]), 50, axis=1), Fraction(1, 30),
                 np.random.default_rng(13))
     with pytest.raises(CheckError, match=r"glass.dng is shifted by .* take all photos from one"):
         spectrabox.flat(photo, regions, filtered=filtered)
 
 
+@pytest.fixture(scope="module")
+def unknown_lamp(tmp_path_factory):
+    """A session of one photo under a lamp that nobody knows, and its spectra."""
+    folder = write_unknown(tmp_path_factory.mktemp("unknown") / "session", {})
+    return folder, run(folder).records.sample.spectra
+
+
 @pytest.mark.parametrize("said", ["spectra/filter.csv", "unknown"])
-def test_a_filter_adds_three_bands_under_a_light_that_nobody_knows(tmp_path, said):
-    folder = write_unknown(tmp_path / "session", {})
-    one = run(folder).records.sample.spectra
+def test_a_filter_adds_three_bands_under_a_light_that_nobody_knows(tmp_path, unknown_lamp, said):
+    first, one = unknown_lamp
+    folder = shutil.copytree(first, tmp_path / "session")
     second_photo(folder, "glass", "unknown")
     (folder / "spectra" / "filter.csv").write_text(table_text(
         NM, {"value": 100 * FILTER}, quantity=Quantity.RELATIVE, source="glass"), encoding="utf-8")
@@ -360,11 +365,6 @@ def test_a_filter_adds_three_bands_under_a_light_that_nobody_knows(tmp_path, sai
     assert width < before
     if said == "unknown":
         return
-    seen = spectrabox.flat(folder / "photos" / "sample.dng",
-                           {name: rect_of(name) for name in PAINTS}, draws=1000,
-                           filtered={folder / "photos" / "glass.dng": folder / said})
-    # one computation: other regions' edges and seeds
-    np.testing.assert_allclose(seen.signals.signal, records.signals.signal, rtol=0.02)
     with pytest.raises(InputError, match="is the photo without the filter"):
         spectrabox.flat(folder / "photos" / "glass.dng", {"a": rect_of("cube")},
                         filtered={folder / "photos" / "glass.dng": folder / said})

@@ -11,7 +11,9 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
+from spectrabox.session.cli import app
 from spectrabox.session.terminal.command_line import (
     NO_MEMORY,
     NO_PROCESS,
@@ -19,6 +21,8 @@ from spectrabox.session.terminal.command_line import (
     last_resort,
     reported_errors,
 )
+
+from tests.session_runs import call
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = Path(sysconfig.get_path("scripts")) / "spectrabox"
@@ -49,20 +53,38 @@ def session(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("fault, code, said", [
-    ('ZeroDivisionError("in [/x] \\x1b[31m" + 5000 * "y")', 1, "unexpected ZeroDivisionError"),
-    ("RecursionError", 3, "session.toml is not valid TOML"), ("MemoryError", 7, "memory ran out"),
-    ("type('Panic', (BaseException,), {})('of Rust')", 1, "unexpected Panic: of Rust"),
-    ("KeyboardInterrupt", 130, "interrupted"),
-    ("PermissionError(13, 'Permission denied', 'a/b.csv')", 3,
-     "a/b.csv cannot be read or written (Permission denied)")])
-def test_an_error_that_nobody_foresaw_is_one_sentence(session, fault, code, said):
-    ended = installed("status", session, "--json", fault=fault, folder=session)
-    assert ended.returncode == code, ended.stderr
-    (line,) = ended.stderr.splitlines()
+LONG = "in [/x] \x1b[31m" + 5000 * "y"
+
+
+def test_an_error_that_nobody_foresaw_is_one_sentence_of_the_command(session):
+    ended = installed("status", session, "--json", fault=f"ZeroDivisionError({LONG!r})",
+                      folder=session)
+    one_sentence(ended.returncode, ended.stdout, ended.stderr, 1, "unexpected ZeroDivisionError")
+
+
+def one_sentence(exit_code, out, error, code, said):
+    assert exit_code == code, error
+    (line,) = error.splitlines()
     assert said in line and "\x1b" not in line and len(line) < 3000
-    answer = json.loads(ended.stdout)
+    answer = json.loads(out)
     assert answer["exit_code"] == code and said in answer["error"]
+
+
+@pytest.mark.parametrize("fault, code, said", [
+    (ZeroDivisionError(LONG), 1, "unexpected ZeroDivisionError"),
+    (RecursionError(), 3, "session.toml is not valid TOML"), (MemoryError(), 7, "memory ran out"),
+    (type("Panic", (BaseException,), {})("of Rust"), 1, "unexpected Panic: of Rust"),
+    (KeyboardInterrupt(), 130, "interrupted"),
+    (PermissionError(13, "Permission denied", "a/b.csv"), 3,
+     "a/b.csv cannot be read or written (Permission denied)")])
+def test_an_error_that_nobody_foresaw_is_one_sentence(session, monkeypatch, capsys, fault, code,
+                                                      said):
+    def loads(_):
+        raise fault
+    monkeypatch.setattr("tomllib.loads", loads)
+    with pytest.raises(SystemExit) as left, last_resort(as_json=True, debug=False):
+        get_command(app)(["status", str(session), "--json"], prog_name="spectrabox")
+    one_sentence(left.value.code, *capsys.readouterr(), code, said)
 
 
 def test_debug_shows_the_traceback_of_an_unforeseen_error(session):
@@ -97,9 +119,11 @@ def test_closed_streams_have_their_sentence_and_code(session, closed, code, show
 def test_names_that_no_file_can_have_are_inputs_that_are_wrong(session):
     (session / "list").write_bytes(b"a\0b\n")
     (session / "loop").symlink_to("loop")
-    for words in (("--list", session / "list"), ("--list", "/dev/zero"), (session / "loop",)):
-        ended = installed("batch", *words)
-        assert ended.returncode == 3 and "unexpected" not in ended.stderr, ended.stderr
+    for listed in (session / "list", "/dev/zero"):
+        ended = call("batch", "--list", listed)
+        assert ended.exit_code == 3 and "unexpected" not in ended.stderr, ended.stderr
+    ended = installed("batch", session / "loop")    # which the last resort alone understands
+    assert ended.returncode == 3 and "unexpected" not in ended.stderr, ended.stderr
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
@@ -199,11 +223,11 @@ def test_no_whole_number_is_a_sentence(session, number):
     for words in (("spectrum", "show", session / "a.csv", "--column", number),
                   ("camera", "fit", "--patches", session / "patches.csv", "--light", "D65",
                    "--leave-out", number)):
-        ended = installed(*words)
-        assert ended.returncode == 3 and "unexpected" not in ended.stderr, ended.stderr
+        ended = call(*words)
+        assert ended.exit_code == 3 and "unexpected" not in ended.stderr, ended.stderr
 
 
 def test_a_wrong_ending_is_quoted_without_what_a_terminal_obeys(session):
-    ended = installed("meter", "replay", session / "a", "--plot", "\x1b[2J" + 200 * "a")
-    assert ended.returncode == 2 and "\x1b" not in ended.stderr, ended.stderr
+    ended = call("meter", "replay", session / "a", "--plot", "\x1b[2J" + 200 * "a")
+    assert ended.exit_code == 2 and "\x1b" not in ended.stderr, ended.stderr
     assert "does not end in" in " ".join(ended.stderr.split())

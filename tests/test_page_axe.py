@@ -99,9 +99,9 @@ def test_axe_finds_nothing_where_sessions_are_listed(tmp_path, judged):
         nothing_serious()
 
 
-def test_axe_finds_nothing_on_a_telephone(tmp_path, judged):
+def test_axe_finds_nothing_on_a_telephone(judged, calibrated_flat):
     open_page, nothing_serious = judged
-    with served(write_flat(tmp_path / "s")) as (address, _):
+    with served(calibrated_flat) as (address, _):
         page = open_page(address)
         page.set_viewport_size({"width": 400, "height": 800})
         nothing_serious()

@@ -109,8 +109,8 @@ def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
     assert reported["status"].upper() in ("PASS", "WARN") and len(reported["says"]) > 20
 
 
-def test_regions_are_drawn_moved_sized_renamed_and_removed(tmp_path, opened):
-    session = write_flat(tmp_path / "s")
+def test_regions_are_drawn_moved_sized_renamed_and_removed(opened, calibrated_flat):
+    session = calibrated_flat
     before = (session / "session.toml").read_text(encoding="utf-8")
     with served(session) as (address, _):
         page = opened(address)
@@ -152,8 +152,8 @@ def test_regions_are_drawn_moved_sized_renamed_and_removed(tmp_path, opened):
         assert len(regions_of(session)) == len(PAINTS) + 1
 
 
-def test_one_finger_marks_and_two_zoom(tmp_path, browser):
-    session = write_flat(tmp_path / "s")
+def test_one_finger_marks_and_two_zoom(browser, calibrated_flat):
+    session = calibrated_flat
     context = browser.new_context(viewport={"width": 400, "height": 800}, has_touch=True)
     context.set_default_timeout(MAX_WAIT_MS)
     with served(session) as (address, _):
@@ -210,9 +210,9 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         assert page.locator("#comparison .pair").count() == 5
 
 
-def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
+def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened, calibrated_flat):
     """Name, light, picture, a further photo through a filter, a truth; Undo takes each back."""
-    session = write_flat(tmp_path / "s")
+    session = calibrated_flat
     path = session / "session.toml"
     before = path.read_text(encoding="utf-8")
     write_photo(tmp_path / "filtered.dng", 0.5 * picture(), Fraction(1, 30),
@@ -277,8 +277,8 @@ def test_a_photo_that_is_dropped_opens_its_session(tmp_path, browser):
     assert said == []
 
 
-def test_a_fault_in_the_session_is_said_and_nothing_can_be_run(tmp_path, opened):
-    session = write_flat(tmp_path / "s")
+def test_a_fault_in_the_session_is_said_and_nothing_can_be_run(opened, calibrated_flat):
+    session = calibrated_flat
     with served(session) as (address, _):
         page = opened(address)
         path = session / "session.toml"
@@ -287,8 +287,8 @@ def test_a_fault_in_the_session_is_said_and_nothing_can_be_run(tmp_path, opened)
         assert page.is_disabled("#run")
 
 
-def test_a_tethered_series_is_judged_as_it_comes_in(tmp_path, opened):
-    session, coming = write_flat(tmp_path / "s"), tmp_path / "coming"
+def test_a_tethered_series_is_judged_as_it_comes_in(tmp_path, opened, calibrated_flat):
+    session, coming = calibrated_flat, tmp_path / "coming"
     coming.mkdir()
     light = picture((400, 600))
     for number in range(10):        # every third one far too dark

@@ -5,7 +5,6 @@ import json
 import random
 import urllib.parse
 
-from flat_example import write_flat
 from served_page import TOKEN, served
 
 from spectrabox.session.config.session_file import try_read_session
@@ -35,8 +34,8 @@ def mark(chance):
                       for _ in range(chance.choice([0, 0, 1]))}
 
 
-def test_hostile_requests_are_answered_in_sentences_and_change_no_file(tmp_path):
-    folder, chance = write_flat(tmp_path / "s"), random.Random(29)
+def test_hostile_requests_are_answered_in_sentences_and_change_no_file(calibrated_flat):
+    folder, chance = calibrated_flat, random.Random(29)
     file = folder / "session.toml"
     original = file.read_bytes()
     (folder / "loop.dng").symlink_to("loop.dng")

@@ -181,8 +181,8 @@ def test_photos_that_are_dropped_become_a_session_in_the_working_folder_and_noth
             assert asked(f"{address}/api/open", {"name": name})[0] == 409
 
 
-def test_files_that_the_page_is_given_lie_in_the_session_and_overwrite_nothing(tmp_path):
-    session = write_flat(tmp_path / "s")
+def test_files_that_the_page_is_given_lie_in_the_session_and_overwrite_nothing(calibrated_flat):
+    session = calibrated_flat
     before = {path: path.read_bytes() for path in session.rglob("*.*") if path.is_file()}
 
     def given(address, name, content, token=TOKEN):
@@ -211,8 +211,8 @@ def test_files_that_the_page_is_given_lie_in_the_session_and_overwrite_nothing(t
     assert all(path.read_bytes() == content for path, content in before.items())
 
 
-def test_what_is_stated_of_a_region_is_written_and_counts(tmp_path):
-    session = write_flat(tmp_path / "s")
+def test_what_is_stated_of_a_region_is_written_and_counts(calibrated_flat):
+    session = calibrated_flat
     with served(session) as (address, _):
         wait_ready(address)
         before = asked(f"{address}/api/region?name=green_wall")[1]
