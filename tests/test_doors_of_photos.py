@@ -135,6 +135,7 @@ def assert_one_way(by_library, by_session):
     assert not beside, "\n".join(map(str, beside))
 
 
+@pytest.mark.usefixtures("light_as_stated")
 def test_a_photo_taken_again_and_a_picture_of_every_pixel(tmp_path):
     folder = write_flat(tmp_path / "session")
     for name, seed in (("sample", 3), ("again", 11)):       # small: every pixel is computed twice
