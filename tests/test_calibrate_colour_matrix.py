@@ -1,10 +1,18 @@
 """A file's colour matrix against curves: laws, and the mistaken light it names."""
 import numpy as np
 import pytest
+from calibrate_cameras import cameras, on_grid
 
+from spectrabox.calibrate import doubts
 from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_contradicts, matrix_deviation
+from spectrabox.calibrate.doubts import (
+    SPREAD,
+    TYPICAL,
+    matrix_contradicts,
+    matrix_deviation,
+    matrix_doubt,
+)
 from spectrabox.capture.chart.patches import sample_patches
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.fixtures.demos.demo_photos import NM, camera_sensitivities
@@ -106,3 +114,21 @@ def test_the_matrix_that_a_dng_states_is_the_one_before_a_profile_and_no_doubt(t
     assert image.matrix_of_file and image.camera_from_xyz is not None
     quads = np.array([[[4, 4], [60, 4], [60, 60], [4, 60]]], float)
     assert sample_patches(image, ChartDetection(quads, 1.0, False, "")).camera_from_xyz is None
+
+
+def test_a_camera_that_departs_by_one_spread_everywhere_is_doubted_by_one(monkeypatch):
+    """A mean square over what is free: nine entries, of which a common scale takes up one."""
+    monkeypatch.setattr(doubts, "matrix_deviation", lambda *_: TYPICAL - SPREAD)
+    assert matrix_doubt(np.eye(3), np.ones((3, GRID.nm.size)), GRID) == pytest.approx(9 / 8)
+
+
+def test_a_dark_band_deviates_by_shares_of_its_own_brightness():
+    curves = on_grid(cameras(1, 4)[0])
+    factors = np.array([[1.0], [1.0], [0.25]])
+    matrix = own_matrix(curves)
+    matrix[2] += np.array([0.0, 0.03, -0.03]) * matrix[2].max()
+    bright = matrix_deviation(matrix, curves, GRID)
+    dark = matrix_deviation(factors * matrix, factors * curves, GRID)
+    # a common scale takes up a little of the third row, less where it is dark
+    np.testing.assert_allclose(dark[2], bright[2], atol=0.25 * np.abs(bright[2]).max())
+    assert np.abs(bright[2]).max() > 0.005

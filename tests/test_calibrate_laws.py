@@ -20,7 +20,7 @@ from calibrate_cameras import (
 )
 from scipy import optimize
 
-from spectrabox.calibrate import chart_calibration, doubts
+from spectrabox.calibrate import chart_calibration
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     calibrate_chart,
@@ -37,7 +37,6 @@ from spectrabox.calibrate.chart_equations import (
     mean_error,
 )
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.doubts import SPREAD, TYPICAL, matrix_deviation, matrix_doubt
 from spectrabox.calibrate.light_field import PicturePoints, _of_distance
 from spectrabox.calibrate.photo_checks import disagreement
 from spectrabox.calibrate.preflight import preflight
@@ -48,7 +47,6 @@ from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import fit_with_prior, relative_prediction_covariance
-from spectrabox.calibrate.spline_fit import _solve_nonnegative, _solve_smooth
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.records import Quantity, Spectrum
 
@@ -414,41 +412,6 @@ def test_dark_patches_do_not_decide_how_far_a_photo_disagrees():
     assert disagreement(signal, held_out) == pytest.approx(expected)
 
 
-# ---- errors of splines ---------------------------------------------------------------------------
-
-def test_noise_three_times_as_large_as_stated_is_told_from_the_residuals():
-    """The covariance of non-negative splines grows with the mean square of the residuals."""
-    rng = np.random.default_rng(75)
-    design, truth = rng.uniform(0, 1, (40, 5)), rng.uniform(1, 2, 5)
-    estimates = []
-    for _ in range(60):
-        _, covariance = _solve_nonnegative(design, design @ truth + 0.03 * rng.standard_normal(40),
-                                           np.full(40, 0.01))
-        estimates.append(covariance)
-    exact = 0.03**2 * np.linalg.inv(design.T @ design)
-    # chi-squares of 35 degrees of freedom, 60 times
-    assert np.mean(estimates, axis=0)[0, 0] / exact[0, 0] == pytest.approx(
-        1, abs=SIGMAS * np.sqrt(2 / 35 / 60))
-
-
-def test_smooth_curves_err_by_the_noise_of_their_patches():
-    """Of 24 coefficients a penalty leaves few free: what is left of the residuals counts by those.
-    """
-    rng, size = np.random.default_rng(76), 24
-    design = np.exp(-0.5 * ((np.arange(size) - np.linspace(0, 23, 24)[:, None]) / 3) ** 2)
-    differences = np.diff(np.eye(size), 2, axis=0)
-    rough = 1e7 * (differences.T @ differences + 1e-9 * np.eye(size))
-    truth = np.full(size, 2.0)          # a straight line, which nothing bends
-    unit = np.linalg.inv(design.T @ design / 0.01**2 + rough)
-    estimates = []
-    for _ in range(40):
-        signal = design @ truth + 0.02 * rng.standard_normal(24)
-        estimates.append(_solve_smooth(design, signal, np.full(24, 0.01), roughness=rough)[1])
-    # errors of twice the stated ones; some 20 degrees of freedom, 40 times
-    assert np.mean(estimates, axis=0)[3, 3] / unit[3, 3] == pytest.approx(
-        4, rel=SIGMAS * np.sqrt(2 / 20 / 40) + 0.05)
-
-
 # ---- before shooting -----------------------------------------------------------------------------
 
 def test_the_band_before_a_photo_is_as_wide_as_the_error_that_it_expects():
@@ -493,35 +456,6 @@ def test_what_is_expected_of_a_photo_does_not_hang_on_how_bright_a_camera_was_me
               for each in (known, brighter, beside)]
     for other in checks[1:]:
         np.testing.assert_allclose(other.unlike_error, checks[0].unlike_error, rtol=1e-3)
-
-
-# ---- a file's colour matrix ----------------------------------------------------------------------
-
-def test_a_camera_that_departs_by_one_spread_everywhere_is_doubted_by_one(monkeypatch):
-    """A mean square over what is free: nine entries, of which a common scale takes up one."""
-    monkeypatch.setattr(doubts, "matrix_deviation", lambda *_: TYPICAL - SPREAD)
-    assert matrix_doubt(np.eye(3), np.ones((3, GRID.nm.size)), GRID) == pytest.approx(9 / 8)
-
-
-def _map(curves):
-    from spectrabox.radiometry.appearance import tristimulus
-    from spectrabox.radiometry.chart import chart_reflectances
-    from spectrabox.radiometry.spectra.named_spectra import light
-    surfaces = chart_reflectances("BabelColor Average", GRID)
-    xyz = np.array([tristimulus(GRID.nm, surface) for surface in surfaces])
-    return xyz, surfaces @ (curves * light("D65", GRID) * GRID.weights_nm).T
-
-
-def test_a_dark_band_deviates_by_shares_of_its_own_brightness():
-    curves = on_grid(cameras(1, 4)[0])
-    factors = np.array([[1.0], [1.0], [0.25]])
-    matrix = np.linalg.lstsq(*_map(curves), rcond=None)[0].T
-    matrix[2] += np.array([0.0, 0.03, -0.03]) * matrix[2].max()
-    bright = matrix_deviation(matrix, curves, GRID)
-    dark = matrix_deviation(factors * matrix, factors * curves, GRID)
-    # a common scale takes up a little of the third row, less where it is dark
-    np.testing.assert_allclose(dark[2], bright[2], atol=0.25 * np.abs(bright[2]).max())
-    assert np.abs(bright[2]).max() > 0.005
 
 
 # ---- light beyond the chart, and a lamp's beam ---------------------------------------------------

@@ -8,13 +8,14 @@ from scipy.stats import chi2
 from uneven_charts import UNEVEN, patch_samples, uneven_photo
 
 from spectrabox.calibrate.sensitivity import fit_sensitivities
-from spectrabox.calibrate.spline_fit import SPLINE_METHODS
+from spectrabox.calibrate.spline_fit import SPLINE_METHODS, _solve_nonnegative, _solve_smooth
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.grid import visible_grid
 
 EVEN = np.full(24, np.pi)
 BASIS = basis_matrix(GRID.nm, 10)
+SIGMAS = 3.9        # of a test of significance 1e-4
 
 
 def spline_camera(seed=2):
@@ -156,3 +157,38 @@ def test_a_light_that_leaves_open_which_coefficients_are_zero_is_refused():
             light = np.exp(-0.5 * ((UNEVEN.nm - 520) / width_nm) ** 2)
             fit_sensitivities(patch_samples(chart), chart.reflectances, light, chart.irradiance,
                               UNEVEN, method="nonnegative")
+
+
+# ---- errors of splines ---------------------------------------------------------------------------
+
+def test_noise_three_times_as_large_as_stated_is_told_from_the_residuals():
+    """The covariance of non-negative splines grows with the mean square of the residuals."""
+    rng = np.random.default_rng(75)
+    design, truth = rng.uniform(0, 1, (40, 5)), rng.uniform(1, 2, 5)
+    estimates = []
+    for _ in range(60):
+        _, covariance = _solve_nonnegative(design, design @ truth + 0.03 * rng.standard_normal(40),
+                                           np.full(40, 0.01))
+        estimates.append(covariance)
+    exact = 0.03**2 * np.linalg.inv(design.T @ design)
+    # chi-squares of 35 degrees of freedom, 60 times
+    assert np.mean(estimates, axis=0)[0, 0] / exact[0, 0] == pytest.approx(
+        1, abs=SIGMAS * np.sqrt(2 / 35 / 60))
+
+
+def test_smooth_curves_err_by_the_noise_of_their_patches():
+    """Of 24 coefficients a penalty leaves few free: what is left of the residuals counts by those.
+    """
+    rng, size = np.random.default_rng(76), 24
+    design = np.exp(-0.5 * ((np.arange(size) - np.linspace(0, 23, 24)[:, None]) / 3) ** 2)
+    differences = np.diff(np.eye(size), 2, axis=0)
+    rough = 1e7 * (differences.T @ differences + 1e-9 * np.eye(size))
+    truth = np.full(size, 2.0)          # a straight line, which nothing bends
+    unit = np.linalg.inv(design.T @ design / 0.01**2 + rough)
+    estimates = []
+    for _ in range(40):
+        signal = design @ truth + 0.02 * rng.standard_normal(24)
+        estimates.append(_solve_smooth(design, signal, np.full(24, 0.01), roughness=rough)[1])
+    # errors of twice the stated ones; some 20 degrees of freedom, 40 times
+    assert np.mean(estimates, axis=0)[3, 3] / unit[3, 3] == pytest.approx(
+        4, rel=SIGMAS * np.sqrt(2 / 20 / 40) + 0.05)
