@@ -174,10 +174,18 @@ class PhotoWhite:
 
     def white_and_glare(self, region: int) -> np.ndarray:
         """Covariance (2 K, 2 K) of the logarithm of white at a region, and of the glare."""
-        rows = np.eye(2 * self.glare.size, self.mean.size)
-        rows[self.level_part, self.field_part.start + region] = 1
-        rows[self.level_part, self.exposure_part] = 1
-        return np.asarray(rows @ self.covariance @ rows.T)
+        on, covariance = self._under(region)
+        rows = np.eye(2 * self.glare.size, on.size)
+        rows[self.level_part, self.field_part.start:] = 1
+        return np.asarray(rows @ covariance @ rows.T)
+
+    def _under(self, region: int) -> tuple[np.ndarray, np.ndarray]:
+        """Which unknowns (Y,) the white of one region rests on, and their covariance (Y, Y): all
+        but the light on other regions, of which a picture has thousands.
+        """
+        light = self.field_part
+        on = np.r_[:light.start, light.start + region, light.stop:self.mean.size]
+        return on, self.covariance[np.ix_(on, on)]
 
     def noise(self, region: int) -> np.ndarray:
         """Covariance (K, K) of a region's relative signal by the noise of its pixels."""
@@ -188,11 +196,12 @@ class PhotoWhite:
         """Covariance (K, K) of a region's relative signal by cause, where the signal is the
         measured one or ``signal`` (K,); they add up to the whole.
         """
-        rows = self.jacobian(region, signal)
+        on, covariance = self._under(region)
+        rows = self.jacobian(region, signal)[:, on]
         signal = self.signal[region] if signal is None else signal
-        ends = [self.glare_part.stop, self.field_part.stop,
-                *range(self.exposure_part.start + 1, self.mean.size + 1)]
-        totals = [rows[:, :end] @ self.covariance[:end, :end] @ rows[:, :end].T for end in ends]
+        # level and glare, the light on the region, and one by one the errors of the exposure
+        ends = range(self.glare_part.stop, on.size + 1)
+        totals = [rows[:, :end] @ covariance[:end, :end] @ rows[:, :end].T for end in ends]
         common = [_shared(total, signal) for total in totals]
         steps = np.maximum(np.diff(common), 0.0)
         steps *= min(1.0, common[-1] / max(float(steps.sum()), np.finfo(float).tiny))
