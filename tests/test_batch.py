@@ -42,6 +42,8 @@ from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.shared_stages import share_stage
 from spectrabox.session.store.store import load_stage
 
+from tests.session_runs import call
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -90,7 +92,7 @@ def stand_in(task):
 
 # ---- as 'run' makes them
 
-def test_a_batch_makes_what_run_makes_and_the_calibration_once(session, tmp_path):
+def test_a_batch_makes_what_run_makes_and_the_calibration_once(session, tmp_path, monkeypatch):
     folders = copies(session, tmp_path, ["b b", "ä"])
     (tmp_path / "list.txt").write_text("# of today\n\nä\nnone\n", encoding="utf-8")
     done = batch("b b", "--list", "list.txt", "--workers", 2, "--device", "cpu", "--json",
@@ -113,10 +115,10 @@ def test_a_batch_makes_what_run_makes_and_the_calibration_once(session, tmp_path
         # what was foreseen of memory is kept to, and is no fantasy
         assert each["needed_bytes"] / 4 < each["peak_bytes"] < each["needed_bytes"]
 
-    again = batch("b b", "ä", "--quiet", cwd=tmp_path)
-    out, said = again.communicate()
-    assert (again.returncode, said) == (0, "")
-    assert "2 sessions: 2 pass; 2 were done before" in out
+    monkeypatch.chdir(tmp_path)
+    again = call("batch", "b b", "ä", "--quiet")
+    assert (again.exit_code, again.stderr) == (0, "")
+    assert "2 sessions: 2 pass; 2 were done before" in again.stdout
 
 
 def test_what_is_done_is_not_run_again_until_something_changes(session, tmp_path):

@@ -30,7 +30,7 @@ from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
 
-from tests.session_runs import run
+from tests.session_runs import call, run
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -247,11 +247,11 @@ def test_a_failed_command_leaves_nothing_and_an_edited_session_alone(tmp_path):
     photo = tmp_path / "a.dng"
     shutil.copy(source / "photos" / "sample.dng", photo)
     light = ["--light", source / "spectra" / "light.csv"]
-    _, _, error = spectrabox("flat", photo, *light, "--region", "out=400,100,500,200")
+    error = call("flat", photo, *light, "--region", "out=400,100,500,200").stderr
     assert "leaves the photo of 480 x 320 pixels" in error
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.dng", "source"]
     shutil.copytree(source, tmp_path / "a-flat")
-    _, _, error = spectrabox("flat", photo, *light, "--region", "cube=1,2,30,40")
+    error = call("flat", photo, *light, "--region", "cube=1,2,30,40").stderr
     assert "was edited since" in error
 
 

@@ -1,7 +1,5 @@
 """A photo that is opened: calibrated in the background, and its spectra are those of the report."""
 import json
-import subprocess
-import sys
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -21,6 +19,8 @@ from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.page.marks import Mark, marked
 from spectrabox.session.page.start_page import StartPage
+
+from tests.session_runs import call
 
 
 def state_of(address):
@@ -122,9 +122,7 @@ def test_a_flat_sample_without_regions_is_calibrated_but_not_measured(tmp_path):
     folder = _folder_to_open((photo,))
 
     def run(*options):
-        ended = subprocess.run([sys.executable, "-m", "spectrabox", "run", str(folder), "--json",
-                                *options], capture_output=True, text=True)
-        return json.loads(ended.stdout)
+        return json.loads(call("run", folder, "--json", *options).stdout)
     assert [stage["name"] for stage in run("--until", "calibrate")["stages"]] == [
         "chart", "photo", "calibrate"]
     assert "no region is outlined yet" in run()["error"]
