@@ -32,6 +32,8 @@ from spectrabox.session.config.session_file import read_session
 
 from tests.session_runs import call, run
 
+pytestmark = pytest.mark.usefixtures("light_as_stated")
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
