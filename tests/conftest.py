@@ -54,7 +54,8 @@ def browser():
     if found is None:
         pytest.skip("no Chromium on this machine to open the page in: apt install chromium")
     with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
+        chromium = driver.chromium.launch(executable_path=found,
+                                          args=["--no-sandbox", "--disable-gpu"])
         yield chromium
         chromium.close()
 
