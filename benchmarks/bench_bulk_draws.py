@@ -18,12 +18,11 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.polytope.bounds import bounds_of_many, signal_boxes
-from spectrabox.sampling.polytope.linear_programmes import linear_programmes
+from spectrabox.sampling.polytope.bounds import bounds_of_many, linear_programmes, signal_boxes
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance
 from spectrabox.sampling.prior.uplift_table import build_table, table_error
-from spectrabox.sampling.spline_measurement import MeasurementOperator, spline_operator
+from spectrabox.sampling.spectral_measurement import MeasurementOperator, spline_operator
 
 NM = PRIOR_GRID.nm
 REPEATS = 5

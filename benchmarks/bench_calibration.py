@@ -21,10 +21,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations, field_terms
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import draw_curves
-from spectrabox.calibrate.prior.learnt_prior import build_prior
+from spectrabox.calibrate.prior.learnt_prior import (
+    CameraDatabase,
+    build_prior,
+    read_camera_database,
+)
 from spectrabox.calibrate.sensitivity import fit_sensitivities, fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import visible_grid

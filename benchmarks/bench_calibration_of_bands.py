@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.colour_upsampling import upsampled
+from spectrabox.radiometry.colour_science import upsampled
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.sampling.judge.certificate import Certificate, certify
-from spectrabox.sampling.judge.spectrum_scores import rmse
+from spectrabox.sampling.evaluation.certificate import Certificate, certify
+from spectrabox.sampling.evaluation.spectrum_scores import rmse
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior.band_calibration import AT_95, judge, prior_without
 from spectrabox.sampling.prior.families.family_models import FAMILIES
@@ -32,7 +32,7 @@ from spectrabox.sampling.prior.libraries import (
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.training import enriched, fit_mixture, fitted_families, parts_of
-from spectrabox.sampling.spline_measurement import spline_operator
+from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.uniform import into_reach
 
 TRAINING = {"cassava": "earth", "kremer_pigments": "paint", "ntu_watercolour": "paint",

@@ -18,7 +18,7 @@ import numpy as np
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import DOUBTFUL, matrix_deviation, matrix_doubt
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.chart import chart_reflectances

@@ -32,7 +32,7 @@ import numpy as np
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz, tristimulus_weights
 from spectrabox.radiometry.chart import chart_reflectances
-from spectrabox.radiometry.colour_upsampling import upsampled
+from spectrabox.radiometry.colour_science import upsampled
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.session.kept_stages import FinishedRun

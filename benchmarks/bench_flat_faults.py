@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 import spectrabox
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import save_camera_prior
+from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.fixtures.flat_sample import (
     box,
     chart_corners,

@@ -46,8 +46,7 @@ from spectrabox.radiometry.records import (
     Spectrum,
     WavelengthGrid,
 )
-from spectrabox.reconstruct.engines import gradient
-from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct import gradient_engine as gradient
 from spectrabox.reconstruct.fit.spectrum_prior import smooth_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
 from spectrabox.reconstruct.fit.view_terms import Nuisances
@@ -56,6 +55,7 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_images, trace_transport
+from spectrabox.reconstruct.transport_engine import unit_scene
 from spectrabox.reconstruct.view import MaterialSpec, View
 
 from benchmarks.paper.per_wavelength import descend, monochrome_job

@@ -25,7 +25,7 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate
 from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_field import PicturePoints, light_at_regions
-from spectrabox.calibrate.prior.camera_database import read_camera_database
+from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.fixtures.flat_sample import lamplight, vignetting
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, plane_centres
 from spectrabox.radiometry.errors import SpectraboxError

@@ -12,7 +12,7 @@ is right for: measured lamps of lights/, daylights by a model of the atmosphere 
 1986] and tinted filaments, none of them in the prior, cameras of makers that are left out, a
 quarter with another infrared cut, and patches off by 1 to 1.6 % a band and 0 to 2.5 % in common.
 ``--published`` takes published lamps in place of measured ones, each left out of the prior with all
-that are nearly it; the power of the evidence in ``calibrate.products.light_posterior`` is the one
+that are nearly it; the power of the evidence in ``calibrate.products.product_fit`` is the one
 of least log loss there.
 """
 from __future__ import annotations
@@ -28,14 +28,18 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, blackbodies
-from spectrabox.calibrate.products.light_posterior import EVIDENCE_POWER, light_posterior
-from spectrabox.calibrate.products.product_fit import SEED, WIDENING, fit_products
+from spectrabox.calibrate.products.product_fit import (
+    EVIDENCE_POWER,
+    SEED,
+    WIDENING,
+    fit_products,
+    light_posterior,
+)
 from spectrabox.calibrate.products.product_posterior import posterior_of_products
 from spectrabox.calibrate.products.product_prior import product_prior
-from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
-from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.named_spectra import LIGHT_KINDS, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 
 from benchmarks.bench_unknown_light import (

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from spectrabox.calibrate.prior.camera_database import read_camera_database
 from spectrabox.calibrate.prior.camera_prior import save_camera_prior
+from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.fixtures.flat_sample import (
     chart_corners,
     lamplight,

@@ -17,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, field_terms
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.calibrate.products.lamps import all_lamps
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior

@@ -17,7 +17,7 @@ import numpy as np
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.colour_profile import colour_errors, stated_transform
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
+from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.measure.profiles.colour_profile import (
     CHART,
     FRESH,

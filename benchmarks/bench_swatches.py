@@ -25,7 +25,7 @@ from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.records import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
-from spectrabox.sampling.further.swatches import Swatches, correct, learn_correction
+from spectrabox.sampling.further.learnt_swatches import Swatches, correct, learn_correction
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 

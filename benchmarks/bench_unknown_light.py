@@ -24,8 +24,8 @@ from spectrabox.calibrate.doubts import (
     CONTRADICTS,
     evidence_for_another_light,
 )
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps
 from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior

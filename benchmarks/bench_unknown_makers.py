@@ -28,18 +28,22 @@ import numpy as np
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.prior.camera_database import CameraDatabase, read_camera_database
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, matern
-from spectrabox.calibrate.prior.learnt_prior import CONSTANTS, PriorConstants, build_prior
+from spectrabox.calibrate.prior.learnt_prior import (
+    CONSTANTS,
+    CameraDatabase,
+    PriorConstants,
+    build_prior,
+    read_camera_database,
+)
 from spectrabox.calibrate.products.lamps import blackbodies, colour_temperatures
 from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
-from spectrabox.radiometry.spectra.named_spectra import light
+from spectrabox.radiometry.spectra.named_spectra import light, spectrum_of_name
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table
-from spectrabox.radiometry.spectra.stated_light import spectrum_of_name
 
 GRID = visible_grid()
 LIGHTS = (("D65",), ("LED-B3",), ("D65", "A"), ("LED-B3", "A"), ("D65", "A", "LED-B3", "FL11"))

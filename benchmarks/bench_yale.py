@@ -34,7 +34,6 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LearntSpectra, Quantity, Reconstruction
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, read_spectrum
 from spectrabox.reconstruct.agreement import edge_shift, scene_errors
-from spectrabox.reconstruct.engines.transport_engine import nuisances, trace_view, unit_scene
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
@@ -42,6 +41,7 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.transport_engine import nuisances, trace_view, unit_scene
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 

@@ -7,6 +7,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from spectrabox.calibrate.chart_consistency import (
+    WORST_MODEL_ERROR,
+    disagreement_of_bands,
+    light_power,
+)
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
 from spectrabox.calibrate.colour_drift import colour_drift
@@ -16,11 +21,6 @@ from spectrabox.calibrate.joint.joint_estimate import require_explained
 from spectrabox.calibrate.joint.suspect_patches import without_suspects
 from spectrabox.calibrate.joint.veiling_glare import estimate_through_glare, veil_is_doubtful
 from spectrabox.calibrate.light_error import LightDeparture, light_departures
-from spectrabox.calibrate.photo_checks import (
-    WORST_MODEL_ERROR,
-    disagreement_of_bands,
-    light_power,
-)
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
 from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.calibrate.chart_consistency import light_power
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.light_error import light_terms
-from spectrabox.calibrate.photo_checks import light_power
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records import (
     Filter,

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.calibrate.chart_consistency import unlit, wavelength_ranges
 from spectrabox.calibrate.chart_equations import ChartEquations, field_terms, unlit_design
-from spectrabox.calibrate.photo_checks import unlit, wavelength_ranges
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import curve_variance
 from spectrabox.calibrate.prior.prior_fit import expected_covariance

@@ -11,14 +11,14 @@ from typing import Annotated
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.calibrate.chart_equations import ChartEquations, PatchError
-from spectrabox.calibrate.held_out_patches import PatchesWithout
-from spectrabox.calibrate.photo_checks import (
+from spectrabox.calibrate.chart_consistency import (
     WORST_CHI_SQUARE,
     WORST_MODEL_ERROR,
     require_usable,
     unlit,
 )
+from spectrabox.calibrate.chart_equations import ChartEquations, PatchError
+from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, shipped_prior
 from spectrabox.calibrate.prior.curve_posterior import (
     CurveMoments,

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from spectrabox.calibrate.chart_consistency import refuse_disagreement, wavelength_ranges
 from spectrabox.calibrate.chart_equations import ChartEquations
-from spectrabox.calibrate.photo_checks import refuse_disagreement, wavelength_ranges
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.plain_priors import prior_about
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves

@@ -32,12 +32,13 @@ from spectrabox.radiometry.records import (
     LightScale,
     LinearImage,
     Quantity,
+    SceneGeometry,
     Spectrum,
     UnknownLight,
 )
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
-from spectrabox.reconstruct.scene.refinements import Refinement
+from spectrabox.reconstruct.scene.edit_scene import Refinement
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 ONE_PHOTO = ""              # the band under which the files of a colour camera's photo are

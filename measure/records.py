@@ -8,10 +8,8 @@ from typing import Annotated, Any, Protocol, TypeVar
 
 import numpy as np
 
-from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import View
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
-from spectrabox.radiometry.placements import SceneGeometry
 from spectrabox.radiometry.records import (
     Calibration,
     ChartDetection,
@@ -23,6 +21,8 @@ from spectrabox.radiometry.records import (
     PatchSamples,
     PriorInfluence,
     RegionSamples,
+    Registration,
+    SceneGeometry,
     SurfaceSignals,
     SurfaceSpectrum,
 )

@@ -12,9 +12,13 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.charts.generations import later_generation
+from spectrabox.radiometry.appearance import tristimulus_weights
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.published.published_tables import CHARTS, published_curves
+from spectrabox.radiometry.published.published_tables import (
+    CHARTS,
+    published_colours,
+    published_curves,
+)
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
@@ -29,7 +33,7 @@ PATCH_NAMES = (
 # Chart names of colour-science that cover 400-700 nm, by what an operator may write.
 REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
 
-# The Classic as it is made since, of which its maker publishes colours alone: see ``generations``.
+# The Classic as it is made since, of which its maker publishes colours alone.
 AFTER_2014 = "ColorChecker after November 2014"
 
 # Peak and standard deviation (nm) of the bands of an ordinary colour camera, to know a chart when
@@ -256,3 +260,100 @@ def excluded_patches(numbers: Sequence[int], chart: Chart, setting: str) -> np.n
             raise InputError(f"{setting} {number} is no patch; those of the {chart.name} are "
                              f"numbered 1 to {patches}, {chart.names[0]} first")
     return np.isin(np.arange(1, patches + 1), list(numbers))
+
+
+# ---- order of a table ----------------------------------------------------------------------------
+# In which order a table lists the patches of a chart: one of eight that mirrors and turns give.
+
+AS_ASKED = "row by row"     # the order that every table should have
+FLOOR = 1e-3                # of the brightest signal, below which darkness is not told apart
+
+
+def table_orders(rows: int, columns: int) -> dict[str, np.ndarray]:
+    """Of each way to read a table, in words, the index (I,) in it of every patch in chart order.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Of the chart.
+    """
+    by_rows = np.arange(rows * columns).reshape(rows, columns)
+    by_columns = np.arange(rows * columns).reshape(columns, rows).T
+    orders: dict[str, np.ndarray] = {}
+    for words, both, table in ((AS_ASKED, "", by_rows),
+                               ("column by column", "column by column, ", by_columns)):
+        orders |= {words: table,
+                   f"{both}from the last patch to the first": table[::-1, ::-1],
+                   f"{both}mirrored left to right": table[:, ::-1],
+                   f"{both}mirrored top to bottom": table[::-1]}
+    return {words: table.ravel() for words, table in orders.items()}
+
+
+def order_correlations(signals: np.ndarray, chart_signals: np.ndarray,
+                       rows: int) -> dict[str, float]:
+    """Correlation of a table's signals with those of a chart, read in each of the eight orders.
+
+    Of logarithms, each band less its mean, so that gains and the light do not count.
+
+    Parameters
+    ----------
+    signals, chart_signals : (I, K) arrays
+        Positive, in any unit.
+    rows : int
+        Of the chart.
+
+    Returns
+    -------
+    dict of float
+        From the order in words; the first, ``AS_ASKED``, is the one that is asked for.
+    """
+    one, other = (_centred(values) for values in (signals, chart_signals))
+    norm = np.linalg.norm(one) * np.linalg.norm(other)
+    return {words: float((one[order] * other).sum() / norm)
+            for words, order in table_orders(rows, len(signals) // rows).items()}
+
+
+def _centred(signals: np.ndarray) -> np.ndarray:
+    logarithms = np.log(np.maximum(signals, FLOOR * signals.max()))
+    return np.asarray(logarithms - logarithms.mean(axis=0))
+
+
+# ---- charts made since November 2014 -------------------------------------------------------------
+# The ColorChecker Classic as it has been made since November 2014, from the colours of both.
+#
+# Its maker publishes colours of both generations (L*, a*, b* under D50) and spectra of neither.
+# The measured average is of charts made before: each of its spectra is multiplied by the smoothest
+# factor that changes its tristimulus values by as much as the published ones have changed.
+
+BEFORE, AFTER = (f"ColorChecker24 - {when} November 2014" for when in ("Before", "After"))
+SMOOTH_NM = 80.0             # over which the change of a paint changes
+LEVEL_SD = 2.0               # of its level, in units of the change within the spectrum
+STEPS = 6                    # of Newton's method: round-off after four
+RIDGE = 1e-9
+
+
+def later_generation(earlier: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
+    """Reflectances (24, P) of charts made since November 2014, from those made before.
+
+    Parameters
+    ----------
+    earlier : (24, P) array
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    weights = tristimulus_weights(grid.nm, "D50")
+    wanted = earlier @ weights.T * published_colours(AFTER) / published_colours(BEFORE)
+    apart = (grid.nm[:, None] - grid.nm) / SMOOTH_NM
+    smooth = LEVEL_SD**2 + np.exp(-0.5 * apart**2)
+    later = []
+    for reflectance, target in zip(earlier, wanted, strict=True):
+        change = np.zeros(grid.nm.size)                 # of the logarithm
+        for _ in range(STEPS):
+            seen = weights * reflectance * np.exp(change)
+            colour = seen.sum(axis=1)
+            slope = seen / colour[:, None]
+            off = np.log(target / colour) + slope @ change
+            change = smooth @ slope.T @ np.linalg.solve(slope @ smooth @ slope.T
+                                                        + RIDGE * np.eye(3), off)
+        later.append(reflectance * np.exp(change))
+    return np.array(later)

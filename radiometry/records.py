@@ -21,6 +21,9 @@ CLIPPED_LIMIT = 0.01        # of the samples of a patch: with more its mean is t
 # Callback of long work: the share that is done, 0 to 1, and what is being done.
 Progress = Callable[[float, str], None]
 
+MIN_PATCHES = 8         # of a chart: fewer fix no sensitivities
+MIN_SWATCHES = 8        # of a material: of fewer, leave-one-out says next to nothing
+
 
 class Quantity(Enum):
     """What a spectrum is a spectrum of; the value is its unit."""
@@ -611,3 +614,69 @@ class SurfaceSpectrum(Record):
     # of the variance of a spectrum, by cause; none of draws of all surfaces at once
     variance_shares: dict[str, float]
     family_shares: dict[str, float]     # that the signal allows; none without the learnt prior
+
+
+# ---- placements ----------------------------------------------------------------------------------
+# Where lamp and cameras of a scene stand, as records: apart from what estimates them.
+
+SCENE_UNIT, MM = "scene's unit", "mm"
+
+
+@dataclass(frozen=True, eq=False)
+class Placement(Record):
+    """A lamp or camera: its stated position, the one that is used, and how that is known."""
+
+    what: str
+    how: str
+    unit: str                                               # ``MM`` or ``SCENE_UNIT``
+    stated: Annotated[np.ndarray, "3"] | None
+    place: Annotated[np.ndarray, "3"] | None
+    moved: Annotated[np.ndarray, "3"] | None                # from the stated position
+    standard_error: Annotated[np.ndarray, "3"] | None
+
+
+@dataclass(frozen=True, eq=False)
+class MarkedView(Record):
+    """A photo with a box's edges and marked corners, in shares of its width and height."""
+
+    name: str                                               # empty of the first
+    edges: Annotated[np.ndarray, "m 2 2"]
+    corners: tuple[str, ...]
+    marked: Annotated[np.ndarray, "n 2"]
+    seen: Annotated[np.ndarray, "n 2"]                      # where the camera sees them
+    residuals_px: Annotated[np.ndarray, "n"]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneGeometry(Record):
+    """What was estimated of a scene; empty where everything stands as stated."""
+
+    placements: tuple[Placement, ...]
+    views: tuple[MarkedView, ...]
+
+
+# ---- registration --------------------------------------------------------------------------------
+# The motion of a photo against another, as a record: apart from what estimates it with OpenCV.
+
+STILL_PX = 0.5              # less than this is no motion
+
+
+@dataclass(frozen=True, eq=False)
+class Registration(Record):
+    """From pixels of the first photo to those of another: ``matrix @ (x, y, 1)``."""
+
+    matrix: Annotated[np.ndarray, "2 3"]    # a turn and a shift, full resolution
+    shift_px: float                         # of the middle of the photo
+    correlation: float                      # of the edges of both photos, 0 to 1
+    residual_px: float | None               # median over parts of the photo; None: none tells
+    chart_px: float | None                  # rms of the chart's corners; None: not in both photos
+
+    def moved(self, points_px: np.ndarray) -> np.ndarray:
+        """Points (..., 2) of the first photo in the pixels of the other."""
+        return points_px if self.still else np.asarray(
+            points_px @ self.matrix[:, :2].T + self.matrix[:, 2])
+
+    @property
+    def still(self) -> bool:
+        """Whether the photo moved by less than half a pixel."""
+        return self.shift_px < STILL_PX

@@ -22,15 +22,14 @@ from spectrabox.reconstruct.agreement import (
     shift_sentence,
     surface_agreement,
 )
-from spectrabox.reconstruct.engines.gradient import invert_by_gradient
-from spectrabox.reconstruct.engines.transport_engine import require_traceable, solve_views
 from spectrabox.reconstruct.fit.identifiability import band_signals
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
+from spectrabox.reconstruct.gradient_engine import invert_by_gradient
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
-from spectrabox.reconstruct.view import View, ViewSolution, unknown_materials
-from spectrabox.reconstruct.view_checks import check_views
+from spectrabox.reconstruct.transport_engine import require_traceable, solve_views
+from spectrabox.reconstruct.view import View, ViewSolution, check_views, unknown_materials
 
 SAME_RESPONSE = 1e-9    # relative: responses closer than this are the same
 # of white: error given to every stacked signal, so that bands which repeat others stay regular

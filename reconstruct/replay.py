@@ -15,16 +15,16 @@ import numpy as np
 from spectrabox.radiometry.interreflection import products
 from spectrabox.radiometry.records import JointReconstruction, Progress
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, within_to_block
-from spectrabox.reconstruct.engines.transport_engine import (
+from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.inverse_rendering import reconstruction_of
+from spectrabox.reconstruct.scene.surfaces import region_means
+from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.transport_engine import (
     nuisances,
     renderings_of,
     solve_traced,
     trace_views,
 )
-from spectrabox.reconstruct.fit.traced_view import TracedView
-from spectrabox.reconstruct.inverse_rendering import reconstruction_of
-from spectrabox.reconstruct.scene.surfaces import region_means
-from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import View
 
 FLAT = 1e-9     # of the largest singular value: a term of the field that a surface does not have

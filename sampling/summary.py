@@ -14,7 +14,7 @@ from spectrabox.radiometry.records import (
     WavelengthGrid,
 )
 from spectrabox.sampling.polytope.bounds import reflectance_bounds
-from spectrabox.sampling.spline_measurement import spline_operator
+from spectrabox.sampling.spectral_measurement import spline_operator
 
 # effective draws beyond each end of a band: the level of each tail is then known to 20 %
 TAIL_DRAWS = 25

@@ -9,14 +9,15 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.checks import check_draw_count, check_measurement
 from spectrabox.sampling.polytope import circuit_hit_and_run
 from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.spline_measurement import (
+from spectrabox.sampling.spectral_measurement import (
     CoefficientDraws,
     MeasurementOperator,
+    check_draw_count,
+    check_measurement,
     nearest_coefficients,
     spline_operator,
 )

@@ -17,9 +17,9 @@ import numpy as np
 import scipy.io
 
 from spectrabox.calibrate.geometry.board import read_board, read_points
-from spectrabox.calibrate.geometry.lens_files import read_lens
-from spectrabox.calibrate.prior.camera_database import read_camera_database
+from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.capture.meter.measurement_files import read_reading, reading_facts
 from spectrabox.capture.photo.image_files import read_encoded_file, read_plane
 from spectrabox.capture.photo.image_rows import open_channels, open_rows
@@ -36,7 +36,7 @@ from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_tab
 from spectrabox.reconstruct.scene.edit_scene import scene_with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.tracer.trace_checkpoint import PassSums, TraceCheckpoint
-from spectrabox.sampling.judge.cube_files import open_cube
+from spectrabox.sampling.evaluation.cubes import open_cube
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import SHIPPED, load_prior
 from spectrabox.session.camera.patch_files import read_patches

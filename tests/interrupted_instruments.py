@@ -16,7 +16,7 @@ import serial
 
 from spectrabox.capture.meter import serial_line
 from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
-from spectrabox.capture.meter.instruments.specbos1211 import DEFAULTS
+from spectrabox.capture.meter.instruments.jeti import DEFAULTS
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, Transcript

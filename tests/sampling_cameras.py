@@ -5,7 +5,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.response import relative_operator, response_matrix
-from spectrabox.sampling.spline_measurement import MeasurementOperator
+from spectrabox.sampling.spectral_measurement import MeasurementOperator
 
 
 def curves(nm, bands=3):

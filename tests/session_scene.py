@@ -10,8 +10,7 @@ from fractions import Fraction
 import numpy as np
 from session_photos import rendered_box, shoot, write_table
 
-from spectrabox.calibrate.geometry.lens import Lens
-from spectrabox.calibrate.geometry.lens_files import write_lens
+from spectrabox.calibrate.geometry.lens import Lens, write_lens
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import (
     CARD_LIGHT,

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.beam.beam_fit import _mean_over_bands, fit_beam
-from spectrabox.calibrate.beam.wall import WallCells, WallTable, read_wall, wall_cells
+from spectrabox.calibrate.lamp_beam import (
+    WallCells,
+    WallTable,
+    _mean_over_bands,
+    fit_beam,
+    read_wall,
+    wall_cells,
+)
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records import LinearImage, PhotoKind

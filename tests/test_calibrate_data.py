@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spectrabox.calibrate.prior.camera_database import read_camera_database
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
-from spectrabox.calibrate.prior.learnt_prior import build_prior
+from spectrabox.calibrate.prior.learnt_prior import build_prior, read_camera_database
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import NODES, cameras
 
-from spectrabox.calibrate.prior.camera_database import read_camera_database
+from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.camera.patch_files import read_patches
 

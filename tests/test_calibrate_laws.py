@@ -26,6 +26,7 @@ from spectrabox.calibrate.chart_calibration import (
     calibrate_chart,
     calibration_from_curves,
 )
+from spectrabox.calibrate.chart_consistency import disagreement
 from spectrabox.calibrate.chart_equations import (
     COMMON_ERRORS,
     DARK_SHARE,
@@ -38,7 +39,6 @@ from spectrabox.calibrate.chart_equations import (
 )
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_field import PicturePoints, _of_distance
-from spectrabox.calibrate.photo_checks import disagreement
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import nonnegative

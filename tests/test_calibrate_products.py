@@ -29,8 +29,12 @@ from spectrabox.calibrate.products.lamps import (
     daylights,
     lamps_like,
 )
-from spectrabox.calibrate.products.light_posterior import EVIDENCE_POWER, light_posterior
-from spectrabox.calibrate.products.product_fit import _prior_share, fit_products
+from spectrabox.calibrate.products.product_fit import (
+    EVIDENCE_POWER,
+    _prior_share,
+    fit_products,
+    light_posterior,
+)
 from spectrabox.calibrate.products.product_posterior import (
     ERRORS,
     WIDTHS,
@@ -46,7 +50,7 @@ from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
 from spectrabox.radiometry.spectra.filters import stated_filter
-from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
+from spectrabox.radiometry.spectra.named_spectra import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 
 SURFACES = reflectances()

@@ -13,8 +13,8 @@ import pytest
 from PIL import TiffImagePlugin
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.camera_profile import D50, ILLUMINANTS, matrices, target
-from spectrabox.calibrate.prior.camera_database import cameras_of_file
+from spectrabox.calibrate.colour_profile import D50, ILLUMINANTS, matrices, target
+from spectrabox.calibrate.prior.learnt_prior import cameras_of_file
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.colour_science import aces_idt
 from spectrabox.radiometry.grid import visible_grid

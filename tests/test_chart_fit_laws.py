@@ -31,7 +31,7 @@ from spectrabox.calibrate.chart_equations import (
     nuisance_sd,
 )
 from spectrabox.calibrate.held_out_patches import patch_moments
-from spectrabox.calibrate.light_difference import light_difference
+from spectrabox.calibrate.light_error import light_difference
 from spectrabox.calibrate.prior.prior_fit import (
     EXPOSURE_SD,
     _designs,

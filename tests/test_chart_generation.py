@@ -7,8 +7,7 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.appearance import tristimulus_weights
-from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances
-from spectrabox.radiometry.charts.generations import AFTER, BEFORE
+from spectrabox.radiometry.chart import AFTER, AFTER_2014, BEFORE, CLASSIC, chart_reflectances
 from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records import Quantity, Spectrum
 

@@ -3,15 +3,16 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.chart import (
+    AS_ASKED,
     CLASSIC,
     chart_reflectances,
     excluded_patches,
+    order_correlations,
+    table_orders,
     typical_camera_signals,
 )
-from spectrabox.radiometry.charts.layout_names import LAYOUT_NAMES
-from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
+from spectrabox.radiometry.charts.layouts import LAYOUT_NAMES, LAYOUTS, chart_layout
 from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
-from spectrabox.radiometry.charts.table_order import AS_ASKED, order_correlations, table_orders
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.published.published_tables import published_colours

@@ -13,10 +13,9 @@ from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.image_writers import write_linear_exr
 from spectrabox.fixtures.chart_scene import chart_scene
 from spectrabox.fixtures.paints import NM, random_paints
-from spectrabox.radiometry.chart import typical_camera_signals
+from spectrabox.radiometry.chart import table_orders, typical_camera_signals
 from spectrabox.radiometry.charts.layouts import LAYOUTS
 from spectrabox.radiometry.charts.references import published_signals
-from spectrabox.radiometry.charts.table_order import table_orders
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError
 from spectrabox.radiometry.records import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities

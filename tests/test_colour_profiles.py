@@ -15,8 +15,8 @@ from PIL import Image, ImageCms
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.calibrate.camera_profile import D50
 from spectrabox.calibrate.colour_profile import (
+    D50,
     colour_errors,
     d50_weights,
     fit_transform,
@@ -39,9 +39,7 @@ from spectrabox.measure.profiles.colour_profile import (
 )
 from spectrabox.radiometry.appearance import BRADFORD, ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.profiles.icc_profile import SPACES
-from spectrabox.radiometry.profiles.ocio_config import aces_from_d50
-from spectrabox.radiometry.profiles.profile_files import write_profile
+from spectrabox.radiometry.profile_files import SPACES, aces_from_d50, write_profile
 from spectrabox.radiometry.records import PatchSamples, Quantity
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published_sets

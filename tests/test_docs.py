@@ -33,7 +33,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 import spectrabox
-from spectrabox.calibrate.geometry.lens_files import write_lens
+from spectrabox.calibrate.geometry.lens import write_lens
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.capture.photo.raw import read_raw

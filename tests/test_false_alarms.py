@@ -20,8 +20,7 @@ from spectrabox.capture.meter.measurement_series import (
 )
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.sampling.further import more_measurements
-from spectrabox.sampling.further.conditioning import Reading
-from spectrabox.sampling.further.more_measurements import MoreMeasurement, doubtful
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, doubtful
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,
     drawn_reflectances,

@@ -13,12 +13,12 @@ from spectrabox.sampling.prior.families import (
     printing,
     skin,
 )
+from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.families.kubelka_munk import (
     absorption_of,
     behind_surface,
     reflectance_of,
 )
-from spectrabox.sampling.prior.families.truths import true_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 
 FAMILIES = {made.__name__: made for made in (

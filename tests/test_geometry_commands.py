@@ -14,8 +14,14 @@ from typer.testing import CliRunner
 
 from spectrabox.calibrate.geometry import projection
 from spectrabox.calibrate.geometry.board import read_board
-from spectrabox.calibrate.geometry.lens import Lens, Pose, mitsuba_sensor, pinhole
-from spectrabox.calibrate.geometry.lens_files import read_lens, write_lens
+from spectrabox.calibrate.geometry.lens import (
+    Lens,
+    Pose,
+    mitsuba_sensor,
+    pinhole,
+    read_lens,
+    write_lens,
+)
 from spectrabox.calibrate.geometry.pose import lens_of_focal_length
 from spectrabox.calibrate.geometry.projection import board_picture
 from spectrabox.capture.photo.image_files import read_linear_file

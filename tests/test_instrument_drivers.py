@@ -20,9 +20,9 @@ from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, read_transcript
 from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.fixtures.meter_transcripts import FOLDER, all_meters, clean_meters
+from spectrabox.radiometry.appearance import luminance_of
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.luminous import luminance_of
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 from tests.transcript_trials import measure_played

@@ -5,14 +5,16 @@ import numpy as np
 import pytest
 
 from spectrabox.capture.meter.measurement_files import (
+    claim,
+    note_role,
     read_reading,
     readings_folder,
+    result_file,
     set_aside,
     store_reading,
     stored_readings,
 )
 from spectrabox.capture.meter.measurement_series import reflectance_from, series_of, series_spectrum
-from spectrabox.capture.meter.measurement_targets import claim, note_role, result_file
 from spectrabox.capture.meter.meter_calibration import (
     MeterCalibration,
     read_calibration,

@@ -11,8 +11,8 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
 from spectrabox.sampling.further.planner import photo_candidate, ranked
-from spectrabox.sampling.judge.identification import ALIKE_NM, identify
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior, with_floor
 from spectrabox.sampling.prior.signal_posterior import sample_prior

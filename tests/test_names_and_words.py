@@ -1,6 +1,6 @@
 import pytest
 
-from spectrabox.radiometry.system.names import name_fault
+from spectrabox.radiometry.system.words import name_fault
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import ViewInputs
 

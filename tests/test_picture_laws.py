@@ -13,7 +13,7 @@ from test_light_drift import photo
 from test_posterior_laws import SMOOTH, mixture_of
 from test_sampling_uplift import painted
 
-from spectrabox.capture.photo.resampled import resampled
+from spectrabox.capture.photo.registration import resampled
 from spectrabox.measure.pictures import pixel_spectra, scene_light
 from spectrabox.measure.pictures import reference_surfaces as references
 from spectrabox.measure.pictures.crop import Crop
@@ -26,7 +26,7 @@ from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
 from spectrabox.measure.pictures.shown_bands import shown_bands
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records import LightScale
-from spectrabox.reconstruct.pixels.light_nodes import LightNodes
+from spectrabox.reconstruct.pixel_light import LightNodes
 from spectrabox.sampling.prior import local_posteriors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance_moments
 

@@ -15,7 +15,7 @@ from spectrabox.measure.surfaces.surface_signals import measurement, scene_signa
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
-from spectrabox.sampling.spline_measurement import response_on
+from spectrabox.sampling.spectral_measurement import response_on
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished, stage_states

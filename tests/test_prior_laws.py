@@ -12,8 +12,8 @@ from scipy import stats
 from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.sampling.judge.certificate import certify
-from spectrabox.sampling.judge.spectrum_scores import best_scale
+from spectrabox.sampling.evaluation.certificate import certify
+from spectrabox.sampling.evaluation.spectrum_scores import best_scale
 from spectrabox.sampling.prior.band_calibration import (
     AT_95,
     FAMILIAR,

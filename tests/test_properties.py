@@ -15,8 +15,16 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
 from spectrabox.radiometry.spectra.formats.tm27 import read_tm27, spdx_text
-from spectrabox.radiometry.system.names import file_stem, name_fault, sharing_a_file
-from spectrabox.radiometry.system.words import cell, from_cell, message, plain, shortened
+from spectrabox.radiometry.system.words import (
+    cell,
+    file_stem,
+    from_cell,
+    message,
+    name_fault,
+    plain,
+    sharing_a_file,
+    shortened,
+)
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder

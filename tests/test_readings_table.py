@@ -10,8 +10,7 @@ from typer.testing import CliRunner
 
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.records import Quantity
-from spectrabox.radiometry.spectra.companion_files import metadata_path
-from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
+from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session

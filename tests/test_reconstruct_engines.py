@@ -12,20 +12,20 @@ from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import band_products, exponents_up_to
 from spectrabox.radiometry.records import Outcome
+from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct import view as view_module
-from spectrabox.reconstruct.engines import transport_engine
-from spectrabox.reconstruct.engines.transport_engine import (
+from spectrabox.reconstruct.inverse_rendering import reconstruct
+from spectrabox.reconstruct.scene.surfaces import block_regions
+from spectrabox.reconstruct.settings import ENGINES
+from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
+from spectrabox.reconstruct.transport_engine import (
     FEW_SPP,
     FIRST_SPP,
     require_lit,
     trace_view,
     unit_scene,
 )
-from spectrabox.reconstruct.inverse_rendering import reconstruct
-from spectrabox.reconstruct.scene.surfaces import block_regions
-from spectrabox.reconstruct.settings import ENGINES
-from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
-from spectrabox.reconstruct.view_checks import check_views
+from spectrabox.reconstruct.view import check_views
 
 from tests.cornell_problem import (
     GRID,

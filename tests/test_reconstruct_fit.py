@@ -12,11 +12,16 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.interreflection import exponents_up_to
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import relative_operator, response_matrix
-from spectrabox.reconstruct.fit.band_system import compress, huber_weight
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior, learnt_prior, smooth_prior
 from spectrabox.reconstruct.fit.transport_fit import fit_views
-from spectrabox.reconstruct.fit.view_terms import Nuisances, SpectrumModel, ViewTerms
+from spectrabox.reconstruct.fit.view_terms import (
+    Nuisances,
+    SpectrumModel,
+    ViewTerms,
+    compress,
+    huber_weight,
+)
 
 GRID = visible_grid(5)
 CURVES = np.exp(-0.5 * ((GRID.nm - np.array([[600.0], [540.0], [460.0]])) / 30) ** 2)

@@ -10,7 +10,7 @@ import pytest
 
 from spectrabox.radiometry.records import Outcome
 from spectrabox.reconstruct.engines import gradient, transport_engine
-from spectrabox.reconstruct.engines.gradient import (
+from spectrabox.reconstruct.gradient_engine import (
     fit_by_gradient,
     invert_by_gradient,
     reflectance_key,

@@ -12,22 +12,21 @@ from test_reconstruct_fit import COUNT, GROUP, case, fit_spectra, model
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.agreement import (
     FIELD_TERMS,
     covariance_from_few,
     edge_shift,
     within_to_block,
 )
-from spectrabox.reconstruct.engines import transport_engine
-from spectrabox.reconstruct.engines.gradient import WINDOW, stalled
-from spectrabox.reconstruct.fit.band_system import compress
 from spectrabox.reconstruct.fit.identifiability import band_signals
 from spectrabox.reconstruct.fit.spectrum_prior import greville_abscissae
 from spectrabox.reconstruct.fit.traced_view import TracedView
-from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms
+from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms, compress
+from spectrabox.reconstruct.gradient_engine import WINDOW, stalled
 from spectrabox.reconstruct.inverse_rendering import joint_record
 from spectrabox.reconstruct.misfit import surface_tests
-from spectrabox.reconstruct.pixels.light_nodes import LightNodes
+from spectrabox.reconstruct.pixel_light import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.replay import Truth, _gains, _photographed
 from spectrabox.reconstruct.scene.light_position import _solve, _whitening

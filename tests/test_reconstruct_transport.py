@@ -16,7 +16,6 @@ from spectrabox.radiometry.interreflection import (
     product_count,
     signal,
 )
-from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
@@ -29,6 +28,7 @@ from spectrabox.reconstruct.tracer.transport import (
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
+from spectrabox.reconstruct.transport_engine import unit_scene
 
 from tests.cornell_problem import TRUTH, WIDTH, plain_settings, scene, view_of
 

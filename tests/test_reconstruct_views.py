@@ -12,12 +12,12 @@ from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import band_products, exponents_up_to
 from spectrabox.radiometry.records import JointReconstruction, LearntSpectra, Quantity, Spectrum
-from spectrabox.reconstruct.engines import transport_engine
-from spectrabox.reconstruct.engines.transport_engine import unit_scene
+from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.tracer.transport import shaded_images
-from spectrabox.reconstruct.view_checks import check_views
+from spectrabox.reconstruct.transport_engine import unit_scene
+from spectrabox.reconstruct.view import check_views
 from spectrabox.session.store.record_files import pack, unpack
 
 from tests.cornell_problem import (

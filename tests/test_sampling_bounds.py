@@ -12,13 +12,14 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.polytope import bounds, simplex
 from spectrabox.sampling.polytope.bounds import (
     bounds_of_many,
+    linear_programmes,
     reflectance_bounds,
     signal_boxes,
+    widening,
     widenings,
 )
-from spectrabox.sampling.polytope.linear_programmes import linear_programmes, widening
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.spline_measurement import MeasurementOperator
+from spectrabox.sampling.spectral_measurement import MeasurementOperator
 
 NM = np.linspace(400, 700, 13)
 # HiGHS keeps every constraint to 1e-7; small pivots of these cameras enlarge that less than ten

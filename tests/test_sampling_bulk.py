@@ -7,8 +7,12 @@ from scipy import stats
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import Outcome
-from spectrabox.sampling.polytope.circuit_hit_and_run import sample_in_bulk
-from spectrabox.sampling.polytope.circuits import design, find_circuits, schedule
+from spectrabox.sampling.polytope.circuit_hit_and_run import (
+    design,
+    find_circuits,
+    sample_in_bulk,
+    schedule,
+)
 from spectrabox.sampling.polytope.diagnostics import diagnose, refuse_poor
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 

@@ -10,20 +10,20 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.error_budget import METAMERISM
-from spectrabox.sampling.further.conditioning import Reading, condition, same_material
+from spectrabox.sampling.evaluation.spectrum_scores import (
+    coverage,
+    curve_coverage,
+    rmse,
+    spectral_angle,
+    winkler_score,
+)
+from spectrabox.sampling.further.more_measurements import Reading, condition, same_material
 from spectrabox.sampling.further.planner import (
     after,
     mean_width,
     photo_candidate,
     plan,
     wavelength_candidates,
-)
-from spectrabox.sampling.judge.spectrum_scores import (
-    coverage,
-    curve_coverage,
-    rmse,
-    spectral_angle,
-    winkler_score,
 )
 from spectrabox.sampling.polytope.refinement import (
     lifting,

@@ -11,14 +11,13 @@ from spectral.io import envi
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.judge.cube_files import open_cube
-from spectrabox.sampling.judge.cube_regions import (
+from spectrabox.sampling.evaluation.cube_regions import (
     Region,
     point_region,
     read_regions,
     region_spectra,
 )
-from spectrabox.sampling.judge.cubes import cube_of_channels, parse_wavelengths
+from spectrabox.sampling.evaluation.cubes import cube_of_channels, open_cube, parse_wavelengths
 from spectrabox.session.cli import app
 
 NM = np.arange(400, 701, 10.0)
@@ -151,7 +150,7 @@ def test_a_large_picture_is_read_in_part(tmp_path):
 
 def test_mean_and_scatter_are_those_of_the_pixels(values, tmp_path, monkeypatch):
     # two rows at once
-    monkeypatch.setattr("spectrabox.sampling.judge.cube_regions.BLOCK_VALUES", 2 * 5 * 31)
+    monkeypatch.setattr("spectrabox.sampling.evaluation.cube_regions.BLOCK_VALUES", 2 * 5 * 31)
     noisy = values + np.random.default_rng(1).normal(0, 0.01, values.shape)
     noisy[3, 1, 4] = np.nan
     np.save(tmp_path / "cube.npy", noisy)

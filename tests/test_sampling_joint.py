@@ -18,8 +18,7 @@ from spectrabox.sampling.scene.joint_posterior import (
     residual_and_jacobian,
     residual_by_logit,
 )
-from spectrabox.sampling.scene.joint_sampling import sample_joint
-from spectrabox.sampling.scene.labels import find_modes, near_labels
+from spectrabox.sampling.scene.joint_sampling import find_modes, near_labels, sample_joint
 from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
 
 EXPONENTS = np.array([[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [1, 2], [2, 1]])

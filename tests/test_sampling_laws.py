@@ -13,11 +13,10 @@ from test_posterior_laws import SMOOTH, mixture_of
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LightTransport, Outcome
 from spectrabox.sampling.error_budget import shares_by_cause
-from spectrabox.sampling.further.conditioning import Reading
-from spectrabox.sampling.further.more_measurements import MoreMeasurement, check_possible
+from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
+from spectrabox.sampling.evaluation.spectrum_scores import curve_band
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, check_possible
 from spectrabox.sampling.further.planner import expected_rmse, mean_width
-from spectrabox.sampling.judge.identification import ALIKE_NM, identify
-from spectrabox.sampling.judge.spectrum_scores import curve_band
 from spectrabox.sampling.polytope.diagnostics import diagnose
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, marginal_moments
 from spectrabox.sampling.prior.families import skin

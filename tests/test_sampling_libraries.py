@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.judge.certificate import certify
-from spectrabox.sampling.prior.libraries import read_library, usable, without_near_duplicates
+from spectrabox.sampling.evaluation.certificate import certify
+from spectrabox.sampling.prior.libraries import (
+    read_library,
+    read_r_columns,
+    usable,
+    without_near_duplicates,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.sampling.prior.r_data import read_r_columns
 
 NM = np.arange(380.0, 781.0, 10)
 CURVES = np.array([0.2 + 0.001 * (NM - 380), 0.7 - 0.001 * (NM - 380), np.full(NM.size, 0.4)])

@@ -15,11 +15,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.further.more_measurements import joined
-from spectrabox.sampling.further.self_reflection import given_reflected_twice
+from spectrabox.sampling.further.more_measurements import given_reflected_twice, joined
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.ranking_and_refinement import refined_as_published
-from spectrabox.sampling.spline_measurement import spline_operator
+from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.session.cli import app
 from spectrabox.session.signals.measurement_file import read_more
 from spectrabox.session.signals.signal_options import parse_reading

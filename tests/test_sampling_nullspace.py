@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import CalibrationError
-from spectrabox.sampling.polytope.null_space import null_space
-from spectrabox.sampling.spline_measurement import MeasurementOperator
+from spectrabox.sampling.polytope.tilt import null_space
+from spectrabox.sampling.spectral_measurement import MeasurementOperator
 
 EPS = np.finfo(float).eps
 

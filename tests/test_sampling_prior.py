@@ -15,10 +15,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
 from spectrabox.sampling.prior.band_calibration import AT_95, train
-from spectrabox.sampling.prior.families.coatings import tiles, whites
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.families.family_names import NAMES, WORDS
-from spectrabox.sampling.prior.families.plant_tissue import petal_tissue
+from spectrabox.sampling.prior.families.leaves import petal_tissue
+from spectrabox.sampling.prior.families.made_materials import tiles, whites
 from spectrabox.sampling.prior.families.skin import skin
 from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,
@@ -49,7 +49,7 @@ from spectrabox.sampling.prior.quantiles import quantiles
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.prior.training import MIXED, enriched, fit_mixture
-from spectrabox.sampling.spline_measurement import nearest_splines, response_on
+from spectrabox.sampling.spectral_measurement import nearest_splines, response_on
 
 SIGNIFICANCE = 1e-4
 

@@ -13,7 +13,7 @@ from spectrabox.sampling.polytope.tilt import (
     max_entropy_tilt,
     tilt_moments,
 )
-from spectrabox.sampling.spline_measurement import MeasurementOperator
+from spectrabox.sampling.spectral_measurement import MeasurementOperator
 
 
 @pytest.mark.parametrize("h",

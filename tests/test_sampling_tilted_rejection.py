@@ -12,8 +12,7 @@ from scipy.optimize import linprog, lsq_linear
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
 from spectrabox.radiometry.records import Outcome
-from spectrabox.sampling.polytope.null_space import null_space
-from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt
+from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, null_space
 from spectrabox.sampling.polytope.tilted_rejection import (
     collect,
     draw_tilted,
@@ -21,7 +20,7 @@ from spectrabox.sampling.polytope.tilted_rejection import (
     tilted_proposals,
 )
 from spectrabox.sampling.published.per_axis_box import axis_intervals, sample_per_axis
-from spectrabox.sampling.spline_measurement import MeasurementOperator
+from spectrabox.sampling.spectral_measurement import MeasurementOperator
 
 SIGNIFICANCE = 1e-4
 NM = np.linspace(400, 700, 31)

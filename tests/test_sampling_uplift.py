@@ -5,13 +5,13 @@ from sampling_cameras import grey, response, seen, surface
 from scipy import stats
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.colour_upsampling import METHODS, observer_response, upsampled
+from spectrabox.radiometry.colour_science import METHODS, observer_response, upsampled
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior import local_posteriors
-from spectrabox.sampling.prior.informative_bands import informative_bands
+from spectrabox.sampling.prior.local_posteriors import informative_bands
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,
     load_prior,

@@ -10,10 +10,14 @@ from test_colmap import with_model
 from typer.testing import CliRunner
 
 from spectrabox.measure.scene.geometry import scene_geometry
-from spectrabox.radiometry.placements import MarkedView, Placement, SceneGeometry
+from spectrabox.radiometry.records import MarkedView, Placement, SceneGeometry
 from spectrabox.reconstruct.scene.box_scene import box_xml, chart_xml
-from spectrabox.reconstruct.scene.edit_scene import scene_with_camera, scene_with_light_moved
-from spectrabox.reconstruct.scene.refinements import Refinement, refinements
+from spectrabox.reconstruct.scene.edit_scene import (
+    Refinement,
+    refinements,
+    scene_with_camera,
+    scene_with_light_moved,
+)
 from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
 from spectrabox.session.box.box_overlay import corners_in_photo
 from spectrabox.session.cli import app

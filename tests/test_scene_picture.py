@@ -24,7 +24,7 @@ from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
 from spectrabox.measure.steps.scene_picture import traced_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
-from spectrabox.reconstruct.pixels import pixel_light
+from spectrabox.reconstruct import pixel_light
 from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
 from spectrabox.sampling.prior.mixture import PRIOR_GRID

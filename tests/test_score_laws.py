@@ -13,8 +13,8 @@ from spectrabox.measure.verdict.scene import _rehearsal, median_surface_error, w
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
-from spectrabox.sampling.further.conditioning import Reading, condition
-from spectrabox.sampling.judge.spectrum_scores import coverage_error
+from spectrabox.sampling.evaluation.spectrum_scores import coverage_error
+from spectrabox.sampling.further.more_measurements import Reading, condition
 
 
 @pytest.mark.parametrize("inside", [0.905, 0.945, 0.955])

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from spectrabox.calibrate.geometry.lens import Lens
-from spectrabox.calibrate.geometry.lens_files import write_lens
+from spectrabox.calibrate.geometry.lens import Lens, write_lens
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.demos.box_render import box_light
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities, exposure_for, take_photo

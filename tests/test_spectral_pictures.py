@@ -15,7 +15,7 @@ from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import layer_names, spectral_layers
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_table
 from spectrabox.reconstruct.rendering.renderer import all_cores, start_mitsuba
-from spectrabox.sampling.judge.cube_files import open_cube
+from spectrabox.sampling.evaluation.cubes import open_cube
 from spectrabox.session.commands.spectrum import convert
 
 OTHERS = Path(colour.__file__).parent / "io" / "tests" / "resources"    # files of its own tests

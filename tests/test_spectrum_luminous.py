@@ -4,7 +4,7 @@ import warnings
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.spectra.luminous import (
+from spectrabox.radiometry.appearance import (
     LUMENS_PER_WATT,
     colour_matching,
     luminance_of,

@@ -6,7 +6,7 @@ from calibrate_cameras import GRID
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import HeldOutPatches, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
-from spectrabox.radiometry.spectra.stated_light import stated_light
+from spectrabox.radiometry.spectra.named_spectra import stated_light
 
 
 @pytest.mark.parametrize("word, kind, cct", [("unknown", None, None), ("led", "led", None),

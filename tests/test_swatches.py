@@ -20,16 +20,15 @@ from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals,
 from spectrabox.fixtures.paints import NM as PAINT_NM
 from spectrabox.fixtures.paints import chart_truth
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.least_counts import MIN_SWATCHES
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records import MIN_SWATCHES, Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
-from spectrabox.sampling.further.swatch_files import read_swatches
-from spectrabox.sampling.further.swatches import (
+from spectrabox.sampling.further.learnt_swatches import (
     Swatches,
     correct,
     corrected_draws,
     learn_correction,
 )
+from spectrabox.sampling.further.swatch_files import read_swatches
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 SIGMAS = stats.norm.isf(0.5e-4)

@@ -8,12 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spectrabox.reconstruct.engines.transport_engine import unit_scene
 from spectrabox.reconstruct.tracer import transport
-from spectrabox.reconstruct.tracer.path_samples import GENERATOR, ShiftedLattice, generating_vector
-from spectrabox.reconstruct.tracer.path_tracer import Tracer
+from spectrabox.reconstruct.tracer.path_tracer import (
+    GENERATOR,
+    ShiftedLattice,
+    Tracer,
+    generating_vector,
+)
 from spectrabox.reconstruct.tracer.trace_checkpoint import trace_fingerprint
 from spectrabox.reconstruct.tracer.transport import trace_transport
+from spectrabox.reconstruct.transport_engine import unit_scene
 
 from tests.cornell_problem import WIDTH, scene, view_of
 

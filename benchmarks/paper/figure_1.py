@@ -31,7 +31,7 @@ from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import sample_per_axis
 from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
-from spectrabox.sampling.spline_measurement import spline_operator
+from spectrabox.sampling.spectral_measurement import spline_operator
 
 from benchmarks.paper.figure_4 import spectra_behind
 from benchmarks.paper.shape_fit import with_mesh

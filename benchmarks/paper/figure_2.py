@@ -12,10 +12,10 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.judge.spectrum_scores import rmse
+from spectrabox.sampling.evaluation.spectrum_scores import rmse
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.sampling.spline_measurement import nearest_splines
+from spectrabox.sampling.spectral_measurement import nearest_splines
 
 SIZES = (5, 7, 9, 11, 13, 15, 21)
 SHOWN = (5, 7, 13)

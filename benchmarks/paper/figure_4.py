@@ -27,7 +27,7 @@ from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, View
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.further.conditioning import Reading, condition
+from spectrabox.sampling.further.more_measurements import Reading, condition
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.published.ranking_and_refinement import best_by_signals

@@ -18,7 +18,7 @@ from spectrabox.radiometry.spectra.named_spectra import relative_response, test_
 from spectrabox.sampling.polytope.refinement import sample_refined
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.published.ranking_and_refinement import refined_as_published
-from spectrabox.sampling.spline_measurement import spline_operator
+from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.uniform import into_reach
 
 FINE = visible_grid(1)

@@ -21,7 +21,7 @@ import numpy as np
 from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, SpectralMeasurement
-from spectrabox.reconstruct.engines.gradient import LEARNING_RATE, START, cosine_rate
+from spectrabox.reconstruct.gradient_engine import LEARNING_RATE, START, cosine_rate
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba

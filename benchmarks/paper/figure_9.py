@@ -28,9 +28,9 @@ from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.judge.cube_files import open_cube
-from spectrabox.sampling.judge.cube_regions import Region, read_regions
-from spectrabox.sampling.judge.judgement import judgement_text
+from spectrabox.sampling.evaluation.cube_regions import Region, read_regions
+from spectrabox.sampling.evaluation.cubes import open_cube
+from spectrabox.sampling.evaluation.judgement import judgement_text
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 

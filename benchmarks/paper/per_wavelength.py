@@ -17,7 +17,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Outcome
 from spectrabox.radiometry.response import response_matrix
-from spectrabox.reconstruct.engines.gradient import (
+from spectrabox.reconstruct.gradient_engine import (
     LEARNING_RATE,
     START,
     TAIL,

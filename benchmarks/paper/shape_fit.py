@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.records import Outcome, Progress
-from spectrabox.reconstruct.engines.gradient import reflectance_key, stalled
+from spectrabox.reconstruct.gradient_engine import reflectance_key, stalled
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.view import View

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.calibrate.chart_consistency import WORST_CHI_SQUARE, refuse_disagreement
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
-from spectrabox.calibrate.photo_checks import WORST_CHI_SQUARE, refuse_disagreement
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves

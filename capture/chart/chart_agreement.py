@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spectrabox.capture.chart.patches import pixels_inside
-from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.charts.table_order import AS_ASKED, table_orders
+from spectrabox.radiometry.chart import AS_ASKED, CLASSIC, Chart, table_orders
 from spectrabox.radiometry.records import LinearImage
 
 PATCH = 40.0                     # side of a patch in the units of this room: mm on the Classic

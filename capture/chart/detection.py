@@ -27,8 +27,14 @@ from spectrabox.capture.chart.chart_agreement import (
 )
 from spectrabox.capture.chart.patches import image_from_sensor, sensor_from_image
 from spectrabox.capture.photo.preview import signal_rgb8
-from spectrabox.radiometry.chart import CLASSIC, SQUARE, Chart, corner_patches
-from spectrabox.radiometry.charts.table_order import AS_ASKED, table_orders
+from spectrabox.radiometry.chart import (
+    AS_ASKED,
+    CLASSIC,
+    SQUARE,
+    Chart,
+    corner_patches,
+    table_orders,
+)
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
 from spectrabox.radiometry.records import ChartDetection, LinearImage, PhotoKind
 

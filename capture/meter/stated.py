@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.capture.meter.instruments.instrument_errors import UntrustedReadingError
+from spectrabox.radiometry.appearance import tristimulus_of
 from spectrabox.radiometry.grid import trapezoid_weights_nm
-from spectrabox.radiometry.spectra.luminous import tristimulus_of
 
 LUMINANCE_RTOL = 0.01           # up to 4 nm
 LUMINANCE_PER_NM = 0.003        # of a wider step: 3 % at 10 nm

@@ -18,7 +18,7 @@ from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN
 from spectrabox.measure.pictures.spectra_files import DAYLIGHT, srgb_of_spectra
-from spectrabox.radiometry.system.names import file_stem
+from spectrabox.radiometry.system.words import file_stem
 
 BANDS_NM = (450, 500, 550, 600, 650)     # of which maps of their own are made
 MASKED = (255, 0, 255)

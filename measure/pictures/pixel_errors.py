@@ -24,7 +24,7 @@ from spectrabox.radiometry.error_model import (
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import Calibration, SurfaceSignals
-from spectrabox.sampling.prior.informative_bands import informative_bands
+from spectrabox.sampling.prior.local_posteriors import informative_bands
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 

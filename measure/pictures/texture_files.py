@@ -16,7 +16,7 @@ from spectrabox.measure.pictures.pixel_spectra import row_blocks
 from spectrabox.measure.pictures.spectra_files import DEVIATION, MEAN, PictureLayout, layer_rows
 from spectrabox.measure.pictures.surface_textures import SurfaceTexture
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.system.names import file_stem
+from spectrabox.radiometry.system.words import file_stem
 from spectrabox.reconstruct.rendering.spectral_texture import NAME
 
 XML = "textures.xml"

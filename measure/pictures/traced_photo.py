@@ -9,7 +9,7 @@ import numpy as np
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift
-from spectrabox.reconstruct.pixels.pixel_light import PixelLight
+from spectrabox.reconstruct.pixel_light import PixelLight
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 from spectrabox.reconstruct.view import View

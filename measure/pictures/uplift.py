@@ -19,7 +19,6 @@ from spectrabox.measure.pictures.pixel_spectra import (
     survey_rows,
 )
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.checks import check_bands
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
     SIDE,
@@ -29,6 +28,7 @@ from spectrabox.sampling.prior.uplift_table import (
     relative_errors,
     uplift_signals,
 )
+from spectrabox.sampling.spectral_measurement import check_bands
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.camera_profile import D50
-from spectrabox.calibrate.colour_profile import ColourTransform, d50_weights
+from spectrabox.calibrate.colour_profile import D50, ColourTransform, d50_weights
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import PatchSamples

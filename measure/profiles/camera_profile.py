@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
+from spectrabox.calibrate.colour_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
 from spectrabox.measure.profiles.colour_profile import ColourProfile, Spread
 from spectrabox.radiometry.colour_science import aces_idt
 from spectrabox.radiometry.records import WavelengthGrid

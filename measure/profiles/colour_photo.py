@@ -8,7 +8,7 @@ import numpy as np
 from spectrabox.calibrate.colour_profile import ColourTransform
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
-from spectrabox.radiometry.profiles.icc_profile import LabSpace, RgbSpace
+from spectrabox.radiometry.profile_files import LabSpace, RgbSpace
 from spectrabox.radiometry.records import LinearImage
 
 COLUMNS = 24                # of the nodes at which white is computed

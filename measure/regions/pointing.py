@@ -14,7 +14,6 @@ import numpy as np
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import find_edges
-from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import FlatCapture, Region, View
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, PhotoRecords
@@ -24,7 +23,7 @@ from spectrabox.measure.steps.photos import THUMBNAIL_WIDTH, outlines_in, regist
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, RegionSamples, SurfaceSpectrum
+from spectrabox.radiometry.records import LinearImage, RegionSamples, Registration, SurfaceSpectrum
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
 
 

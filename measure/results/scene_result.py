@@ -22,8 +22,7 @@ from spectrabox.measure.verdict.scene import (
     scene_criteria,
     scene_warnings,
 )
-from spectrabox.radiometry.placements import SceneGeometry
-from spectrabox.radiometry.records import Calibration, LightScale, Reconstruction
+from spectrabox.radiometry.records import Calibration, LightScale, Reconstruction, SceneGeometry
 
 
 @dataclass(frozen=True, eq=False)

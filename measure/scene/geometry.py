@@ -13,7 +13,7 @@ from spectrabox.measure.scene.box_camera import (
     undistorted_shares,
     visible_corners,
 )
-from spectrabox.radiometry.placements import (
+from spectrabox.radiometry.records import (
     MM,
     SCENE_UNIT,
     MarkedView,
@@ -22,7 +22,7 @@ from spectrabox.radiometry.placements import (
 )
 from spectrabox.reconstruct.scene.box_scene import box_edges
 from spectrabox.reconstruct.scene.box_tables import BoxTable, LampTable
-from spectrabox.reconstruct.scene.refinements import Refinement
+from spectrabox.reconstruct.scene.edit_scene import Refinement
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 

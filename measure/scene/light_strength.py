@@ -20,7 +20,7 @@ from spectrabox.sampling.prior.mixture import (
     reflectance_moments,
 )
 from spectrabox.sampling.prior.mixture_posterior import posterior
-from spectrabox.sampling.spline_measurement import response_on
+from spectrabox.sampling.spectral_measurement import response_on
 
 # of the light's strength where nothing states it: brightnesses relative to a first guess
 TRIED_SCALES = np.geomspace(0.4, 4.0, 93)

@@ -30,7 +30,7 @@ from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import View
-from spectrabox.sampling.prior.families.truths import true_reflectances
+from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 

@@ -21,9 +21,9 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     spectrum_of,
 )
-from spectrabox.sampling.judge.cube_regions import Region, RegionSpectra, region_spectra
-from spectrabox.sampling.judge.cubes import Cube
-from spectrabox.sampling.judge.judgement import (
+from spectrabox.sampling.evaluation.cube_regions import Region, RegionSpectra, region_spectra
+from spectrabox.sampling.evaluation.cubes import Cube
+from spectrabox.sampling.evaluation.judgement import (
     ScoredSpectrum,
     SpectrumScores,
     baselines,

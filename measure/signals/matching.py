@@ -7,8 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
-from spectrabox.sampling.judge.identification import Identification, identify
-from spectrabox.sampling.judge.spectral_library import SpectralLibrary
+from spectrabox.sampling.evaluation.identification import Identification, SpectralLibrary, identify
 from spectrabox.sampling.prior.mixture import LogitMixture
 
 LIKELY_NONE = 0.95      # probability from which another surface is called more likely

@@ -18,13 +18,16 @@ from spectrabox.radiometry.error_model import stated_causes
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.checks import check_measurement
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.error_budget import FLOOR, METAMERISM
-from spectrabox.sampling.further.conditioning import Reading
-from spectrabox.sampling.further.more_measurements import doubtful, joined
-from spectrabox.sampling.further.self_reflection import given_reflected_twice, proposals_for
-from spectrabox.sampling.further.swatches import SwatchCorrection
+from spectrabox.sampling.further.learnt_swatches import SwatchCorrection
+from spectrabox.sampling.further.more_measurements import (
+    Reading,
+    doubtful,
+    given_reflected_twice,
+    joined,
+    proposals_for,
+)
 from spectrabox.sampling.polytope.bounds import bounds_of_many
 from spectrabox.sampling.polytope.refinement import sample_refined
 from spectrabox.sampling.prior.family_coverage import (
@@ -37,7 +40,7 @@ from spectrabox.sampling.prior.signal_posterior import describe_outcome, solve_p
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.published.per_axis_box import sample_published
 from spectrabox.sampling.published.ranking_and_refinement import ranked, refined_as_published
-from spectrabox.sampling.spline_measurement import response_on, spline_operator
+from spectrabox.sampling.spectral_measurement import check_measurement, response_on, spline_operator
 from spectrabox.sampling.summary import check_level, summarise
 from spectrabox.sampling.uniform import as_spectra, into_reach
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from spectrabox.capture.photo.image_rows import open_channels
 from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC
-from spectrabox.sampling.judge.cube_files import open_cube
-from spectrabox.sampling.judge.cubes import Cube, cube_of_channels
+from spectrabox.sampling.evaluation.cubes import Cube, cube_of_channels, open_cube
 
 
 def open_picture(path: Path, wavelengths: np.ndarray | None, variable: str | None) -> Cube:

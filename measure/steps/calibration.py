@@ -19,7 +19,7 @@ from spectrabox.calibrate.chart_calibration import (
     through_filter,
 )
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.light_difference import OTHER_LIGHT, SAME_LIGHT, light_difference
+from spectrabox.calibrate.light_error import OTHER_LIGHT, SAME_LIGHT, light_difference
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.capture.photo.registration_record import Registration
-from spectrabox.capture.photo.resampled import resampled, uncertain_edges
+from spectrabox.capture.photo.registration import resampled, uncertain_edges
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.pictures.crop import Crop, crop_of, crop_photo, node_grid
 from spectrabox.measure.pictures.lit_photo import LitPhoto
@@ -17,7 +16,7 @@ from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records import LinearImage, Registration
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 COLUMNS = 24                # of the nodes at which white and its errors are computed

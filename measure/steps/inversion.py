@@ -31,11 +31,11 @@ from spectrabox.radiometry.records import (
     LinearImage,
     Progress,
 )
-from spectrabox.reconstruct.engines.transport_engine import require_lit
 from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, not_plain_products
 from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.transport_engine import require_lit
 from spectrabox.reconstruct.view import MaterialSpec, View
 
 TRACE = ".trace.npz"      # among the checkpoints, while a trace goes on and where it was stopped

@@ -12,14 +12,13 @@ from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.capture.photo.regions import region_signals, sample_regions
 from spectrabox.capture.photo.registration import Edges, find_edges, register, registered
-from spectrabox.capture.photo.registration_record import Registration
 from spectrabox.measure.captured import FlatCapture, SceneCapture, View
 from spectrabox.measure.opened_photos import require_exposed
 from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, RegionSamples
+from spectrabox.radiometry.records import LinearImage, RegionSamples, Registration
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 
 PREVIEW_WIDTH = 800          # pixels of the picture of flat samples in the report, at most

@@ -20,9 +20,9 @@ from spectrabox.measure.steps.inversion import glare_error, views_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.engines.transport_engine import unit_scene
-from spectrabox.reconstruct.pixels.pixel_light import trace_pixel_light
+from spectrabox.reconstruct.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.transport_engine import unit_scene
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 TRACED, LIT = 0.4, 0.6      # shares of the time

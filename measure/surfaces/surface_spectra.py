@@ -23,7 +23,7 @@ from spectrabox.radiometry.records import (
     WavelengthGrid,
 )
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.further.swatches import SwatchCorrection
+from spectrabox.sampling.further.learnt_swatches import SwatchCorrection
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.summary import summarise

@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.further.swatches import (
+from spectrabox.sampling.further.learnt_swatches import (
     TELLING_BANDS,
     SwatchCorrection,
     Swatches,
@@ -18,7 +18,7 @@ from spectrabox.sampling.further.swatches import (
 )
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.spline_measurement import nearest_splines
+from spectrabox.sampling.spectral_measurement import nearest_splines
 
 CORRECTED = " with swatches"        # after the method of corrected draws
 

@@ -7,8 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.chart import Chart, chart_reflectances, typical_camera_signals
-from spectrabox.radiometry.charts.table_order import AS_ASKED, order_correlations
+from spectrabox.radiometry.chart import (
+    AS_ASKED,
+    Chart,
+    chart_reflectances,
+    order_correlations,
+    typical_camera_signals,
+)
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.published.published_tables import published_colours

@@ -19,7 +19,7 @@ from spectrabox.radiometry.published.published_tables import (
 )
 from spectrabox.radiometry.records import Quantity
 from spectrabox.radiometry.spectra.formats.delimited import table_text
-from spectrabox.radiometry.system.names import file_stem, name_fault
+from spectrabox.radiometry.system.words import file_stem, name_fault
 
 FOLDER, SUFFIX = "SPECTRABOX_CAMERAS", ".csv"
 SHORTEST_SERIAL = 5         # digits; a shorter number may be part of a model's name

@@ -1,4 +1,6 @@
-"""Published sensitivities, lights and test reflectances, by the names operators write."""
+"""Published sensitivities, lights and test reflectances, by the names operators write, and words
+for a light whose spectrum nobody stated.
+"""
 from __future__ import annotations
 
 import difflib
@@ -17,9 +19,8 @@ from spectrabox.radiometry.published.published_tables import (
     published_curves,
     published_names,
 )
-from spectrabox.radiometry.records import Quantity, WavelengthGrid
+from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight, WavelengthGrid
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
-from spectrabox.radiometry.spectra.light_words import vague_words
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -27,8 +28,42 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 
+UNKNOWN = "unknown"
+LIGHT_KINDS = ("daylight", "halogen", "led", "fluorescent")
+SAME_KIND = {"tungsten": "halogen", "incandescent": "halogen", "bulb": "halogen",
+             "sun": "daylight", "sunlight": "daylight", "sky": "daylight",
+             "leds": "led", "tube": "fluorescent", "tubes": "fluorescent"}
+CCT_KELVIN = (1500.0, 25000.0)      # candles to blue sky
+
 NEAR = "A (tungsten, 2856 K), D50 or D65 (daylight), FL11 (tubes), LED-B3"
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
+
+
+def vague_words(word: str) -> tuple[str | None, float | None] | None:
+    """Kind and correlated colour temperature (K) of a light whose spectrum is not stated, each None
+    where it is not known; None if the word states a spectrum.
+
+    Parameters
+    ----------
+    word : str
+
+    Raises
+    ------
+    InputError
+        If it is a temperature that no lamp has.
+    """
+    plain = SAME_KIND.get(word.strip().lower(), word.strip().lower())
+    if plain == UNKNOWN:
+        return None, None
+    if plain in LIGHT_KINDS:
+        return plain, None
+    if plain.removesuffix("k").strip().replace(".", "", 1).isdigit():
+        cct, (low, high) = float(plain.removesuffix("k")), CCT_KELVIN
+        if not low <= cct <= high:
+            raise InputError(f"a light of {cct:g} K: correlated colour temperatures run from "
+                             f"{low:g} to {high:g} K")
+        return None, cct
+    return None
 
 
 def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
@@ -160,3 +195,64 @@ def _by_name(name: str, kinds: tuple[str, ...], what: str, instead: str,
         raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
                          f"{instead}")
     return published_curves(kind_of[name], name)
+
+
+# ---- lights as an operator states them -----------------------------------------------------------
+# What an operator says of a light: a file, a CIE name, a kind of lamp, 3200K, or "unknown".
+
+def stated_light(word: str, grid: WavelengthGrid) -> Spectrum | UnknownLight:
+    """The light that a word of the command line means.
+
+    Parameters
+    ----------
+    word : str
+        A spectral file, a CIE name, a temperature such as 3200K, a kind of lamp, or unknown.
+    grid : WavelengthGrid
+        Of the spectrum of a name.
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a name.
+    """
+    vague = vague_light(word)
+    if vague is not None:
+        return vague
+    return read_spectrum(Path(word), role=Quantity.RELATIVE) if names_a_file(word) else \
+        spectrum_of_name(word, grid)
+
+
+def spectrum_of_name(name: str, grid: WavelengthGrid) -> Spectrum:
+    """The published spectrum of a CIE name.
+
+    Parameters
+    ----------
+    name : str
+    grid : WavelengthGrid
+
+    Raises
+    ------
+    InputError
+        If no published light has this name.
+    """
+    try:
+        return Spectrum(grid, light(name, grid), Quantity.RELATIVE, f"CIE {name}")
+    except InputError as error:
+        raise InputError(f"{error}; a light may also be {UNKNOWN}, 3200K or one of "
+                         f"{', '.join(LIGHT_KINDS)}") from None
+
+
+def vague_light(word: str) -> UnknownLight | None:
+    """What a word says of a light whose spectrum is not stated; None if the word states one.
+
+    Parameters
+    ----------
+    word : str
+
+    Raises
+    ------
+    InputError
+        If it is a temperature that no lamp has.
+    """
+    stated = vague_words(word)
+    return None if stated is None else UnknownLight(*stated)

@@ -14,9 +14,9 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
-from spectrabox.radiometry.spectra.companion_files import envi_header_of
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
+from spectrabox.radiometry.spectra.formats.csvw import envi_header_of
 from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
 from spectrabox.radiometry.spectra.formats.envi import is_envi_header, read_envi
 from spectrabox.radiometry.spectra.formats.light_meters import (
@@ -35,7 +35,7 @@ from spectrabox.radiometry.spectra.formats.measurement_table import (
 from spectrabox.radiometry.spectra.formats.rawtoaces import is_rawtoaces, read_rawtoaces
 from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC, read_spectral_exr
 from spectrabox.radiometry.spectra.formats.tm27 import is_tm27, read_tm27
-from spectrabox.radiometry.spectra.pchip import pchip
+from spectrabox.radiometry.spectra.resampling import pchip
 
 __all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves",
            "read_reflectances", "read_spectrum", "read_table", "require_fraction", "spectrum_of",

@@ -1,10 +1,17 @@
 """Words from files and people made safe for messages and files: short, without anything that a
-terminal, an XML reader or a spreadsheet would obey.
+terminal, an XML reader or a spreadsheet would obey; and the rule for names that people give to
+sessions, materials, views, regions, bands and measurements, with the files that are named after
+them.
 """
 from __future__ import annotations
 
 import re
+import unicodedata
+from collections.abc import Iterable
 from typing import Any
+
+MAX_CHARACTERS = 80
+MAX_BYTES = 200         # as UTF-8: a file's name holds 255, which the name is only a part of
 
 MAX_VALUE = 120         # characters of a value that a message repeats
 MAX_LINE = 2000         # characters of a line of a message
@@ -12,6 +19,49 @@ MAX_LINE = 2000         # characters of a line of a message
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff"
                      r"\ufdd0-\ufdef\ufffe\uffff]")
 FORMULA = tuple("=+-@\t\r")
+
+
+def name_fault(name: str) -> str | None:
+    """Check a name.
+
+    Parameters
+    ----------
+    name : str
+        Such as "white paint", "B/W 50%" or "été 2".
+
+    Returns
+    -------
+    str or None
+        The rule that it breaks, as the end of a sentence.
+    """
+    if not name or not name[0].isalnum():
+        return "a name begins with a letter or a digit"
+    if name.endswith((" ", ".")):
+        return "a name does not end in a space or a dot"
+    if not name.isprintable():
+        return "a name is one line of printable characters"
+    if len(name) > MAX_CHARACTERS or len(name.encode()) > MAX_BYTES:
+        return f"a name has at most {MAX_CHARACTERS} characters"
+    return None
+
+
+def file_stem(name: str) -> str:
+    """Name of the file for something called ``name``, without the suffix.
+
+    Letters, digits, spaces, "-", "_" and "." stay; anything else becomes "-".
+    """
+    return re.sub(r"[^\w .-]", "-", unicodedata.normalize("NFC", name))
+
+
+def sharing_a_file(names: Iterable[str]) -> list[tuple[str, str]]:
+    """Pairs of names that would get the same file, also where capitals do not count."""
+    owners: dict[str, str] = {}
+    shared = []
+    for name in names:
+        first = owners.setdefault(file_stem(name).casefold(), name)
+        if first != name:
+            shared.append((first, name))
+    return shared
 
 
 def shortened(value: Any) -> str:

@@ -9,10 +9,16 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.records import LightTransport, RegionTransport
-from spectrabox.reconstruct.fit.band_system import compress, huber_weight
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, fit_views
-from spectrabox.reconstruct.fit.view_terms import Nuisances, SpectrumModel, ViewFit, ViewTerms
+from spectrabox.reconstruct.fit.view_terms import (
+    Nuisances,
+    SpectrumModel,
+    ViewFit,
+    ViewTerms,
+    compress,
+    huber_weight,
+)
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 from spectrabox.reconstruct.view import View, unknown_materials

@@ -19,14 +19,12 @@ from spectrabox.radiometry.records import LinearImage
 from spectrabox.reconstruct.scene.import_scene import (
     COLOURING,
     SPECTRAL_FACTOR,
-    bsdf_of,
-    normalise_scene,
-    plain_bsdf,
-)
-from spectrabox.reconstruct.scene.scene_includes import (
     IncludedFiles,
+    bsdf_of,
     defaults_of,
     find_file,
+    normalise_scene,
+    plain_bsdf,
     resolve_includes,
     substitute_defaults,
 )

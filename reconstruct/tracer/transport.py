@@ -18,8 +18,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import exponents_up_to, product_count, prune
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.rendering.renderer import all_cores
-from spectrabox.reconstruct.tracer.path_samples import MAX_POINTS
-from spectrabox.reconstruct.tracer.path_tracer import Tracer
+from spectrabox.reconstruct.tracer.path_tracer import MAX_POINTS, Tracer
 from spectrabox.reconstruct.tracer.trace_checkpoint import (
     PassSums,
     TraceCheckpoint,

@@ -17,7 +17,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.spline_measurement import (
+from spectrabox.sampling.spectral_measurement import (
     CoefficientDraws,
     MeasurementOperator,
     spline_operator,

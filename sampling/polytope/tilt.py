@@ -18,11 +18,9 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
 from spectrabox.radiometry.shaped import Record
-from spectrabox.sampling.checks import check_noise
-from spectrabox.sampling.polytope.null_space import null_space
-from spectrabox.sampling.spline_measurement import MeasurementOperator
+from spectrabox.sampling.spectral_measurement import MeasurementOperator, check_noise
 
 # |h| under which the closed forms lose digits and three terms of the series do not
 SERIES_BELOW = 1e-2
@@ -182,3 +180,37 @@ def _no_tilt(operator: MeasurementOperator, reachable: bool) -> str:
                 "noise of the signal")
     return (f"no {operator.A.shape[1]} coefficients between 0 and 1 give the signal ({signal}); "
             "state the noise of the signal, use more coefficients, or check the light scale")
+
+
+# ---- null space ----------------------------------------------------------------------------------
+# Directions in coefficient space that the camera cannot see (paper Sec. 3.2, Eq. 5).
+#
+# Bounds on the coefficients are not handled here; see tilted_rejection.py.
+
+# about sqrt(float64 eps): smaller singular values are round-off in A, not information
+RANK_RTOL = 1e-8
+
+
+def null_space(operator: MeasurementOperator) -> np.ndarray:
+    """Orthonormal directions (N, D) in coefficient space that the camera cannot see (Eq. 5).
+
+    Parameters
+    ----------
+    operator : MeasurementOperator
+        ``A`` (K, N) maps coefficients to camera signal; D = N - min(K, N).
+
+    Raises
+    ------
+    CalibrationError
+        If two channels respond alike, so that A has lower rank than its shape allows.
+    """
+    _, singular_values, vt = np.linalg.svd(operator.A)
+    # Not >=: a matrix of zeros must have rank 0.
+    rank = np.count_nonzero(singular_values > RANK_RTOL * singular_values[0])
+    if rank < singular_values.size:
+        weakest = singular_values[-1] / singular_values[0] if rank else 0.0
+        raise CalibrationError(
+            f"the {operator.A.shape[0]} camera channels carry only {rank} independent responses "
+            f"(smallest / largest singular value {weakest:.1e}); "
+            "refit the sensitivities or check that the light covers 400-700 nm")
+    return np.asarray(vt[rank:].T)

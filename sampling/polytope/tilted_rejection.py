@@ -38,7 +38,7 @@ import numpy as np
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import Outcome
 from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, tilt_moments
-from spectrabox.sampling.spline_measurement import CoefficientDraws, MeasurementOperator
+from spectrabox.sampling.spectral_measurement import CoefficientDraws, MeasurementOperator
 
 METHOD = "uniform (tilted rejection)"
 # proposals at once: larger arrays leave the cache and take twice as long

@@ -15,11 +15,10 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.checks import check_draw_count, check_measurement
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.polytope.tilt import is_reachable
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, smoothness_prior
 from spectrabox.sampling.prior.mixture_posterior import (
     MixturePosterior,
     allowed_misfit,
@@ -29,8 +28,13 @@ from spectrabox.sampling.prior.mixture_posterior import (
     posterior,
 )
 from spectrabox.sampling.prior.posterior_draws import draw_reflectances
-from spectrabox.sampling.prior.smoothness import smoothness_prior
-from spectrabox.sampling.spline_measurement import MeasurementOperator, nearest_splines, response_on
+from spectrabox.sampling.spectral_measurement import (
+    MeasurementOperator,
+    check_draw_count,
+    check_measurement,
+    nearest_splines,
+    response_on,
+)
 
 MENTIONED = 0.005               # share of a family that the outcome names
 SPARE = 5       # spline coefficients beyond the bands of a signal that has many

@@ -13,10 +13,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.records import Outcome
-from spectrabox.sampling.checks import check_bands
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
-from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.mixture import LogitMixture, smoothness_prior
 from spectrabox.sampling.prior.mixture_posterior import (
     MixturePosterior,
     allowed_misfit,
@@ -25,7 +24,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     novelty,
     posterior,
 )
-from spectrabox.sampling.prior.smoothness import smoothness_prior
+from spectrabox.sampling.spectral_measurement import check_bands
 
 BATCH = 250         # signals: those of one batch are carried with as many components as any needs
 

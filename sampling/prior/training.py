@@ -16,11 +16,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior.families.coatings import pigment_mixtures
 from spectrabox.sampling.prior.families.family_models import FAMILIES, MIXTURES, Family
+from spectrabox.sampling.prior.families.made_materials import pigment_mixtures
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, without_near_duplicates
-from spectrabox.sampling.prior.mixture import EDGE, PRIOR_GRID, Components, LogitMixture, logit
-from spectrabox.sampling.prior.smoothness import smooth_covariance
+from spectrabox.sampling.prior.mixture import (
+    EDGE,
+    PRIOR_GRID,
+    Components,
+    LogitMixture,
+    logit,
+    smooth_covariance,
+)
 
 DIRECTIONS = 10
 # variance added to the components and to every logit: what the sets do not show

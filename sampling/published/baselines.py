@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.colour_upsampling import METHODS, observer_response, upsampled
+from spectrabox.radiometry.colour_science import METHODS, observer_response, upsampled
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.sampling.spline_measurement import MeasurementOperator, response_on
+from spectrabox.sampling.spectral_measurement import MeasurementOperator, response_on
 
 ATTEMPTS = 20_000
 
@@ -27,7 +27,7 @@ def baseline_spectra(measurement: SpectralMeasurement,
     ----------
     measurement : SpectralMeasurement
     methods : tuple of str
-        Of `colour_upsampling.METHODS`.
+        Of `colour_science.METHODS`.
 
     Raises
     ------

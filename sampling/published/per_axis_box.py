@@ -22,14 +22,14 @@ import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.checks import check_draw_count, check_measurement
-from spectrabox.sampling.polytope.null_space import null_space
-from spectrabox.sampling.polytope.tilt import check_operator
+from spectrabox.sampling.polytope.tilt import check_operator, null_space
 from spectrabox.sampling.polytope.tilted_rejection import collect
 from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.spline_measurement import (
+from spectrabox.sampling.spectral_measurement import (
     CoefficientDraws,
     MeasurementOperator,
+    check_draw_count,
+    check_measurement,
     nearest_coefficients,
     spline_operator,
 )

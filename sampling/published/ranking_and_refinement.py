@@ -14,7 +14,7 @@ from spectrabox.sampling.further.more_measurements import MoreMeasurement, measu
 from spectrabox.sampling.polytope.refinement import lifting, residual_directions
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import draw_in_box
-from spectrabox.sampling.spline_measurement import (
+from spectrabox.sampling.spectral_measurement import (
     CoefficientDraws,
     nearest_coefficients,
     response_on,

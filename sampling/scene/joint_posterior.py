@@ -10,7 +10,7 @@ Unknowns: a component of the prior's mixture for every material (labels, M), and
 normal, with logit rho_m = mean of its component + root of its covariance @ z_m: all P wavelengths
 are kept, nothing of the prior is truncated. The noise-weighted transport is reduced to the few rows
 that rise above the noise, after which the cost does not depend on the number of pixels.
-`labels.py` chooses the labels.
+`joint_sampling.py` chooses the labels.
 """
 from __future__ import annotations
 

@@ -24,9 +24,8 @@ from spectrabox.sampling.scene.joint_posterior import (
     logits_of,
     residual_by_logit,
 )
-from spectrabox.sampling.scene.joint_sampling import sample_joint
-from spectrabox.sampling.scene.labels import SAMPLED, find_modes
-from spectrabox.sampling.spline_measurement import nearest_splines
+from spectrabox.sampling.scene.joint_sampling import SAMPLED, find_modes, sample_joint
+from spectrabox.sampling.spectral_measurement import nearest_splines
 
 METHOD = "learnt prior through the light transport"
 # chance of a picture as unlike the model as this one, below which the outcome says so

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from spectrabox.calibrate.geometry.colmap_model import ModelImage, read_colmap
-from spectrabox.calibrate.geometry.lens_files import read_lens
+from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.measure.captured import BoxPhoto, InputFile
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.system.names import file_stem
+from spectrabox.radiometry.system.words import file_stem
 from spectrabox.reconstruct.scene.box_scene import chart_xml
 from spectrabox.reconstruct.scene.scene_file import (
     SceneFile,

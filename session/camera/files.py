@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.prior.camera_database import SUFFIXES, cameras_of_file
+from spectrabox.calibrate.prior.learnt_prior import SUFFIXES, cameras_of_file
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.orientation import photo_orientation
@@ -34,8 +34,8 @@ from spectrabox.radiometry.records import (
     default_band_names,
 )
 from spectrabox.radiometry.spectra.kept_cameras import cameras_folder, keep_camera
+from spectrabox.radiometry.spectra.named_spectra import stated_light
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, table_text
-from spectrabox.radiometry.spectra.stated_light import stated_light
 from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.camera.patch_files import read_patches
 from spectrabox.session.terminal.command_line import CORNERS, pixel_numbers

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.photo_checks import light_power
+from spectrabox.calibrate.chart_consistency import light_power
 from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior, shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
@@ -17,8 +17,8 @@ from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
+from spectrabox.radiometry.spectra.named_spectra import stated_light
 from spectrabox.radiometry.spectra.spectrum_files import read_curves
-from spectrabox.radiometry.spectra.stated_light import stated_light
 from spectrabox.session.camera.files import read_layout, read_measured_curves
 from spectrabox.session.commands.requests import CameraPreflightRequest
 from spectrabox.session.signals.plan_answer import exposure_words, read_lamps_at_hand, step_facts

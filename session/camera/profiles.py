@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.camera_profile import ILLUMINANTS, IlluminantMatrices
+from spectrabox.calibrate.colour_profile import ILLUMINANTS, IlluminantMatrices
 from spectrabox.capture.photo.raw import decode
 from spectrabox.measure.profiles.camera_profile import CameraProfile, camera_matrices
 from spectrabox.measure.profiles.colour_profile import colour_profile, response_of_curves
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.profiles.profile_files import FORMS as PROFILE_FORMS
-from spectrabox.radiometry.profiles.profile_files import write_profile
+from spectrabox.radiometry.profile_files import FORMS as PROFILE_FORMS
+from spectrabox.radiometry.profile_files import write_profile
 from spectrabox.radiometry.records import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light as light_named
 from spectrabox.radiometry.spectra.named_spectra import sensitivities

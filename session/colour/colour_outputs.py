@@ -31,8 +31,7 @@ from spectrabox.radiometry.appearance import ciede2000
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.profiles.icc_profile import SPACES
-from spectrabox.radiometry.profiles.profile_files import write_profile
+from spectrabox.radiometry.profile_files import SPACES, write_profile
 from spectrabox.radiometry.response import relative_response
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun

@@ -149,9 +149,8 @@ def prior(
 ) -> Answer:
     """Build a prior on sensitivities from a folder of measured cameras."""
     check_ending(out, PRIORS)
-    from spectrabox.calibrate.prior.camera_database import read_camera_database
     from spectrabox.calibrate.prior.camera_prior import save_camera_prior
-    from spectrabox.calibrate.prior.learnt_prior import build_prior
+    from spectrabox.calibrate.prior.learnt_prior import build_prior, read_camera_database
     database = read_camera_database(folder, leave_out=leave_out)
     count = len(database.names)
     learnt = build_prior(database.nm, database.curves, database.names, licence=licence,

@@ -81,7 +81,7 @@ def _of_charts(without: Path, through: Path, light: str, reference: str | None,
     from spectrabox.measure.more_bands.filter_fit import filter_from_photos
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.grid import FINE_GRID
-    from spectrabox.radiometry.spectra.stated_light import stated_light
+    from spectrabox.radiometry.spectra.named_spectra import stated_light
     from spectrabox.session.camera.files import read_layout
 
     chart = read_layout(layout)

@@ -216,8 +216,7 @@ def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, s
 
 def _chart(layout: str, reference: str | None, corners: str | None) -> dict[str, Any]:
     """[chart] of session.toml."""
-    from spectrabox.radiometry.charts.layout_names import is_layout_file
-    from spectrabox.radiometry.charts.layouts import chart_layout
+    from spectrabox.radiometry.charts.layouts import chart_layout, is_layout_file
     from spectrabox.session.flat.new_session import file_or_word
     said: dict[str, Any] = {}
     if layout:

@@ -85,7 +85,7 @@ def lens(
     standard errors.
     """
     from spectrabox.calibrate.geometry.board import read_board
-    from spectrabox.calibrate.geometry.lens_files import lens_facts, write_lens
+    from spectrabox.calibrate.geometry.lens import lens_facts, write_lens
     from spectrabox.calibrate.geometry.projection import find_board, lens_from_views
     from spectrabox.radiometry.errors import CheckError
     check_ending(out, {".json": "the lens"})
@@ -145,13 +145,16 @@ def pose(
     """
     import numpy as np
 
-    from spectrabox.calibrate.geometry.lens import camera_position, mitsuba_sensor
-    from spectrabox.calibrate.geometry.lens_files import lens_facts, read_lens
+    from spectrabox.calibrate.geometry.lens import (
+        camera_position,
+        lens_facts,
+        mitsuba_sensor,
+        read_lens,
+    )
     from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
     from spectrabox.calibrate.geometry.projection import spread
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.reconstruct.scene.edit_scene import scene_with_camera
-    from spectrabox.reconstruct.scene.refinements import Refinement, rounded
+    from spectrabox.reconstruct.scene.edit_scene import Refinement, rounded, scene_with_camera
     check_ending(out, {".xml": "the scene with this camera"})
     require_new(out, force, photo, points_file, board_file,
                 lens_file)
@@ -223,7 +226,7 @@ def undistort(
     force: Force = False,
 ) -> Answer:
     """Take the lens's distortion out of a photo: a linear EXR with its variance."""
-    from spectrabox.calibrate.geometry.lens_files import read_lens
+    from spectrabox.calibrate.geometry.lens import read_lens
     from spectrabox.calibrate.geometry.projection import undistorted
     from spectrabox.capture.photo.image_writers import write_linear_exr
     from spectrabox.capture.photo.linear import open_photo

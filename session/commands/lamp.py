@@ -19,8 +19,8 @@ from spectrabox.session.terminal.command_line import (
 from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
-    from spectrabox.calibrate.beam.beam_fit import BeamProfile
     from spectrabox.calibrate.geometry.lens import Lens
+    from spectrabox.calibrate.lamp_beam import BeamProfile
     from spectrabox.radiometry.records import LinearImage
     from spectrabox.reconstruct.scene.light_position import LightPosition
 
@@ -76,9 +76,13 @@ def light(
     from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
     from spectrabox.reconstruct.rendering.renderer import start_mitsuba
     from spectrabox.reconstruct.scene.box_scene import is_of_box
-    from spectrabox.reconstruct.scene.edit_scene import light_number, scene_with_light_moved
+    from spectrabox.reconstruct.scene.edit_scene import (
+        Refinement,
+        light_number,
+        rounded,
+        scene_with_light_moved,
+    )
     from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
-    from spectrabox.reconstruct.scene.refinements import Refinement, rounded
     from spectrabox.reconstruct.scene.scene_file import read_scene, require_same_shape
     from spectrabox.session.terminal.progress_display import progress_display
     check_ending(out, {".xml": "the scene with the light moved"})
@@ -155,8 +159,7 @@ def beam(
     force: Force = False,
 ) -> Answer:
     """Measure how a lamp's radiance falls off with the angle, on a photo of a white wall."""
-    from spectrabox.calibrate.beam.beam_fit import fit_beam
-    from spectrabox.calibrate.beam.wall import read_wall, wall_cells
+    from spectrabox.calibrate.lamp_beam import fit_beam, read_wall, wall_cells
     from spectrabox.capture.develop.developed import develop_photos
     from spectrabox.capture.photo.binning import bin_image, render_size
     from spectrabox.radiometry.files import write_text_whole
@@ -209,7 +212,7 @@ def _undistorted(image: LinearImage, lens_file: Path | None) -> tuple[LinearImag
     """The photo without distortion, and its lens; the photo as it is where no lens is named."""
     if lens_file is None:
         return image, None
-    from spectrabox.calibrate.geometry.lens_files import read_lens
+    from spectrabox.calibrate.geometry.lens import read_lens
     from spectrabox.calibrate.geometry.projection import undistorted
     lens = read_lens(lens_file)
     return undistorted(image, lens), lens

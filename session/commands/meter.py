@@ -123,7 +123,7 @@ def measure(
     """
     check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.instruments.interface import MeterSettings
-    from spectrabox.capture.meter.measurement_targets import claim
+    from spectrabox.capture.meter.measurement_files import claim
     from spectrabox.capture.meter.meter_calibration import read_calibration
     names = _names(role, name)
     wanted = MeterSettings(integration_ms, averages, sync_hz)
@@ -183,7 +183,7 @@ def replay(
 
 
 def _names(role: str, name: str | None) -> list[str]:
-    from spectrabox.capture.meter.measurement_targets import ROLES
+    from spectrabox.capture.meter.measurement_files import ROLES
     from spectrabox.radiometry.chart import PATCH_NAMES
     if role not in ROLES:
         raise typer.BadParameter(f"{role!r} is not one of {', '.join(ROLES)}", param_hint="--as")
@@ -271,11 +271,11 @@ def _measure_all(spectra: Path, role: str, names: list[str], source: Source, rep
                  calibrations: list[MeterCalibration], wait: bool) -> list[SpectralReading]:
     """Take the readings that are still missing; those on disk are not taken again."""
     from spectrabox.capture.meter.measurement_files import (
+        note_role,
         readings_folder,
         store_reading,
         stored_readings,
     )
-    from spectrabox.capture.meter.measurement_targets import note_role
     from spectrabox.capture.meter.meter_calibration import makers_of, require_comparable
 
     stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
@@ -350,13 +350,16 @@ def _write_result(spectra: Path, role: str, names: list[str], white_reflectance:
     """Write the mean, or the reflectance where a white standard was measured; gives the file and
     one spectrum.
     """
-    from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
+    from spectrabox.capture.meter.measurement_files import (
+        readings_folder,
+        result_file,
+        stored_readings,
+    )
     from spectrabox.capture.meter.measurement_series import (
         reflectance_from,
         series_of,
         series_spectrum,
     )
-    from spectrabox.capture.meter.measurement_targets import result_file
     from spectrabox.capture.meter.meter_calibration import makers_of, named, require_comparable
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.spectra.spectrum_files import table_text

@@ -10,7 +10,7 @@ import typer
 
 from spectrabox.measure.signals.options import JudgeOptions, SampleOptions
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
+from spectrabox.radiometry.spectra.named_spectra import DELTA_LIGHTS
 from spectrabox.session.commands.requests import (
     OBSERVER,
     Baseline,
@@ -206,8 +206,8 @@ def certify(
     """Test on your own measured spectra whether the bands hold the truth, as a certificate."""
     check_ending(out, {".md": "the certificate as a page"})
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.sampling.judge.certificate import certificate_page
-    from spectrabox.sampling.judge.certificate import certify as certify_library
+    from spectrabox.sampling.evaluation.certificate import certificate_page
+    from spectrabox.sampling.evaluation.certificate import certify as certify_library
     from spectrabox.sampling.prior.libraries import read_library
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.signals.signal_options import response_of_names
@@ -270,8 +270,8 @@ def judge(
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.named_spectra import relative_response
     from spectrabox.radiometry.spectra.spectrum_files import read_table
-    from spectrabox.sampling.judge.cube_regions import point_region, read_regions
-    from spectrabox.sampling.judge.cubes import parse_wavelengths
+    from spectrabox.sampling.evaluation.cube_regions import point_region, read_regions
+    from spectrabox.sampling.evaluation.cubes import parse_wavelengths
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.signals.signal_options import (
         optional_noise,
@@ -325,7 +325,7 @@ def match(
     """
     from spectrabox.measure.signals.matching import LibraryMatches, match_signal
     from spectrabox.measure.surfaces.surface_signals import measurement
-    from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
+    from spectrabox.sampling.evaluation.identification import read_spectral_libraries
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.kept_stages import load_finished
@@ -422,8 +422,7 @@ def _write_columns(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray]) -
 def _write_regions(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray], cube: str) -> None:
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.records import Quantity
-    from spectrabox.radiometry.spectra.companion_files import metadata_path
-    from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
+    from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
     write_text_whole(path, plain_text(nm, columns))
     write_text_whole(metadata_path(path), metadata_text(
         path.name, columns, quantity=Quantity.REFLECTANCE, source=f"regions of {cube}"))

@@ -10,8 +10,7 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from spectrabox.calibrate.geometry.lens import Lens
-from spectrabox.calibrate.geometry.lens_files import read_lens
+from spectrabox.calibrate.geometry.lens import Lens, read_lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior
 from spectrabox.measure.captured import (
     Development,
@@ -38,15 +37,14 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.radiometry.spectra.filters import read_filter as read_filter_file
 from spectrabox.radiometry.spectra.filters import unknown_filter
-from spectrabox.radiometry.spectra.named_spectra import sensitivities
+from spectrabox.radiometry.spectra.named_spectra import sensitivities, spectrum_of_name, vague_light
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
     read_spectrum,
     spectrum_on_grid,
 )
-from spectrabox.radiometry.spectra.stated_light import spectrum_of_name, vague_light
-from spectrabox.reconstruct.scene.refinements import refinements
+from spectrabox.reconstruct.scene.edit_scene import refinements
 from spectrabox.session.box.scenes import read_chart_scene, stated_scene
 from spectrabox.session.config.curve_sources import FilterTable, LightTable, SpectrumTable
 from spectrabox.session.config.flat_session import FlatSession

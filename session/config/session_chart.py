@@ -5,8 +5,7 @@ import os
 from pathlib import Path
 
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.charts.layout_names import layout_name
-from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.charts.layouts import chart_layout, layout_name
 from spectrabox.radiometry.charts.references import reference_file
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.session.config.session_schema import SessionConfig

@@ -5,10 +5,9 @@ from collections.abc import Iterator
 
 from spectrabox.measure.options import PictureOptions
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.least_counts import MIN_PATCHES
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
-from spectrabox.radiometry.system.names import name_fault, sharing_a_file
-from spectrabox.radiometry.system.words import shortened
+from spectrabox.radiometry.records import MIN_PATCHES
+from spectrabox.radiometry.system.words import name_fault, sharing_a_file, shortened
 from spectrabox.sampling.prior.families.family_names import unknown_families
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import (

@@ -24,7 +24,7 @@ from spectrabox.measure.options import (
     Surface,
 )
 from spectrabox.measure.steps.inputs import StepInputs
-from spectrabox.radiometry.charts.layout_names import is_layout_file
+from spectrabox.radiometry.charts.layouts import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable

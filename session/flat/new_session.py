@@ -29,9 +29,9 @@ from spectrabox.radiometry.files import (
     writable,
     write_text_whole,
 )
-from spectrabox.radiometry.spectra.light_words import UNKNOWN
+from spectrabox.radiometry.spectra.named_spectra import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
-from spectrabox.radiometry.system.names import file_stem
+from spectrabox.radiometry.system.words import file_stem
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
 

@@ -11,8 +11,13 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.radiometry.appearance import encode_srgb
-from spectrabox.radiometry.placements import MarkedView, Placement, SceneGeometry
-from spectrabox.radiometry.records import Reconstruction, SensitivityFit
+from spectrabox.radiometry.records import (
+    MarkedView,
+    Placement,
+    Reconstruction,
+    SceneGeometry,
+    SensitivityFit,
+)
 from spectrabox.session.report.pictures import (
     SIGNED,
     coloured,

@@ -18,8 +18,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     read_table,
     spectrum_of,
 )
-from spectrabox.sampling.further.conditioning import Reading
-from spectrabox.sampling.further.more_measurements import MoreMeasurement
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading
 from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.signals.signal_options import parse_reading, per_band, signal_and_noise
 

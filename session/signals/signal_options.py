@@ -13,7 +13,7 @@ from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.system.words import is_number
-from spectrabox.sampling.further.conditioning import Reading
+from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 

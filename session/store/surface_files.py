@@ -15,11 +15,9 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
 from spectrabox.radiometry.files import writable, write_text_whole
 from spectrabox.radiometry.records import Quantity, Reconstruction
-from spectrabox.radiometry.spectra.companion_files import metadata_path
-from spectrabox.radiometry.spectra.formats.csvw import metadata_text, plain_text
+from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
-from spectrabox.radiometry.system.names import file_stem
-from spectrabox.radiometry.system.words import cell
+from spectrabox.radiometry.system.words import cell, file_stem
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
 

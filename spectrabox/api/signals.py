@@ -24,9 +24,8 @@ from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
+from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
 from spectrabox.sampling.further.swatch_files import read_swatches, swatch_reflectances
-from spectrabox.sampling.judge.identification import VARIATION
-from spectrabox.sampling.judge.spectral_library import read_spectral_libraries
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 SwatchesLike = str | Path | tuple[ArrayLike, ArrayLike, ArrayLike]

@@ -6,10 +6,9 @@ import difflib
 from spectrabox.capture.meter.instruments.cr250 import Cr250
 from spectrabox.capture.meter.instruments.cs2000 import Cs2000
 from spectrabox.capture.meter.instruments.interface import Instrument
+from spectrabox.capture.meter.instruments.jeti import Specbos1211, Specbos2501
 from spectrabox.capture.meter.instruments.pr650 import Pr650
 from spectrabox.capture.meter.instruments.pr655 import Pr655
-from spectrabox.capture.meter.instruments.specbos1211 import Specbos1211
-from spectrabox.capture.meter.instruments.specbos2501 import Specbos2501
 from spectrabox.radiometry.errors import InputError
 
 DRIVERS: dict[str, type[Instrument]] = {

@@ -1,18 +1,82 @@
-"""ICC profiles of version 4 (ICC.1:2022): input profiles of a camera, and spaces of pictures.
-
-A camera's profile holds a matrix and a table of colours; programs that know tables take these
-(clause 8.3). It expects linear signals relative to white, white-balanced: 1, 1, 1 is white.
-"""
+"""Files for programs of colour management: ICC profiles, CLF files, OpenColorIO configurations."""
 from __future__ import annotations
 
 import hashlib
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from xml.sax.saxutils import escape
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import lab_from_xyz
-from spectrabox.radiometry.profiles.colour_table import ROOT, SIDE
+from spectrabox.radiometry.appearance import ACES_WHITE, BRADFORD, lab_from_xyz
+from spectrabox.radiometry.files import whole_file, write_text_whole
+
+FORMS = {".icc": "an ICC input profile", ".clf": "a Common LUT Format file to ACES2065-1",
+         ".ocio": "an OpenColorIO configuration"}
+
+SIDE = 33           # nodes a channel
+ROOT = 3            # nodes lie evenly in the cube roots of the signals, and so do their colours
+
+
+def write_profile(path: Path, camera: str, matrix: np.ndarray,
+                  xyz: Callable[[np.ndarray], np.ndarray]) -> tuple[Path, ...]:
+    """Write a profile in the form that the file's ending names.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in one of ``FORMS``. The Common LUT Format file that a configuration names is written
+        beside it under its name.
+    camera : str
+        As programs list it.
+    matrix : (3, 3) array
+        From signals relative to white to X, Y, Z under D50.
+    xyz : function
+        From signals (n, 3) relative to white to X, Y, Z (n, 3) under D50, for the table.
+
+    Returns
+    -------
+    tuple of Path
+        That were written.
+    """
+    table = colour_table(xyz, PCS_WHITE)
+    if path.suffix.lower() == ".icc":
+        with whole_file(path) as unfinished:
+            unfinished.write_bytes(camera_profile_bytes(camera, matrix, table))
+        return (path,)
+    clf = path.with_suffix(".clf")
+    write_text_whole(clf, clf_text(camera, table))
+    if path.suffix.lower() == ".clf":
+        return (clf,)
+    write_text_whole(path, ocio_config_text(camera, clf.name, matrix))
+    return path, clf
+
+
+def colour_table(xyz: Callable[[np.ndarray], np.ndarray], white: np.ndarray) -> np.ndarray:
+    """Cube roots (SIDE, SIDE, SIDE, 3) of X, Y, Z over those of white, by R, G and B.
+
+    Where twice the light gives twice the colour, the roots lie on straight lines from black, and
+    interpolation between nodes is exact on the line of neutral colours.
+
+    Parameters
+    ----------
+    xyz : function of signals (n, 3), 0 to 1 of white, that gives X, Y, Z (n, 3)
+    white : (3,) array
+        X, Y, Z of white. What lies below 0 or above white is clipped.
+    """
+    node = np.linspace(0, 1, SIDE) ** ROOT
+    signals = np.stack(np.meshgrid(node, node, node, indexing="ij"), axis=-1)
+    relative = np.clip(xyz(signals.reshape(-1, 3)) / white, 0, 1)
+    return np.asarray(np.cbrt(relative).reshape(signals.shape))
+
+
+# ---- ICC -----------------------------------------------------------------------------------------
+# ICC profiles of version 4 (ICC.1:2022): input profiles of a camera, and spaces of pictures.
+#
+# A camera's profile holds a matrix and a table of colours; programs that know tables take these
+# (clause 8.3). It expects linear signals relative to white, white-balanced: 1, 1, 1 is white.
 
 VERSION = 0x04400000
 PCS_WHITE = np.array([0.9642, 1.0, 0.8249])     # D50, as every header states it
@@ -176,3 +240,112 @@ def _text(words: str) -> bytes:
 def _fixed(values: np.ndarray) -> bytes:
     """s15Fixed16 numbers."""
     return np.round(np.asarray(values) * 65536).astype(">i4").tobytes()
+
+
+# ---- OpenColorIO ---------------------------------------------------------------------------------
+# A camera for OpenColorIO: a Common LUT Format file and a configuration that names it.
+#
+# Common LUT Format (CLF) is version 3 of S-2014-006 of the Academy; the configuration is of version
+# 2. Its scene reference is ACES2065-1.
+
+# X, Y, Z to ACES2065-1 (AP0), TB-2014-004, under its own white
+TO_ACES = np.array([[1.0498110175, 0.0, -0.0000974845], [-0.4959030231, 1.3733130458, 0.0982400361],
+                    [0.0, 0.0, 0.9912520182]])
+
+
+def aces_from_d50() -> np.ndarray:
+    """Matrix (3, 3) from X, Y, Z under D50 to ACES2065-1, adapted by Bradford: white is 1, 1, 1."""
+    gains = (BRADFORD @ ACES_WHITE) / (BRADFORD @ PCS_WHITE)
+    return np.asarray(TO_ACES @ np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD))
+
+
+def clf_text(name: str, table: np.ndarray) -> str:
+    """A CLF file from a camera's signals relative to white to ACES2065-1.
+
+    Parameters
+    ----------
+    name : str
+        Of the transform.
+    table : (S, S, S, 3) array
+        As of ``colour_table``.
+    """
+    side = len(table)
+    depths = 'inBitDepth="32f" outBitDepth="32f"'
+
+    def exponent(value: float) -> str:
+        return (f'  <Exponent {depths} style="basicFwd">\n    <ExponentParams '
+                f'exponent="{value:.10g}"/>\n  </Exponent>\n')
+
+    rows = "\n".join(" ".join(f"{value:.6f}" for value in row) for row in table.reshape(-1, 3))
+    matrix = "\n".join(" ".join(f"{value:.10f}" for value in row)
+                       for row in aces_from_d50() * PCS_WHITE)
+    return (f'<?xml version="1.0" encoding="UTF-8"?>\n<ProcessList id="spectrabox" '
+            f'compCLFversion="3" name="{escape(name, {chr(34): "&quot;"})}">\n'
+            "  <InputDescriptor>camera signals relative to white</InputDescriptor>\n"
+            "  <OutputDescriptor>ACES2065-1</OutputDescriptor>\n"
+            f"{exponent(1 / ROOT)}"
+            f'  <LUT3D {depths} interpolation="tetrahedral">\n'
+            f'    <Array dim="{side} {side} {side} 3">\n{rows}\n    </Array>\n  </LUT3D>\n'
+            f"{exponent(ROOT)}"
+            f'  <Matrix {depths}>\n    <Array dim="3 3">\n{matrix}\n    </Array>\n  </Matrix>\n'
+            "</ProcessList>\n")
+
+
+def ocio_config_text(camera: str, clf_name: str, matrix: np.ndarray) -> str:
+    """An OpenColorIO configuration with the camera's signals as two colour spaces: by its table,
+    and by its matrix, which goes beyond white too.
+
+    Parameters
+    ----------
+    camera : str
+        Name of the colour space.
+    clf_name : str
+        Of the file beside the configuration.
+    matrix : (3, 3) array
+        From signals relative to white to X, Y, Z under D50.
+    """
+    to_aces = np.eye(4)
+    to_aces[:3, :3] = aces_from_d50() @ matrix
+    numbers = ", ".join(f"{value:.10f}" for value in to_aces.ravel())
+    name, file = _quoted(camera), _quoted(clf_name)
+    by_matrix = _quoted(f"{camera} by matrix")
+    return f"""ocio_profile_version: 2
+search_path: "."
+strictparsing: true
+roles:
+  default: ACES2065-1
+  scene_linear: ACES2065-1
+  aces_interchange: ACES2065-1
+file_rules:
+  - !<Rule> {{name: Default, colorspace: ACES2065-1}}
+displays:
+  sRGB:
+    - !<View> {{name: Colorimetric, colorspace: sRGB}}
+active_displays: [sRGB]
+active_views: [Colorimetric]
+colorspaces:
+  - !<ColorSpace>
+    name: ACES2065-1
+    encoding: scene-linear
+  - !<ColorSpace>
+    name: {name}
+    description: signals of the camera relative to white, under the light of its calibration
+    encoding: scene-linear
+    to_scene_reference: !<FileTransform> {{src: {file}, interpolation: tetrahedral}}
+  - !<ColorSpace>
+    name: {by_matrix}
+    encoding: scene-linear
+    to_scene_reference: !<MatrixTransform> {{matrix: [{numbers}]}}
+  - !<ColorSpace>
+    name: sRGB
+    encoding: sdr-video
+    from_scene_reference: !<GroupTransform>
+      children:
+        - !<BuiltinTransform> {{style: UTILITY - ACES-AP0_to_CIE-XYZ-D65_BFD}}
+        - !<BuiltinTransform> {{style: DISPLAY - CIE-XYZ-D65_to_sRGB}}
+"""
+
+
+def _quoted(words: str) -> str:
+    """A YAML string in double quotes."""
+    return '"' + words.replace("\\", "\\\\").replace('"', '\\"') + '"'

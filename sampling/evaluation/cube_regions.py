@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.judge.cubes import Cube
+from spectrabox.sampling.evaluation.cubes import Cube
 
 BLOCK_VALUES = 4_000_000        # of the picture, read at once
 KEPT = 2000                     # spectra of a region that are kept, at random

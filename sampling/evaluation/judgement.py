@@ -11,7 +11,7 @@ from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
-from spectrabox.sampling.judge.spectrum_scores import (
+from spectrabox.sampling.evaluation.spectrum_scores import (
     best_scale,
     coverage,
     curve_band,
@@ -23,7 +23,7 @@ from spectrabox.sampling.judge.spectrum_scores import (
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.published.baselines import baseline_spectra, greedy_draws
-from spectrabox.sampling.spline_measurement import spline_operator
+from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.summary import TAIL_DRAWS
 
 LEVEL = 0.95

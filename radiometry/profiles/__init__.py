@@ -1,1 +1,0 @@
-"""Profiles for colour management: ICC files, CLF files and OpenColorIO configurations."""
