@@ -21,10 +21,16 @@ from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.polytope.bounds import bounds_of_many, linear_programmes, signal_boxes
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance
-from spectrabox.sampling.prior.uplift_table import build_table, table_error
+from spectrabox.sampling.prior.uplift_table import (
+    build_tables,
+    relative_errors,
+    uplift_pixels,
+    uplift_signals,
+)
 from spectrabox.sampling.spectral_measurement import MeasurementOperator, spline_operator
 
 NM = PRIOR_GRID.nm
+NOISE_OF_TABLE = 0.01   # relative
 REPEATS = 5
 FEW = 5000              # draws that tilted rejection makes
 COEFFICIENTS = 11       # of the splines fitted to draws of the prior
@@ -145,8 +151,16 @@ def table_row(side: int) -> dict[str, float]:
     chosen = rng.choice(prior.weights.size, 300, p=prior.weights)
     spectra = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
                                     for c in chosen]))
-    table = build_table(prior, one.relative_response, side=side)
-    return {"side": side, **table_error(table, prior, spectra @ one.relative_response.T)}
+    table, = build_tables(prior, one.relative_response,
+                          lambda signals: [relative_errors(signals, NOISE_OF_TABLE)],
+                          np.ones((side,) * 3, bool))
+    signals = spectra @ one.relative_response.T
+    direct = uplift_signals(prior, one.relative_response, signals,
+                            relative_errors(signals, NOISE_OF_TABLE))
+    mean, spread = uplift_pixels(table, signals)
+    return {"side": side, "mean": float(np.sqrt(np.mean((mean - direct.mean)**2))),
+            "standard_deviation": float(np.sqrt(np.mean((spread - direct.standard_deviation)**2))
+                                        / direct.standard_deviation.mean())}
 
 
 def main() -> None:

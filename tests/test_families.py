@@ -4,15 +4,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.sampling.prior.families import (
-    coatings,
-    dyes,
-    leaves,
-    natural_materials,
-    plant_tissue,
-    printing,
-    skin,
-)
+from spectrabox.sampling.prior.families import leaves, made_materials, natural_materials, skin
 from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.families.kubelka_munk import (
     absorption_of,
@@ -23,8 +15,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_familie
 
 FAMILIES = {made.__name__: made for made in (
     skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance, leaves.leaves, leaves.petals,
-    plant_tissue.green_tissue, plant_tissue.petal_tissue, dyes.textile, dyes.plastic,
-    printing.paper, coatings.whites, coatings.tiles, natural_materials.soils,
+    leaves.green_tissue, leaves.petal_tissue, made_materials.textile, made_materials.plastic,
+    made_materials.paper, made_materials.whites, made_materials.tiles, natural_materials.soils,
     natural_materials.woods, natural_materials.animals)}
 
 
@@ -78,11 +70,11 @@ def test_a_leaf_is_that_of_prospect_d():
 def test_a_thick_layer_hides_its_ground_and_a_thin_one_is_its_ground():
     absorption = np.array([[0.001, 0.1, 1.0, 30.0]])
     # coth of 1000 times b = 0.045 or more differs from 1 by exp(-89)
-    thick = plant_tissue.layer(absorption, np.array([[1000.0]]), np.array([[0.7]]))
+    thick = leaves.layer(absorption, np.array([[1000.0]]), np.array([[0.7]]))
     np.testing.assert_allclose(thick, reflectance_of(absorption), rtol=1e-12)
     # to first order a layer of S X = 1e-6 absorbs and scatters a few 1e-6 of what passes, times
     # K / S of 30
-    thin = plant_tissue.layer(absorption, np.array([[1e-6]]), np.array([[0.7]]))
+    thin = leaves.layer(absorption, np.array([[1e-6]]), np.array([[0.7]]))
     np.testing.assert_allclose(thin, 0.7, atol=1e-4)
 
 
@@ -90,15 +82,15 @@ def test_a_layer_that_does_not_absorb_reflects_or_transmits_all_light():
     # Kubelka 1948: R = S X / (1 + S X) on black, in the limit of no absorption; sqrt(2e-12) times
     # S X = 10 enters squared, as 1e-10
     thickness = np.array([[0.1], [1.0], [10.0]])
-    made = plant_tissue.layer(np.full((3, 2), 1e-12), thickness, np.zeros((3, 1)))
+    made = leaves.layer(np.full((3, 2), 1e-12), thickness, np.zeros((3, 1)))
     np.testing.assert_allclose(made, thickness / (1 + thickness) * np.ones(2), rtol=1e-8)
 
 
 def test_pigments_of_plants_absorb_where_they_are_known_to():
     rng = np.random.default_rng(3)
     peak = {name: PRIOR_GRID.nm[make(rng, 500).argmax(axis=1)] for name, make in (
-        ("chlorophyll", plant_tissue.chlorophyll), ("carotenoids", plant_tissue.carotenoids),
-        ("anthocyanins", plant_tissue.anthocyanins))}
+        ("chlorophyll", leaves.chlorophyll), ("carotenoids", leaves.carotenoids),
+        ("anthocyanins", leaves.anthocyanins))}
     # the red band of a is up to 0.95 of the blue one; with that of b it may be the highest
     blue = (peak["chlorophyll"] >= 425) & (peak["chlorophyll"] <= 475)
     assert blue.mean() > 0.9 and np.all(peak["chlorophyll"][~blue] >= 640)
@@ -119,7 +111,8 @@ def test_skin_shows_the_two_bands_of_oxygenated_blood(make):
 
 
 def test_dyes_add_as_absorption_does():
-    few, many = (dyes.dyes(np.random.default_rng(5), 500, strongest) for strongest in (1, 10))
+    few, many = (made_materials.dyes(np.random.default_rng(5), 500, strongest)
+                 for strongest in (1, 10))
     assert np.all(few >= 0)
     # the same random numbers with a larger range are at least as strong
     assert np.all(many >= few - 1e-12)
@@ -128,25 +121,26 @@ def test_dyes_add_as_absorption_does():
 def test_a_halftone_of_one_power_lies_between_its_overprints(monkeypatch):
     rng = np.random.default_rng(6)
     inks = tuple(np.exp(-((PRIOR_GRID.nm - nm) / 40)**2)[None] for nm in (620, 540, 440, 550))
-    monkeypatch.setattr(printing, "_inks", lambda rng, count: inks)
-    monkeypatch.setattr(printing, "DENSEST", ((1.0, 1.0),) * 4)
-    made = printing.halftone(rng, 300)
+    monkeypatch.setattr(made_materials, "_inks", lambda rng, count: inks)
+    monkeypatch.setattr(made_materials, "DENSEST", ((1.0, 1.0),) * 4)
+    made = made_materials.halftone(rng, 300)
     # paper where nothing is printed, all inks one above the other where everything is
     assert np.all(made <= 1 + 1e-12) and np.all(made >= np.exp(-sum(inks)) - 1e-12)
     # Without spread of light (n = 1) Neugebauer's shares factorise (Demichel): each ink lets
     # through what it does not cover, and what passes it.
-    monkeypatch.setattr(printing, "uniform", lambda rng, low, high, count: np.ones((count, 1)))
-    monkeypatch.setattr(printing, "chance", lambda rng, used, count: np.ones((count, 1)))
+    monkeypatch.setattr(made_materials, "uniform",
+                        lambda rng, low, high, count: np.ones((count, 1)))
+    monkeypatch.setattr(made_materials, "chance", lambda rng, used, count: np.ones((count, 1)))
     rng = np.random.default_rng(9)
     covered = [rng.beta(0.7, 0.9, (5, 1)) for _ in inks]
     expected = np.prod([1 - part + part * np.exp(-ink)
                         for part, ink in zip(covered, inks, strict=True)], axis=0)
-    np.testing.assert_allclose(printing.halftone(np.random.default_rng(9), 5), expected,
+    np.testing.assert_allclose(made_materials.halftone(np.random.default_rng(9), 5), expected,
                                rtol=1e-12)
 
 
 def test_rutile_absorbs_violet_and_nothing_else():
-    edge = dyes.rutile_absorption(np.random.default_rng(2), 200)
+    edge = made_materials.rutile_absorption(np.random.default_rng(2), 200)
     assert np.all(np.diff(edge, axis=1) <= 0)
     assert edge[:, 0].min() > 0.5
     # 0.2 eV below the gap at most exp(-0.2 / 0.06) = 4 % of 3 are left at 440 nm
@@ -155,16 +149,16 @@ def test_rutile_absorbs_violet_and_nothing_else():
 
 def test_mixtures_of_grey_pigments_are_smooth_and_of_a_red_one_red():
     red = np.where(PRIOR_GRID.nm < 590, 0.05, 0.8)
-    made = coatings.pigment_mixtures(np.random.default_rng(4), 300, red[None])
+    made = made_materials.pigment_mixtures(np.random.default_rng(4), 300, red[None])
     assert np.all(made[:, -1] > made[:, 20])
-    grey = coatings.pigment_mixtures(np.random.default_rng(4), 300,
+    grey = made_materials.pigment_mixtures(np.random.default_rng(4), 300,
                                   np.full((2, PRIOR_GRID.nm.size), 0.3))
     # rutile is gone above 450 nm, and black changes by a sixth from there to 700 nm
     assert np.abs(np.diff(grey[:, PRIOR_GRID.nm > 450], axis=1)).max() < 0.01
 
 
 def test_yellowing_makes_whites_fall_towards_the_blue():
-    made = coatings.whites(np.random.default_rng(6), 2000)
+    made = made_materials.whites(np.random.default_rng(6), 2000)
     assert np.mean(made[:, 5] <= made[:, 30]) > 0.8
 
 
@@ -224,12 +218,12 @@ def test_solid_ink_looks_the_same_however_far_light_spreads_in_paper(monkeypatch
         def __getattr__(self, name):
             return getattr(self.rng, name)
 
-    monkeypatch.setattr(printing, "chance", lambda rng, probability, count:
+    monkeypatch.setattr(made_materials, "chance", lambda rng, probability, count:
                         np.ones((count, 1)))
-    fixed(monkeypatch, printing, "uniform", (1, 3), 1.0)
-    expected = printing.halftone(AllCovered(), 30)
+    fixed(monkeypatch, made_materials, "uniform", (1, 3), 1.0)
+    expected = made_materials.halftone(AllCovered(), 30)
     monkeypatch.undo()
-    monkeypatch.setattr(printing, "chance", lambda rng, probability, count:
+    monkeypatch.setattr(made_materials, "chance", lambda rng, probability, count:
                         np.ones((count, 1)))
-    fixed(monkeypatch, printing, "uniform", (1, 3), n)
-    np.testing.assert_allclose(printing.halftone(AllCovered(), 30), expected, rtol=1e-9)
+    fixed(monkeypatch, made_materials, "uniform", (1, 3), n)
+    np.testing.assert_allclose(made_materials.halftone(AllCovered(), 30), expected, rtol=1e-9)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.records import Outcome
-from spectrabox.reconstruct.engines import gradient, transport_engine
+from spectrabox.reconstruct import gradient_engine as gradient
+from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.gradient_engine import (
     fit_by_gradient,
     invert_by_gradient,

@@ -20,12 +20,10 @@ from spectrabox.sampling.prior.mixture import (
 )
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.prior.uplift_table import (
-    build_table,
+    build_tables,
     lattice,
     outside,
     relative_errors,
-    table_error,
-    uplift_directly,
     uplift_pixels,
     uplift_signals,
 )
@@ -36,16 +34,21 @@ FAST = tuple(method for method in METHODS if method != "Meng 2015")
 
 @pytest.fixture(scope="module")
 def table():
-    return build_table(load_prior(), response(3)[1], side=7)
+    return build_tables(load_prior(), response(3)[1], of_one_per_cent, np.ones((7,) * 3, bool))[0]
+
+
+def of_one_per_cent(signals):
+    return [relative_errors(signals, 0.01)]
 
 
 def test_the_table_is_exact_at_its_points(table):
     signals = lattice(7)[[3, 4, 2], [3, 3, 2], [2, 3, 3]]
     mean, spread = uplift_pixels(table, signals)
-    direct_mean, direct_spread = uplift_directly(load_prior(), table.relative_response, signals)
+    direct = uplift_signals(load_prior(), table.relative_response, signals,
+                            relative_errors(signals, 0.01))
     # Single precision of the table and of the place in it, times slopes of the table of order 6.
-    np.testing.assert_allclose(mean, direct_mean, atol=1e-4)
-    np.testing.assert_allclose(spread, direct_spread, atol=1e-4)
+    np.testing.assert_allclose(mean, direct.mean, atol=1e-4)
+    np.testing.assert_allclose(spread, direct.standard_deviation, atol=1e-4)
 
 
 @pytest.mark.parametrize("families", [(), ("paint",)])
@@ -57,8 +60,9 @@ def test_a_pixel_is_as_uncertain_as_a_signal_of_its_own(families):
     alone = summaries(prior, matrix, signals.T, causes, 0.95)
     known = alone.outcome == Outcome.FAMILIAR
     assert known.sum() > 3
-    found = uplift_directly(prior, matrix, signals.T, noise)
-    for values, expected in zip(found, (alone.mean, alone.standard_deviation), strict=True):
+    found = uplift_signals(prior, matrix, signals.T, relative_errors(signals.T, noise))
+    for values, expected in ((found.mean, alone.mean),
+                             (found.standard_deviation, alone.standard_deviation)):
         # the same sums
         np.testing.assert_allclose(values[known], expected[known], rtol=1e-12)
 
@@ -69,11 +73,12 @@ def test_greys_are_on_the_lattice_but_for_their_level():
     np.testing.assert_allclose(found, np.repeat(found[:, 1:2], 3, axis=1), rtol=1e-12)
 
 
-def test_between_its_points_the_table_says_how_far_off_it_is(table):
+def test_between_its_points_the_table_is_near_the_direct_way(table):
     signals = np.array([table.relative_response @ surface(PRIOR_GRID.nm, seed)
                         for seed in range(10)])
-    errors = table_error(table, load_prior(), signals)
-    assert 0 < errors["mean"] < 0.1
+    direct = uplift_signals(load_prior(), table.relative_response, signals,
+                            relative_errors(signals, 0.01))
+    assert 0 < np.sqrt(np.mean((uplift_pixels(table, signals)[0] - direct.mean)**2)) < 0.1
 
 
 def test_pixels_that_no_reflectance_gives_are_counted(table):
@@ -85,8 +90,8 @@ def test_pixels_that_no_reflectance_gives_are_counted(table):
 
 
 def test_a_table_is_for_three_bands():
-    with pytest.raises(InputError, match="there are 4: use `uplift_directly`"):
-        build_table(load_prior(), response(4)[1])
+    with pytest.raises(InputError, match="there are 4: use `uplift_signals`"):
+        build_tables(load_prior(), response(4)[1], of_one_per_cent, np.ones((7,) * 3, bool))
 
 
 @pytest.mark.parametrize("method", FAST)

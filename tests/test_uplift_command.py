@@ -15,7 +15,12 @@ from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.sampling.prior.uplift_table import build_table, uplift_directly, uplift_pixels
+from spectrabox.sampling.prior.uplift_table import (
+    build_tables,
+    relative_errors,
+    uplift_pixels,
+    uplift_signals,
+)
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures.uplift import uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
@@ -51,7 +56,9 @@ def layers(path):
 def test_the_files_hold_the_spectra_of_the_table(tmp_path):
     image = picture()
     facts = answer(tmp_path, image)
-    table = build_table(load_prior(), response_of_names(CAMERA, LIGHT), side=SIDE)
+    table, = build_tables(load_prior(), response_of_names(CAMERA, LIGHT),
+                          lambda signals: [relative_errors(signals, 0.01)],
+                          np.ones((SIDE,) * 3, bool))
     mean, spread = uplift_pixels(table, image.reshape(-1, 3))
     for name, values, step in (("mean", mean, 2), ("standard_deviation", spread, 4)):
         kept, channels = layers(facts[name])
@@ -67,10 +74,11 @@ def test_the_files_hold_the_spectra_of_the_table(tmp_path):
 def test_in_full_every_wavelength_is_kept_in_single_floats(tmp_path):
     image = picture(3, 4)       # fewer pixels than points of the table: each by itself
     facts = answer(tmp_path, image, full=True)
-    direct = uplift_directly(load_prior(), response_of_names(CAMERA, LIGHT),
-                             image.reshape(-1, 3).astype(float))
-    for name, values in zip(("mean", "standard_deviation"), direct, strict=True):
-        kept, _ = layers(facts[name])
+    signals = image.reshape(-1, 3).astype(float)
+    direct = uplift_signals(load_prior(), response_of_names(CAMERA, LIGHT), signals,
+                            relative_errors(signals, 0.01))
+    for name in ("mean", "standard_deviation"):
+        kept, values = layers(facts[name])[0], getattr(direct, name)
         np.testing.assert_allclose(kept.reshape(12, 61), values, rtol=4 * SINGLE)
 
 

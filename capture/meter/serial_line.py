@@ -26,6 +26,7 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 from spectrabox.radiometry.errors import SpectraboxError
 
 INNER_TIMEOUT_S = 0.02      # one pyserial read; short, so that a deadline is kept to within this
+DRAINING_S = 5.0            # a line that is never quiet is drained for so long
 WRITE_TIMEOUT_S = 5.0       # a port whose driver hangs on the first write must not hang us
 SHOWN_BYTES = 60            # of a bad reply in an error sentence
 Log = Callable[[str, bytes], None]
@@ -208,18 +209,16 @@ class SerialLine:
             self._take(wait=True)
         self.unanswered = False
 
-    def drain(self, quiet_s: float, limit_s: float = 5.0) -> bytes:
+    def drain(self, quiet_s: float) -> bytes:
         """Drop what arrives until the line is quiet; gives the bytes dropped.
 
         Parameters
         ----------
         quiet_s : float
-            For which nothing may arrive.
-        limit_s : float
-            After which draining ends all the same.
+            For which nothing may arrive; after ``DRAINING_S`` it ends all the same.
         """
         dropped = bytearray()
-        deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        deadline = time.monotonic() + self.pace.limit_s(DRAINING_S)
         quiet = time.monotonic() + self.pace.scale * quiet_s + INNER_TIMEOUT_S
         while time.monotonic() < min(quiet, deadline):
             self._take(wait=True)

@@ -37,7 +37,6 @@ CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 Progress = Callable[[float], None]      # share that is done
 MapParts = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]      # as `map`
-Errors = Callable[[np.ndarray], np.ndarray]     # signals (n, K) to covariances (n, K, K)
 
 
 @dataclass(frozen=True)
@@ -60,51 +59,34 @@ class UpliftTable:
     relative_response: np.ndarray
 
 
-def build_table(prior: LogitMixture, relative_response: np.ndarray,
-                noise: float | Errors = 0.01, side: int = SIDE, wanted: np.ndarray | None = None,
-                progress: Progress = lambda share: None) -> UpliftTable:
-    """The posterior of three-band signals on a lattice, 1000 to 2000 points a second.
+def build_tables(prior: LogitMixture, relative_response: np.ndarray,
+                 errors: Callable[[np.ndarray], list[np.ndarray]], wanted: np.ndarray,
+                 progress: Progress = lambda share: None,
+                 map_parts: MapParts = map) -> list[UpliftTable]:
+    """The posterior of three-band signals on a lattice, 1000 to 2000 points a second, for several
+    errors; each table after the first takes half the time.
 
     Parameters
     ----------
     prior : LogitMixture
     relative_response : (3, 61) array
         Rows summing to 1.
-    noise : float, or function from signals to their covariances
-        A number is the relative standard error of every band.
-    side : int
-        Points of the lattice along each axis, odd.
-    wanted : (side, side, side) bool array, optional
-        Points that are needed, from `points_around`; all by default.
+    errors : function from signals (n, 3) to a list of their covariances (n, 3, 3)
+        One for each table.
+    wanted : (side, side, side) bool array
+        Points that are needed, from `points_around`.
     progress : function of the share that is done
+    map_parts : function of (function, iterable), optional
+        Calls the function on each item, as ``map`` does; of a pool of threads, on several cores.
 
     Raises
     ------
     InputError
         For other than three bands.
     """
-    points = np.ones((side,) * 3, dtype=bool) if wanted is None else wanted
-    return build_tables(prior, relative_response, lambda signals: [
-        noise(signals) if callable(noise) else relative_errors(signals, noise)], points,
-        progress)[0]
-
-
-def build_tables(prior: LogitMixture, relative_response: np.ndarray,
-                 errors: Callable[[np.ndarray], list[np.ndarray]], wanted: np.ndarray,
-                 progress: Progress = lambda share: None,
-                 map_parts: MapParts = map) -> list[UpliftTable]:
-    """The same for several noises; each table after the first takes half the time.
-
-    Parameters
-    ----------
-    errors : function from signals (n, 3) to a list of their covariances (n, 3, 3)
-        One for each table.
-    map_parts : function of (function, iterable), optional
-        Calls the function on each item, as ``map`` does; of a pool of threads, on several cores.
-    """
     if len(relative_response) != 3:
         raise InputError("a table is made for three bands; there are "
-                         f"{len(relative_response)}: use `uplift_directly`")
+                         f"{len(relative_response)}: use `uplift_signals`")
     # Where a band is brighter than white, neighbours have the same signal.
     signals, same = np.unique(lattice(len(wanted))[wanted], axis=0, return_inverse=True)
     row = np.full(wanted.shape, -1, dtype=np.int32)
@@ -130,26 +112,6 @@ def lattice(side: int) -> np.ndarray:
     return np.minimum(np.stack([level * first, level, level * third], axis=-1), MAX_SIGNAL)
 
 
-def uplift_directly(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                    noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation (n, 61) of signals (n, K), each by itself.
-
-    They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
-
-    Parameters
-    ----------
-    prior : LogitMixture
-    relative_response : (K, 61) array
-        Rows summing to 1.
-    signals : (n, K) array
-        Relative to white.
-    noise : float
-        Relative standard error of the signals.
-    """
-    uplifted = uplift_signals(prior, relative_response, signals, relative_errors(signals, noise))
-    return uplifted.mean, uplifted.standard_deviation
-
-
 def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
     """Covariance (n, K, K) of signals (n, K) of which every band errs for itself, by a share.
 
@@ -164,8 +126,7 @@ def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
 
 
 def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                   covariance: np.ndarray, progress: Progress = lambda share: None, *,
-                   tolerance: float = TOLERANCE) -> Uplifted:
+                   covariance: np.ndarray, *, tolerance: float = TOLERANCE) -> Uplifted:
     """Mean and standard deviation behind signals with errors of their own, each by itself.
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
@@ -178,11 +139,11 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
     signals : (n, K) array
         Relative to white.
     covariance : (n, K, K) array
-    progress : function of the share that is done
     tolerance : float
         Change of a logit that ends the way to a mode.
     """
-    return _uplifted(prior, relative_response, signals, [covariance], progress, tolerance)[0]
+    return _uplifted(prior, relative_response, signals, [covariance], lambda share: None,
+                     tolerance)[0]
 
 
 def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
@@ -285,24 +246,3 @@ def outside(signals: np.ndarray) -> np.ndarray:
         Relative to white.
     """
     return np.any((signals < 0) | (signals > MAX_SIGNAL), axis=1)
-
-
-def table_error(table: UpliftTable, prior: LogitMixture, signals: np.ndarray,
-                noise: float = 0.01) -> dict[str, float]:
-    """Root-mean-square error of mean, and of the standard deviation relative to its mean, against
-    the direct way.
-
-    Parameters
-    ----------
-    table : UpliftTable
-    prior : LogitMixture
-    signals : (n, K) array
-        Relative to white.
-    noise : float
-        Relative standard error of every band.
-    """
-    mean, spread = uplift_directly(prior, table.relative_response, signals, noise)
-    quick_mean, quick_spread = uplift_pixels(table, signals)
-    return {"mean": float(np.sqrt(np.mean((quick_mean - mean)**2))),
-            "standard_deviation": float(np.sqrt(np.mean((quick_spread - spread)**2))
-                                        / spread.mean())}
