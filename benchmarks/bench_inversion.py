@@ -56,7 +56,7 @@ from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import TracedTransport, shaded_images, trace_transport
 from spectrabox.reconstruct.transport_engine import unit_scene
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 
 from benchmarks.paper.per_wavelength import descend, monochrome_job
 
@@ -72,7 +72,7 @@ PATCHES = {"white": "white 9.5", "green": "green", "red": "red", "small": "blue"
 class Judged:
     """An inversion with the truth and the paths that made its photo."""
 
-    view: View
+    view: PhotoView
     truth: np.ndarray               # (M, P)
     judge: TracedTransport          # of the pixels that one surface fills
 
@@ -92,7 +92,7 @@ def cornell_view(width: int, bounces: int, blocks: bool, photo_spp: int) -> Judg
 
 
 def box_view(width: int, bounces: int, blocks: bool,
-                photo: np.ndarray | None = None) -> View:
+                photo: np.ndarray | None = None) -> PhotoView:
     """The box, whose photo (H, W, 3) is blank where none is given."""
     names = (*MATERIALS, *(BLOCKS if blocks else ()))
     with tempfile.TemporaryDirectory() as folder:
@@ -103,12 +103,12 @@ def box_view(width: int, bounces: int, blocks: bool,
     image = LinearImage(np.ones(shape, np.float32) if photo is None else photo.astype(np.float32),
                         np.full(shape, 1e-12), np.zeros(shape, bool), 1.0, None, None, None,
                         PhotoKind.LINEAR_FILE, "", "rendered", "")
-    return View("photo", scene_file, image, measured_camera(visible_grid()), ("R", "G", "B"),
-                tuple(MaterialSpec(name, name) for name in names),
-                LightScale(1.0, None, None, "given"))
+    return PhotoView("photo", scene_file, image, measured_camera(visible_grid()), ("R", "G", "B"),
+                     tuple(MaterialSpec(name, name) for name in names),
+                     LightScale(1.0, None, None, "given"))
 
 
-def true_spectra(view: View) -> np.ndarray:
+def true_spectra(view: PhotoView) -> np.ndarray:
     """Chart colours (M, P) of the view's materials."""
     chart = chart_reflectances("BabelColor Average", view.grid)
     return np.array([chart[PATCH_NAMES.index(PATCHES[material.name])]
@@ -125,14 +125,14 @@ def measured_camera(grid: WavelengthGrid) -> Calibration:
     return Calibration(fit, light, None, np.zeros((3, 3)), ())
 
 
-def traced(view: View, region: np.ndarray, spp: int, seed: int,
+def traced(view: PhotoView, region: np.ndarray, spp: int, seed: int,
            passes: int = 4) -> TracedTransport:
     """Transport of the regions with the scene's own number of bounces."""
     return trace_transport(unit_scene(view, view.scene_file.max_depth - 1), region, spp=spp,
                            seed=seed, passes=passes)
 
 
-def by_transport(view: View, seed: int = 5) -> tuple[np.ndarray, float, float]:
+def by_transport(view: PhotoView, seed: int = 5) -> tuple[np.ndarray, float, float]:
     """Coefficients, seconds of tracing and seconds of fitting; the scene is loaded within the
     time.
     """
@@ -145,7 +145,7 @@ def by_transport(view: View, seed: int = 5) -> tuple[np.ndarray, float, float]:
     return fit.coefficients, between - start, time.perf_counter() - between
 
 
-def by_gradient(view: View, steps: int, seed: int = 3) -> tuple[np.ndarray, float]:
+def by_gradient(view: PhotoView, steps: int, seed: int = 3) -> tuple[np.ndarray, float]:
     """Coefficients and seconds of the paper's method: Adam through differentiable rendering,
     ``steps`` steps.
     """
@@ -157,7 +157,7 @@ def by_gradient(view: View, steps: int, seed: int = 3) -> tuple[np.ndarray, floa
     return fit.coefficients, time.perf_counter() - start
 
 
-def by_wavelengths(view: View, steps: int) -> tuple[np.ndarray, float]:
+def by_wavelengths(view: PhotoView, steps: int) -> tuple[np.ndarray, float]:
     """Coefficients and seconds of one monochrome rendering per wavelength and step; its process
     starts in the time.
     """

@@ -24,7 +24,7 @@ from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import all_cores, load_scene, render, start_mitsuba
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 
 from benchmarks.bench_inversion import cornell_view, traced
 from benchmarks.paper.per_wavelength import VARIANT, WAVELENGTHS, monochrome_xml
@@ -38,7 +38,7 @@ def blocks(image: np.ndarray) -> np.ndarray:
     return image.reshape(count, BLOCK, count, BLOCK, -1).mean(axis=(1, 3))
 
 
-def by_transport(view: View, spectra: np.ndarray, response: np.ndarray, runs: int,
+def by_transport(view: PhotoView, spectra: np.ndarray, response: np.ndarray, runs: int,
                  spp: int) -> np.ndarray:
     """Block means (runs, n, n, K) of the traced transport, for any response (K, P) and spectra (M,
     P).
@@ -50,7 +50,7 @@ def by_transport(view: View, spectra: np.ndarray, response: np.ndarray, runs: in
                      for one in found])
 
 
-def by_film(view: View, spectra: np.ndarray, runs: int, spp: int) -> np.ndarray:
+def by_film(view: PhotoView, spectra: np.ndarray, runs: int, spp: int) -> np.ndarray:
     """The same of Mitsuba's path integrator with its spectral film."""
     names = [material.bsdf for material in view.scene_materials]
     scene = load_scene(view.xml(dict(zip(names, spectra, strict=True)), integrator="path"))

@@ -42,7 +42,7 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.transport_engine import nuisances, trace_view, unit_scene
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.prior.mixture import load_prior, reflectance_moments
 
 GRID = visible_grid()
@@ -54,7 +54,7 @@ LEARNT, MIXED = "ours: + learnt prior", "ours: + band mixing"
 MIXING = 0.1            # a camera's colour matrix departs from the identity by tenths
 
 
-def read_box(folder: Path, which: str) -> tuple[View, dict[str, np.ndarray]]:
+def read_box(folder: Path, which: str) -> tuple[PhotoView, dict[str, np.ndarray]]:
     """One photo with its scene, materials left out, and the measured paints by BSDF id; the cube is
     ``grey_cube`` or ``yellow_cube``.
     """
@@ -73,8 +73,8 @@ def read_box(folder: Path, which: str) -> tuple[View, dict[str, np.ndarray]]:
     nm, bands, curves = read_curves(folder / "fitted_sensitivity.csv")
     curves = np.maximum(on_grid(nm, curves, GRID, "fitted_sensitivity.csv"), 0.0)
     light = read_spectrum(folder / "light.csv", role=Quantity.RELATIVE, column=2)
-    view = View(which, scene, bin_image(photo, *render_size(width, height, WIDTH)),
-                calibration_from_curves(GRID, curves / curves.max(), light, 0.05), bands, ())
+    view = PhotoView(which, scene, bin_image(photo, *render_size(width, height, WIDTH)),
+                     calibration_from_curves(GRID, curves / curves.max(), light, 0.05), bands, ())
     return view, {name: paints[column] for name, column in PAINTS.items()} | {cube: paints[cube]}
 
 
@@ -103,7 +103,7 @@ def specs(truth: dict[str, np.ndarray], known: tuple[str, ...]) -> tuple[Materia
                  paint in truth.items())
 
 
-def aligned(view: View, shift: tuple[float, float]) -> View:
+def aligned(view: PhotoView, shift: tuple[float, float]) -> PhotoView:
     """The view with its camera's principal point moved, so that the rendering shifts by that many
     pixels.
     """
@@ -127,7 +127,7 @@ def rmse(spectrum: np.ndarray, truth: np.ndarray) -> float:
     return float(np.sqrt(np.mean((spectrum - truth)[JUDGED] ** 2)))
 
 
-def one_photo(view: View, truth: dict[str, np.ndarray],
+def one_photo(view: PhotoView, truth: dict[str, np.ndarray],
               settings: InversionSettings) -> list[dict[str, Any]]:
     """White known, then nothing known but the light scale that this gave."""
     rows = []
@@ -143,7 +143,7 @@ def one_photo(view: View, truth: dict[str, np.ndarray],
     return rows
 
 
-def without_scale(view: View, truth: dict[str, np.ndarray], given: Reconstruction,
+def without_scale(view: PhotoView, truth: dict[str, np.ndarray], given: Reconstruction,
                   settings: InversionSettings) -> dict[str, Any]:
     """Neither spectrum nor scale: what interreflection and the prior tell of the light scale."""
     start = time.perf_counter()

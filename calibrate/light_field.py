@@ -50,7 +50,7 @@ class PicturePoints(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class RegionLight(Record):
+class LightAtRegions(Record):
     """White signal, glare and the field at R regions, relative to the chart's mean, together."""
 
     level: Annotated[np.ndarray, "K"]       # signal of white where the log field is 0
@@ -61,7 +61,7 @@ class RegionLight(Record):
 
 
 def light_at_regions(white: ChartWhite, patches: PicturePoints, regions: list[PicturePoints],
-                    flat_field: bool, seed: int = 0) -> RegionLight:
+                    flat_field: bool, seed: int = 0) -> LightAtRegions:
     """The light at other regions of a photo, given its chart.
 
     Parameters
@@ -95,7 +95,7 @@ def light_at_regions(white: ChartWhite, patches: PicturePoints, regions: list[Pi
     covariance = sum(weight * (inside + np.outer(off, off)) for weight, off, (_, _, inside)
                      in zip(weights, means - mean, fits, strict=True))
     bands = len(white.level)
-    return RegionLight(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
+    return LightAtRegions(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
                           mean[2 * bands:], symmetric(np.asarray(covariance)), weights)
 
 

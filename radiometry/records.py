@@ -492,7 +492,7 @@ class Reconstruction(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class StrayLight(Record):
+class StrayLightError(Record):
     """One cause of light that the scene does not hold, by its standard error."""
 
     cause: str
@@ -520,7 +520,7 @@ class JointReconstruction(Record):
     signal_covariance: Annotated[np.ndarray, "M J J"]
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
-    stray_light: tuple[StrayLight, ...] = ()        # independent of each other
+    stray_light: tuple[StrayLightError, ...] = ()        # independent of each other
 
     def __repr__(self) -> str:
         return (f"<JointReconstruction of {', '.join(self.materials)} from "

@@ -22,7 +22,7 @@ from spectrabox.reconstruct.agreement import scale_from_surfaces
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.view import View, ViewSolution
+from spectrabox.reconstruct.view import PhotoView, ViewSolution
 
 START = 1e-3
 LEARNING_RATE = 0.06
@@ -44,13 +44,13 @@ class GradientFit:
     outcome: Outcome
 
 
-def invert_by_gradient(view: View, settings: InversionSettings,
+def invert_by_gradient(view: PhotoView, settings: InversionSettings,
                        progress: Progress) -> ViewSolution:
     """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and spectral film.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
         With a light scale or a known material.
     settings : InversionSettings
     progress : function of (fraction done, what is being done)
@@ -75,13 +75,13 @@ def invert_by_gradient(view: View, settings: InversionSettings,
                         notes)
 
 
-def fit_by_gradient(view: View, settings: InversionSettings,
+def fit_by_gradient(view: PhotoView, settings: InversionSettings,
                     progress: Progress) -> GradientFit:
     """Spectra whose rendering matches the photo.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
         Without a light scale it is estimated, step by step, from the surfaces of known material.
     settings : InversionSettings
         At most ``steps`` steps. Step ``n`` renders with the random numbers ``2 (100003 seed + n)``

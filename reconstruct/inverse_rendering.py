@@ -29,22 +29,22 @@ from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.transport_engine import require_traceable, solve_views
-from spectrabox.reconstruct.view import View, ViewSolution, check_views, unknown_materials
+from spectrabox.reconstruct.view import PhotoView, ViewSolution, check_views, unknown_materials
 
 SAME_RESPONSE = 1e-9    # relative: responses closer than this are the same
 # of white: error given to every stacked signal, so that bands which repeat others stay regular
 REDUNDANT = 1e-4
 # engines that take one photo; the others trace the light, and take several
-SINGLE_VIEW: dict[str, Callable[[View, InversionSettings, Progress], ViewSolution]] = {
+SINGLE_VIEW: dict[str, Callable[[PhotoView, InversionSettings, Progress], ViewSolution]] = {
     "gradient": invert_by_gradient}
 
 
-def reconstruct(view: View, settings: InversionSettings, progress: Progress) -> Reconstruction:
+def reconstruct(view: PhotoView, settings: InversionSettings, progress: Progress) -> Reconstruction:
     """Spectra that explain one photo.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
     settings : InversionSettings
     progress : function of (fraction done, what is being done)
 
@@ -56,13 +56,13 @@ def reconstruct(view: View, settings: InversionSettings, progress: Progress) -> 
     return reconstruct_views((view,), settings, progress).views[0]
 
 
-def settings_for(views: Sequence[View],
+def settings_for(views: Sequence[PhotoView],
                  settings: InversionSettings) -> tuple[InversionSettings, tuple[str, ...]]:
     """The settings with the engine that the views' materials need; nothing is traced.
 
     Parameters
     ----------
-    views : V of View
+    views : V of PhotoView
     settings : InversionSettings
 
     Returns
@@ -97,7 +97,7 @@ def settings_for(views: Sequence[View],
     return settings, chosen
 
 
-def reconstruct_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
+def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
                       checkpoint: Path | None = None) -> JointReconstruction:
     """Spectra that explain several photos together: other lights, exposures, viewpoints, cameras.
 
@@ -106,7 +106,7 @@ def reconstruct_views(views: Sequence[View], settings: InversionSettings, progre
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of PhotoView
     settings : InversionSettings
     progress : function of (fraction done, what is being done)
     checkpoint : Path, optional
@@ -129,14 +129,14 @@ def reconstruct_views(views: Sequence[View], settings: InversionSettings, progre
     return reconstruction_of(views, fit, solutions, settings)
 
 
-def reconstruction_of(views: Sequence[View], fit: TransportFit | None,
+def reconstruction_of(views: Sequence[PhotoView], fit: TransportFit | None,
                       solutions: Sequence[ViewSolution],
                       settings: InversionSettings) -> JointReconstruction:
     """The record of a fit and its solutions, one for each view.
 
     Parameters
     ----------
-    views : V of View
+    views : V of PhotoView
     fit : TransportFit or None
         None from an engine that takes a single view.
     solutions : V of ViewSolution
@@ -148,7 +148,7 @@ def reconstruction_of(views: Sequence[View], fit: TransportFit | None,
     return joint_record(views, records, fit, [solution.regions for solution in solutions])
 
 
-def joint_record(views: Sequence[View], records: Sequence[Reconstruction],
+def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
                  fit: TransportFit | None,
                  regions: Sequence[RegionTransport | None]) -> JointReconstruction:
     """Several photos of the same materials as one record, the bands of all of them stacked.
@@ -201,7 +201,7 @@ def joint_record(views: Sequence[View], records: Sequence[Reconstruction],
         tuple(region for region in regions if region is not None))
 
 
-def _record(view: View, solution: ViewSolution, settings: InversionSettings) -> Reconstruction:
+def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings) -> Reconstruction:
     """The solution with all that a later stage or a reader needs."""
     # the given scale; or that of the known materials; or that of the fit
     if (scale := view.light_scale) is None:

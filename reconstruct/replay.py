@@ -25,7 +25,7 @@ from spectrabox.reconstruct.transport_engine import (
     solve_traced,
     trace_views,
 )
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 
 FLAT = 1e-9     # of the largest singular value: a term of the field that a surface does not have
 
@@ -54,12 +54,12 @@ class Stage:
     settings: InversionSettings
 
 
-def set_stage(views: Sequence[View], settings: InversionSettings, progress: Progress) -> Stage:
+def set_stage(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress) -> Stage:
     """Trace the views, and solve their own photos once for the errors that the scene shows.
 
     Parameters
     ----------
-    views : V of View
+    views : V of PhotoView
     settings : InversionSettings
     progress : function of (fraction done, what is being done)
 
@@ -101,7 +101,7 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
 
 
 def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarray,
-                  rng: np.random.Generator) -> View:
+                  rng: np.random.Generator) -> PhotoView:
     """The view with a photo of the truth in place of its own."""
     view = traced.view
     spectra = np.array([truth.reflectances[each.name] for each in view.scene_materials])

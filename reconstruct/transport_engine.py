@@ -29,7 +29,7 @@ from spectrabox.reconstruct.tracer.transport import (
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
-from spectrabox.reconstruct.view import View, ViewSolution, unknown_materials
+from spectrabox.reconstruct.view import PhotoView, ViewSolution, unknown_materials
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
 FEW_SPP = 2              # and by which most materials are seen to receive light
@@ -38,7 +38,7 @@ IMAGE_SPP, IMAGES = 128, 2  # paths per pixel of the final renderings together, 
 VIEW_SEED_STEP = 613     # between the seeds of two views' traces
 
 
-def solve_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
+def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
                 checkpoint: Path | None = None) -> tuple[TransportFit, tuple[ViewSolution, ...]]:
     """Spectra that explain all photos together, each traced on its own.
 
@@ -71,7 +71,7 @@ def solve_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     return fit, solutions
 
 
-def trace_views(views: Sequence[View], settings: InversionSettings, progress: Progress,
+def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
                 checkpoint: Path | None = None) -> list[TracedView]:
     """The light transport of every view; parameters and errors as of ``solve_views``."""
     traced = []
@@ -87,7 +87,7 @@ def trace_views(views: Sequence[View], settings: InversionSettings, progress: Pr
     return traced
 
 
-def trace_view(view: View, unit: UnitScene, region: np.ndarray, group: np.ndarray, seed: int,
+def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.ndarray, seed: int,
                progress: Progress, checkpoint: Path | None = None) -> TracedTransport:
     """Transport of the regions, traced until its noise is below the photo's.
 
@@ -97,7 +97,7 @@ def trace_view(view: View, unit: UnitScene, region: np.ndarray, group: np.ndarra
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
         Whose photo says how little noise is enough.
     unit : UnitScene
         Of the view.
@@ -167,12 +167,12 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     return tuple(traced), fit, _solutions(traced, fit, images, settings)
 
 
-def require_traceable(view: View, settings: InversionSettings) -> None:
+def require_traceable(view: PhotoView, settings: InversionSettings) -> None:
     """Refuse a scene that the transport engine cannot treat.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
     settings : InversionSettings
         Of which ``light_error`` counts.
 
@@ -189,12 +189,12 @@ def require_traceable(view: View, settings: InversionSettings) -> None:
                          "lights are to be distinguished: write <emitter id=...> on each")
 
 
-def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitScene:
+def unit_scene(view: PhotoView, bounces: int, separate_lights: bool = False) -> UnitScene:
     """The view's scene for the tracer, with reflectances and light spectra of 1.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
     bounces : int
         Most reflections along a path.
     separate_lights : bool
@@ -213,12 +213,12 @@ def unit_scene(view: View, bounces: int, separate_lights: bool = False) -> UnitS
                      view.light_groups if separate_lights else None, view.scene_file.profiles)
 
 
-def nuisances(view: View, settings: InversionSettings) -> Nuisances:
+def nuisances(view: PhotoView, settings: InversionSettings) -> Nuisances:
     """What the settings take as known of one view besides its pixels.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
         Of which the light scale counts, and whether it has several lights.
     settings : InversionSettings
         Of which the errors count.
@@ -230,7 +230,7 @@ def nuisances(view: View, settings: InversionSettings) -> Nuisances:
                      settings.mixing_error, settings.block_error)
 
 
-def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
+def require_lit(views: Sequence[PhotoView], settings: InversionSettings) -> int:
     """Refuse views that show a material which no light reaches, by the first, short trace of each.
 
     A material that one of a few paths connects to a light is illuminated; only for others all are
@@ -238,7 +238,7 @@ def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of PhotoView
     settings : InversionSettings
 
     Returns
@@ -266,12 +266,12 @@ def require_lit(views: Sequence[View], settings: InversionSettings) -> int:
     return kept + image
 
 
-def unlit_material(view: View, traced: TracedTransport, group: np.ndarray) -> str | None:
+def unlit_material(view: PhotoView, traced: TracedTransport, group: np.ndarray) -> str | None:
     """A sentence about the first material that the camera sees but no path connects to a light.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
     traced : TracedTransport
         Of R regions.
     group : (R,) int
@@ -354,20 +354,20 @@ def _solutions(traced: Sequence[TracedView], fit: TransportFit, images: Sequence
     return tuple(solutions)
 
 
-def _unit_scene_for(view: View, settings: InversionSettings) -> UnitScene:
+def _unit_scene_for(view: PhotoView, settings: InversionSettings) -> UnitScene:
     """The scene for the tracer with the bounces and light groups that the settings ask for."""
     return unit_scene(view, _bounces(view, settings), _separates_lights(view, settings))
 
 
-def _bounces(view: View, settings: InversionSettings) -> int:
+def _bounces(view: PhotoView, settings: InversionSettings) -> int:
     return 1 if settings.engine == "single-bounce" else view.scene_file.max_depth - 1
 
 
-def _separates_lights(view: View, settings: InversionSettings) -> bool:
+def _separates_lights(view: PhotoView, settings: InversionSettings) -> bool:
     return len(view.light_groups) > 1 and (settings.light_error > 0 or bool(view.own_lights))
 
 
-def _require_plain_products(view: View) -> None:
+def _require_plain_products(view: PhotoView) -> None:
     if others := not_plain_products(view.scene_file):
         raise InputError("the transport engine treats diffuse surfaces only, and "
                          f"{', '.join(others)} of {view.scene_file.path.name} is coated or "

@@ -50,7 +50,7 @@ class MaterialSpec:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class PhotoView:
     """One photo with all that explains it: several views of the same materials are solved together.
 
     Parameters
@@ -89,7 +89,7 @@ class View:
         """Width and height in pixels."""
         return self.photo.signal.shape[1], self.photo.signal.shape[0]
 
-    def with_photo(self, photo: LinearImage) -> View:
+    def with_photo(self, photo: LinearImage) -> PhotoView:
         """The view with another photo of the same surfaces, compared at the same pixels.
 
         Parameters
@@ -286,7 +286,7 @@ class ViewSolution:
     regions: RegionTransport | None = None  # for the samplers, where light was traced
 
 
-def unknown_materials(views: Sequence[View]) -> tuple[MaterialSpec, ...]:
+def unknown_materials(views: Sequence[PhotoView]) -> tuple[MaterialSpec, ...]:
     """The materials of any of the views whose spectrum is to be estimated, each once."""
     return tuple({material.bsdf: material for view in views for material in view.unknown}.values())
 
@@ -300,12 +300,12 @@ MAX_NEGATIVE = 1e-3      # share of such pixels that defects explain
 MIN_PIXELS = 12          # of a material, below which its colour cannot be estimated
 
 
-def check_views(views: Sequence[View]) -> None:
+def check_views(views: Sequence[PhotoView]) -> None:
     """Refuse views from which no spectra can be estimated.
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of PhotoView
 
     Raises
     ------
@@ -340,7 +340,7 @@ def check_views(views: Sequence[View]) -> None:
     _require_pixels(views)
 
 
-def _require_scales(views: Sequence[View]) -> None:
+def _require_scales(views: Sequence[PhotoView]) -> None:
     """Refuse a view without a light scale, a known material, or a material in common with a view
     that has either.
     """
@@ -358,7 +358,7 @@ def _require_scales(views: Sequence[View]) -> None:
                          "spectrum, or calibrate from a chart photo with [chart] scene")
 
 
-def _require_pixels(views: Sequence[View]) -> None:
+def _require_pixels(views: Sequence[PhotoView]) -> None:
     """Refuse a material that fills too few usable pixels in all views together."""
     for material in {material.bsdf: material for view in views
                      for material in view.materials}.values():

@@ -17,7 +17,7 @@ from spectrabox.radiometry.records import (
 )
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 
 GRID = visible_grid(5)
 WIDTH = 32
@@ -74,5 +74,5 @@ def view_of(scene_file, photo=None, *, light=None, scale=SCALE_ONE, materials=No
     given.
     """
     photo = photo_of(np.ones((WIDTH, WIDTH, 3))) if photo is None else photo
-    return View("photo", scene_file, photo, camera(light), BANDS,
-                specs() if materials is None else materials, scale)
+    return PhotoView("photo", scene_file, photo, camera(light), BANDS,
+                     specs() if materials is None else materials, scale)

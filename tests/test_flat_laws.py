@@ -12,8 +12,8 @@ from spectrabox.calibrate import light_field
 from spectrabox.calibrate.chart_equations import FIELD_SD, PatchError, field_terms
 from spectrabox.calibrate.light_field import (
     FLAT_SHARE,
+    LightAtRegions,
     PicturePoints,
-    RegionLight,
     light_at_regions,
 )
 from spectrabox.measure.pictures import picture_maps
@@ -90,7 +90,7 @@ def flat_photo(drift=None):
 @pytest.fixture
 def seen(monkeypatch):
     """White at the regions of a photo; ``drift`` of the light is measured or not."""
-    elsewhere = RegionLight(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
+    elsewhere = LightAtRegions(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
     monkeypatch.setattr(module, "_light_at", lambda *_: elsewhere)
     return lambda drift=None: module.white_by_chart(flat_photo(drift), ERRORS)
 
@@ -183,7 +183,7 @@ def test_the_map_of_the_light_shows_what_a_known_card_said(monkeypatch):
         apart = np.linalg.norm(at[:, None] - at[None], axis=-1)
         covariance = np.zeros((6 + len(at),) * 2)
         covariance[6:, 6:] = 0.08**2 * np.exp(-((apart / 3)**2))
-        return RegionLight(LEVEL, 0 * GLARE, np.zeros(len(at)), covariance, np.ones(1))
+        return LightAtRegions(LEVEL, 0 * GLARE, np.zeros(len(at)), covariance, np.ones(1))
     monkeypatch.setattr(module, "_light_at", smooth)
     monkeypatch.setattr(module, "relative_response", lambda *_: np.eye(3))
     signal = EXPOSURE * LEVEL * SURFACES

@@ -7,7 +7,7 @@ import pytest
 from spectrabox.fixtures.object_views import cameras, view_xml
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_file import read_scene
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 
 from benchmarks.paper.mesh import (
     add_outline_gradient,
@@ -33,8 +33,9 @@ def blank_views(folder, count, height=WIDTH):
         text = view_xml(position, WIDTH).replace(f'"height" value="{WIDTH}"',
                                                  f'"height" value="{height}"')
         path.write_text(text, encoding="utf-8")
-        views.append(View(f"view {number}", read_scene(path), photo_of(np.ones((height, WIDTH, 3))),
-                          camera(), BANDS, MATERIALS, SCALE_ONE))
+        photo = photo_of(np.ones((height, WIDTH, 3)))
+        views.append(PhotoView(f"view {number}", read_scene(path), photo, camera(), BANDS,
+                               MATERIALS, SCALE_ONE))
     return views
 
 

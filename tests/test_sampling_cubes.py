@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.evaluation.cube_regions import (
-    Region,
+    CubeRegion,
     point_region,
     read_regions,
     region_spectra,
@@ -140,7 +140,7 @@ def test_a_large_picture_is_read_in_part(tmp_path):
         file.truncate(4 * side * side * bands)
     cube = open_cube(tmp_path / "cube.hdr")
     tracemalloc.start()
-    region_spectra(cube, [Region("a", None, (0, 0, side, 400), None)])
+    region_spectra(cube, [CubeRegion("a", None, (0, 0, side, 400), None)])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 200e6  # the region's values alone are 317 MB
@@ -155,7 +155,7 @@ def test_mean_and_scatter_are_those_of_the_pixels(values, tmp_path, monkeypatch)
     noisy[3, 1, 4] = np.nan
     np.save(tmp_path / "cube.npy", noisy)
     one, point = region_spectra(open_cube(tmp_path / "cube.npy", NM), [
-        Region("a", None, (1, 1, 4, 6), None), point_region("b=2,5", 5, 6)])
+        CubeRegion("a", None, (1, 1, 4, 6), None), point_region("b=2,5", 5, 6)])
     pixels = noisy[1:6, 1:4].reshape(-1, 31)
     good = pixels[np.all(np.isfinite(pixels), axis=1)]
     assert (one.pixels, one.left_out) == (14, 1)

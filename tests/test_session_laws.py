@@ -39,7 +39,7 @@ from spectrabox.radiometry.records import (
     Quantity,
     Spectrum,
     SpectrumSummary,
-    StrayLight,
+    StrayLightError,
 )
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
@@ -153,7 +153,7 @@ def test_a_drift_of_colour_is_an_error_of_the_first_photo_alone(monkeypatch, cha
 def test_stray_light_of_one_photo_is_that_of_no_other():
     """What glare adds in a photo all its bands share; another photo has a glare of its own."""
     pattern = np.array([[0.01, 0.02, 0.03, 0.04, 0.05, 0.06]])
-    two = dataclasses.replace(joint(COEFFICIENTS), stray_light=(StrayLight("glare", pattern),))
+    two = dataclasses.replace(joint(COEFFICIENTS), stray_light=(StrayLightError("glare", pattern),))
     both = [calibration(np.ones(61), COEFFICIENTS, COVARIANCE)] * 2
     found = errors_by_cause(scene_signals(two, both), 0)["glare"]
     error = pattern[0] * two.signal[0]

@@ -27,7 +27,7 @@ from spectrabox.radiometry.records import (
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.per_axis_box import sample_per_axis
 from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
@@ -96,8 +96,8 @@ def inverted(truth: np.ndarray) -> tuple[LinearImage, list[Reconstruction]]:
         mesh = Path(folder) / "object.ply"
         write_ply(mesh, *object_mesh())
         blank = photograph(scene, {"paint": truth}, camera, 8)
-        view = with_mesh(View("photo", scene, blank, camera, BANDS,
-                              (MaterialSpec("paint", "paint"),), scale), "object", mesh)
+        view = with_mesh(PhotoView("photo", scene, blank, camera, BANDS,
+                                   (MaterialSpec("paint", "paint"),), scale), "object", mesh)
         photo = photograph(view.scene_file, {"paint": truth}, camera, PHOTO_SPP)
         return photo, [reconstruct(replace(view, photo=photo),
                                    plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP),

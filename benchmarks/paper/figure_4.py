@@ -25,7 +25,7 @@ from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.further.more_measurements import Reading, condition
 from spectrabox.sampling.prior.libraries import read_library
@@ -141,8 +141,8 @@ def found_in_photo(truth: np.ndarray) -> SpectralMeasurement:
     """The ball's colour as the transport engine finds it in a photo of the ball with this paint."""
     camera, scene = measured_camera(), scene_of(view_xml(cameras(6)[3], WIDTH))
     photo = photograph(scene, {"paint": truth}, camera, PHOTO_SPP)
-    view = View("photo", scene, photo, camera, BANDS, (MaterialSpec("paint", "paint"),),
-                LightScale(1.0, None, None, "given"))
+    view = PhotoView("photo", scene, photo, camera, BANDS, (MaterialSpec("paint", "paint"),),
+                     LightScale(1.0, None, None, "given"))
     found = reconstruct(view, plain_settings(COEFFICIENTS), lambda done, what: None)
     response = camera.sensitivity.curves * GRID.weights_nm
     return SpectralMeasurement(GRID, response / response.sum(axis=1, keepdims=True),

@@ -22,7 +22,7 @@ from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 
@@ -114,7 +114,7 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     return result
 
 
-def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[View]:
+def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[PhotoView]:
     """A view from each position whose scene holds a sphere and whose photo shows the true
     object.
     """
@@ -122,28 +122,29 @@ def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[View]:
     for number, position in enumerate(positions):
         scene = scene_of(view_xml(position, WIDTH))
         blank = photograph(scene, {"paint": truth}, camera, 8)
-        view = View(f"view {number + 1}", scene, blank, camera, BANDS, MATERIALS,
-                    LightScale(1.0, None, None, "given"))
+        view = PhotoView(f"view {number + 1}", scene, blank, camera, BANDS, MATERIALS,
+                         LightScale(1.0, None, None, "given"))
         photo = photograph(with_mesh(view, "object", mesh).scene_file, {"paint": truth}, camera,
                            PHOTO_SPP, number)
         views.append(replace(view, photo=photo))
     return views
 
 
-def outline(view: View, mesh: Path | None) -> np.ndarray:
+def outline(view: PhotoView, mesh: Path | None) -> np.ndarray:
     """Share (H, W) of each pixel that the mesh covers; None for the sphere of the start."""
     shown = view if mesh is None else with_mesh(view, "object", mesh)
     return silhouette(shown, "object")
 
 
-def iou(view: View, mesh: Path | None, true_mesh: Path) -> float:
+def iou(view: PhotoView, mesh: Path | None, true_mesh: Path) -> float:
     """Intersection over union of two silhouettes, by area."""
     first, second = outline(view, mesh), outline(view, true_mesh)
     return float(np.minimum(first, second).sum() / np.maximum(first, second).sum())
 
 
-def picture(used: Sequence[View], other: Sequence[View], found: ShapeReconstruction, mesh: Path,
-            true_mesh: Path, spectra: dict[str, np.ndarray], band: np.ndarray, path: Path) -> None:
+def picture(used: Sequence[PhotoView], other: Sequence[PhotoView],
+            found: ShapeReconstruction, mesh: Path, true_mesh: Path, spectra: dict[str, np.ndarray],
+            band: np.ndarray, path: Path) -> None:
     """Photos, renderings of what was found, silhouettes (both white, true alone red, found alone
     blue), spectra.
     """

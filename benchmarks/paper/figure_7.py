@@ -20,7 +20,7 @@ from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.records import LightScale, LinearImage, Outcome, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 
@@ -78,8 +78,8 @@ def rows() -> tuple[list[dict[str, Any]], dict[tuple[str, str], np.ndarray], Lin
         box = scene_of(cornell_box_xml(WIDTH, bounces + 1))
         for engine in engines:
             settings = plain_settings(COEFFICIENTS, engine, STEPS, STEP_SPP)
-            view = View("photo", box, photo, camera, BANDS, materials,
-                        LightScale(1.0, None, None, "given"))
+            view = PhotoView("photo", box, photo, camera, BANDS, materials,
+                             LightScale(1.0, None, None, "given"))
             found = reconstruct(view, settings, lambda done, what: None)
             name = "paper: descent" if engine == "gradient" else "ours: traced transport"
             curves[light, name] = found.spectra[1:]

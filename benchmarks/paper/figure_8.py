@@ -25,7 +25,7 @@ from spectrabox.reconstruct.gradient_engine import LEARNING_RATE, START, cosine_
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 
@@ -77,7 +77,7 @@ def rows() -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
     photo, scale = photograph(box, truth, camera, PHOTO_SPP), LightScale(1.0, None, None, "given")
     materials = tuple(MaterialSpec(bsdf, bsdf, None if bsdf == "small" else truth[bsdf])
                       for bsdf in PATCHES)
-    view = View("photo", box, photo, camera, BANDS, materials, scale)
+    view = PhotoView("photo", box, photo, camera, BANDS, materials, scale)
     curves, seconds, steps = {"truth": truth["small"]}, {}, {}
     orange = list(PATCHES).index("small")
     for engine, name in (("gradient", "paper: descent on three bands"),

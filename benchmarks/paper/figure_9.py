@@ -28,7 +28,7 @@ from spectrabox.radiometry.records import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.evaluation.cube_regions import Region, read_regions
+from spectrabox.sampling.evaluation.cube_regions import CubeRegion, read_regions
 from spectrabox.sampling.evaluation.cubes import open_cube
 from spectrabox.sampling.evaluation.judgement import judgement_text
 from spectrabox.sampling.prior.libraries import read_library
@@ -173,8 +173,8 @@ def main() -> None:
         truth.write_text("nm," + ",".join(f"patch {i + 1}" for i in range(24)) + "\n" + "\n".join(
             ",".join(f"{value:.8g}" for value in row)
             for row in zip(PRIOR_GRID.nm, *chart, strict=True)))
-        regions = [Region(f"patch {i + 1}", None, (SIDE * i, 0, SIDE * (i + 1), SIDE),
-                          None) for i in range(24)]
+        regions = [CubeRegion(f"patch {i + 1}", None, (SIDE * i, 0, SIDE * (i + 1), SIDE),
+                              None) for i in range(24)]
         signals = [(rgb[:, SIDE * i:SIDE * (i + 1)] / shading()).mean(axis=(0, 1))
                    for i in range(24)]
         judgement = judge_picture(open_cube(Path(scratch) / "network.npy", NM), regions,

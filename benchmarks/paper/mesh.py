@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
 from spectrabox.radiometry.files import whole_file
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 
 ICOSAHEDRON = np.array([
     (0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),
@@ -181,7 +181,7 @@ def add_outline_gradient(scene: Any, image_gradient: np.ndarray, spp: int, seed:
     dr.backward(dr.sum(dr.select(active, dr.dot(motion, edge.n) * weight, 0.0)))
 
 
-def silhouette(view: View, shape_id: str, subpixels: int = 4) -> np.ndarray:
+def silhouette(view: PhotoView, shape_id: str, subpixels: int = 4) -> np.ndarray:
     """Where the camera sees the shape: (H, W) share of each pixel, from ``subpixels`` squared
     rays.
     """

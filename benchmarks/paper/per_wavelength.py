@@ -26,7 +26,7 @@ from spectrabox.reconstruct.gradient_engine import (
 )
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 
 WAVELENGTHS = 31
 VARIANT = "llvm_ad_mono"
@@ -58,12 +58,12 @@ def descend(job: MonochromeJob) -> GradientFit:
         return pool.submit(_descend, job).result()
 
 
-def monochrome_job(view: View, settings: InversionSettings) -> MonochromeJob:
+def monochrome_job(view: PhotoView, settings: InversionSettings) -> MonochromeJob:
     """The view at ``WAVELENGTHS`` wavelengths, as the other process takes it.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
     settings : InversionSettings
         Of which ``coefficients``, ``steps``, ``spp`` and ``seed`` count.
     """
@@ -82,7 +82,7 @@ def monochrome_job(view: View, settings: InversionSettings) -> MonochromeJob:
         settings.spp, settings.seed)
 
 
-def monochrome_xml(view: View) -> str:
+def monochrome_xml(view: PhotoView) -> str:
     """The scene with one value in place of every spectrum, light 1, and a film of one channel."""
     half = {material.bsdf: np.full(2, 0.5) for material in view.scene_materials}
     xml = view.xml(half, light=np.ones(2), bands={"one": np.ones(2)})

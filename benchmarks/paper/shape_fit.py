@@ -22,7 +22,7 @@ from spectrabox.radiometry.records import Outcome, Progress
 from spectrabox.reconstruct.gradient_engine import reflectance_key, stalled
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 
 from benchmarks.paper.mesh import (
     add_outline_gradient,
@@ -74,13 +74,13 @@ class ShapeReconstruction:
     outcome: Outcome
 
 
-def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSettings,
+def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, settings: ShapeSettings,
                       progress: Progress) -> ShapeReconstruction:
     """Mesh and spectrum that explain several photos of one object.
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of PhotoView
         Three or more, each with its light scale. Their scenes hold the object as a shape with the
         id ``shape_id``, for instance a sphere, about where and as large as it is: the fit starts
         from the sphere in its bounding box. The object's own material is the only unknown one.
@@ -118,12 +118,12 @@ def reconstruct_shape(views: Sequence[View], shape_id: str, settings: ShapeSetti
                                np.array(losses), outcome)
 
 
-def with_mesh(view: View, shape_id: str, mesh: Path) -> View:
+def with_mesh(view: PhotoView, shape_id: str, mesh: Path) -> PhotoView:
     """The view with a mesh file instead of one of its shapes.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
         Stays as it is.
     shape_id : str
         Of a shape of its scene, whose material the mesh takes over.
@@ -139,12 +139,12 @@ def with_mesh(view: View, shape_id: str, mesh: Path) -> View:
     return replace(view, scene_file=replace(view.scene_file, root=root))
 
 
-def bounding_sphere(view: View, shape_id: str) -> tuple[np.ndarray, float]:
+def bounding_sphere(view: PhotoView, shape_id: str) -> tuple[np.ndarray, float]:
     """Centre (3,) and radius of the sphere in a shape's bounding box, in the scene's coordinates.
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
     shape_id : str
         Of a shape of its scene.
     """
@@ -153,12 +153,12 @@ def bounding_sphere(view: View, shape_id: str) -> tuple[np.ndarray, float]:
     return (lower + upper) / 2, float((upper - lower).mean() / 2)
 
 
-def flat_start(views: Sequence[View], coefficients: int, spp: int, seed: int) -> np.ndarray:
+def flat_start(views: Sequence[PhotoView], coefficients: int, spp: int, seed: int) -> np.ndarray:
     """Coefficients (N,) of the grey with which the views are about as bright as their photos.
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of PhotoView
         Each with its light scale and one unknown material.
     coefficients : int
         N.
@@ -178,14 +178,14 @@ def flat_start(views: Sequence[View], coefficients: int, spp: int, seed: int) ->
     return np.full(coefficients, np.clip(TRIAL_GREY * np.median(ratio), *GREY_RANGE))
 
 
-def descend(views: Sequence[View], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
+def descend(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
             coefficients: np.ndarray, stage: Stage, seed: int,
             progress: Callable[[int], None]) -> tuple[np.ndarray, np.ndarray, list[float]]:
     """Vertices (V, 3) and coefficients (N,) after the stage, and the loss of every step.
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of PhotoView
         Each with its light scale; their scenes hold the mesh as the shape ``shape_id``.
     shape_id : str
     vertices : (V, 3) array
@@ -240,7 +240,7 @@ class ViewLoss:
     """An open scene and its photo; squared error relative to the brightest pixel, mean over pixels.
     """
 
-    def __init__(self, view: View, coefficients: np.ndarray, shape_id: str) -> None:
+    def __init__(self, view: PhotoView, coefficients: np.ndarray, shape_id: str) -> None:
         import mitsuba as mi
 
         self.scene, self.scale = view.scene(coefficients[None]), light_scale(view)
@@ -274,7 +274,7 @@ class ViewLoss:
                 float(np.sum(self.weight * error**2)))
 
 
-def light_scale(view: View) -> float:
+def light_scale(view: PhotoView) -> float:
     """The view's light scale, which the fit does not estimate."""
     if view.light_scale is None:
         raise ValueError("the shape fit needs the light scale of every view")

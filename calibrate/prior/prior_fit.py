@@ -100,7 +100,7 @@ class Design(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate(Record):
+class CurveCandidate(Record):
     """One Gaussian of the mixture before it is conditioned on the photos.
 
     A family of the prior, a spread of the gains and a size of the model error.
@@ -156,8 +156,9 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
         for own, own_noise in zip(model_errors, own_noises, strict=True):
             evidence = _log_evidence(projected + own_noise, linear - jacobian @ start, patterns,
                                      COMMON_ERRORS)
-            candidates += [Candidate(log_share + log_density, family, gain_sd,
-                                     PatchError(own, common), start, covariance, jacobian, linear)
+            candidates += [CurveCandidate(log_share + log_density, family, gain_sd,
+                                          PatchError(own, common), start, covariance, jacobian,
+                                          linear)
                            for common, log_density in zip(COMMON_ERRORS, evidence, strict=True)]
     return _mixture(candidates, basis, prior, designs, photos)
 
@@ -247,8 +248,8 @@ def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family
     covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
     _, jacobian = _equations(photos, designs, start, prior)
     error = PatchError(relative_error)
-    candidate = Candidate(0.0, family, GAINS[0][0], error, start, covariance, jacobian,
-                          jacobian @ start)
+    candidate = CurveCandidate(0.0, family, GAINS[0][0], error, start, covariance, jacobian,
+                               jacobian @ start)
     whole, size = _whole(designs, prior), prior.means.shape[1]
     state, covariance = _condition(candidate, noise_of_photos(photos, error), prior)
     _, posterior = _in_curves(prior, state, covariance, designs, photos)
@@ -393,7 +394,7 @@ def _log_evidence(covariance: np.ndarray, innovation: np.ndarray, patterns: np.n
     return logs
 
 
-def _condition(candidate: Candidate, noise: np.ndarray,
+def _condition(candidate: CurveCandidate, noise: np.ndarray,
                prior: CameraPrior) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of a Gaussian given linear data."""
     projected = _project(candidate.jacobian, candidate.prior_covariance, prior)
@@ -472,7 +473,7 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
     return moved, spread + columns @ (rows.T @ seen) @ columns.T
 
 
-def _mixture(candidates: list[Candidate], basis: np.ndarray, prior: CameraPrior,
+def _mixture(candidates: list[CurveCandidate], basis: np.ndarray, prior: CameraPrior,
              designs: list[Design], photos: list[ChartEquations]) -> CurvePosterior:
     logs = np.array([candidate.log_weight for candidate in candidates])
     if not np.isfinite(logs.max()):

@@ -12,7 +12,7 @@ from spectrabox.radiometry.records import Calibration, JointReconstruction, Ligh
 from spectrabox.reconstruct.pixel_light import PixelLight
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 
@@ -20,7 +20,7 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 class TracedPhoto:
     """A photo (H, W) of a scene with its light traced at N nodes."""
 
-    view: View                  # with the photo in full
+    view: PhotoView             # with the photo in full
     unit: UnitScene
     traced: PixelLight
     crop: Crop

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
-from spectrabox.calibrate.light_field import PicturePoints, RegionLight, light_at_regions
+from spectrabox.calibrate.light_field import LightAtRegions, PicturePoints, light_at_regions
 from spectrabox.radiometry.chart import Chart, plane_centres, plane_from_picture, projected
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.error_model import (
@@ -100,7 +100,7 @@ class PhotoWhite:
     """
 
     samples: RegionSamples
-    region_light: RegionLight
+    region_light: LightAtRegions
     exposure: float                     # of this photo relative to the chart's
     glare: np.ndarray                   # (K,) signal in this photo
     causes: tuple[str, ...]
@@ -399,7 +399,7 @@ def far_notes(white: PhotoWhite) -> tuple[str, ...]:
 
 
 def _light_at(photo: FlatPhoto, errors: FlatErrors,
-              points_px: list[np.ndarray]) -> RegionLight:
+              points_px: list[np.ndarray]) -> LightAtRegions:
     """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""
     centres_px = photo.patches_px.mean(axis=1)
     patches = PicturePoints(plane_centres(photo.layout), _in_picture(centres_px, photo.chart_image))

@@ -12,7 +12,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import LearntSpectra, LightScale, Progress
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,
     load_prior,
@@ -29,7 +29,7 @@ SCALE_PASSES = 3            # reflections between surfaces change with the stren
 FROM_PRIOR = "what the prior expects of surfaces, since nothing states the strength of the light"
 
 
-def scale_from_prior(view: View, settings: InversionSettings,
+def scale_from_prior(view: PhotoView, settings: InversionSettings,
                      families: Mapping[str, Sequence[str]], progress: Progress) -> LightScale:
     """The strength of the light under which the materials are most probable.
 
@@ -38,7 +38,7 @@ def scale_from_prior(view: View, settings: InversionSettings,
 
     Parameters
     ----------
-    view : View
+    view : PhotoView
         Whose light scale is not known.
     settings : InversionSettings
     families : mapping

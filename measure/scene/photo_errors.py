@@ -25,7 +25,7 @@ from spectrabox.radiometry.records import (
     JointReconstruction,
     LightDrift,
     Reconstruction,
-    StrayLight,
+    StrayLightError,
 )
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 
@@ -86,8 +86,8 @@ def with_stray_light(joint: JointReconstruction, errors: StatedErrors) -> JointR
     by_signal = np.divide(mirrored, joint.signal, where=joint.signal > 0,
                           out=np.zeros_like(joint.signal))
     return dataclasses.replace(joint, stray_light=(
-        StrayLight(GLARE, of_glare), StrayLight(STRAY_LIGHT, of_ambient),
-        StrayLight(SURFACE_REFLECTION, by_signal)))
+        StrayLightError(GLARE, of_glare), StrayLightError(STRAY_LIGHT, of_ambient),
+        StrayLightError(SURFACE_REFLECTION, by_signal)))
 
 
 def _irradiance(view: Reconstruction) -> np.ndarray:

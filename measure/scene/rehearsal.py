@@ -29,7 +29,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.view import View
+from spectrabox.reconstruct.view import PhotoView
 from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -58,7 +58,7 @@ class MaterialRehearsal:
         return float(self.coverage.std(ddof=1) / np.sqrt(self.coverage.size))
 
 
-def prepare_replays(views: Sequence[View], settings: InversionSettings,
+def prepare_replays(views: Sequence[PhotoView], settings: InversionSettings,
                     calibrations: Sequence[Calibration], joint: JointReconstruction,
                     families: Mapping[str, Sequence[str]], errors: StatedErrors, *, times: int,
                     seed: int, progress: Progress) -> Replays:
@@ -66,7 +66,7 @@ def prepare_replays(views: Sequence[View], settings: InversionSettings,
 
     Parameters
     ----------
-    views : sequence of View
+    views : sequence of PhotoView
         Every photo with all that explains it, as it was reconstructed.
     settings : InversionSettings
     calibrations : sequence of Calibration

@@ -21,7 +21,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     spectrum_of,
 )
-from spectrabox.sampling.evaluation.cube_regions import Region, RegionSpectra, region_spectra
+from spectrabox.sampling.evaluation.cube_regions import CubeRegion, RegionSpectra, region_spectra
 from spectrabox.sampling.evaluation.cubes import Cube
 from spectrabox.sampling.evaluation.judgement import (
     ScoredSpectrum,
@@ -151,7 +151,7 @@ def compared(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray
     return replace(estimate, baselines=singles if with_baselines else None, judged=scores)
 
 
-def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable | None,
+def judge_picture(cube: Cube, regions: Sequence[CubeRegion], truths: SpectralTable | None,
                   relative_response: np.ndarray, prior: LogitMixture, options: JudgeOptions, *,
                   signals: Sequence[np.ndarray] | None = None, white: np.ndarray | None = None,
                   noise: np.ndarray | None = None) -> PictureJudgement:
@@ -160,7 +160,7 @@ def judge_picture(cube: Cube, regions: Sequence[Region], truths: SpectralTable |
     Parameters
     ----------
     cube : Cube
-    regions : sequence of Region
+    regions : sequence of CubeRegion
     truths : SpectralTable, optional
         Measured reflectances; without them nothing is judged.
     relative_response : (K, 301) array
@@ -239,7 +239,7 @@ def _divide_by_white(cube: Cube, regions: list[RegionSpectra], truths: SpectralT
                     standard_deviation=region.standard_deviation * factor) for region in regions]
 
 
-def truth_of(truths: SpectralTable, region: Region,
+def truth_of(truths: SpectralTable, region: CubeRegion,
              column: str | None) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths and values of a region's truth: the column it names, the one of its name, else
     the only one.

@@ -21,7 +21,7 @@ from spectrabox.reconstruct.fit.view_terms import (
 )
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport
-from spectrabox.reconstruct.view import View, unknown_materials
+from spectrabox.reconstruct.view import PhotoView, unknown_materials
 
 LAMP_SHARE = 1e-3  # of a region's light straight from a lamp: above, its edge runs through a pixel
 ROBUST_ROUNDS = 2        # times that pixels beyond HUBER sigma are weighed anew
@@ -32,7 +32,7 @@ DOUBTED = 0.5  # weight of a region in the robust fit below which the samplers l
 class TracedView:
     """One view with its light transport by R regions, and the weight of each region."""
 
-    view: View
+    view: PhotoView
     traced: TracedTransport
     region: np.ndarray              # (H, W)
     group: np.ndarray               # (R,) surface of each region

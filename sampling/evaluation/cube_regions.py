@@ -21,7 +21,7 @@ Rectangle = Annotated[ListOf[int], Field(min_length=4, max_length=4)]
 Pixel = Annotated[ListOf[int], Field(min_length=2, max_length=2)]
 
 
-class RegionTable(Table):
+class CubeRegionTable(Table):
     """A region in a file."""
 
     rect: Rectangle | None = None
@@ -31,7 +31,7 @@ class RegionTable(Table):
     truth: str | None = None
 
     @model_validator(mode="after")
-    def lies_somewhere(self) -> RegionTable:
+    def lies_somewhere(self) -> CubeRegionTable:
         """Refuse a region of no pixels or of two kinds."""
         if sum(each is not None for each in (self.rect, self.point, self.mask)) != 1:
             raise ValueError("a region needs one of rect = [x0, y0, x1, y1], point = [x, y] "
@@ -39,14 +39,14 @@ class RegionTable(Table):
         return self
 
 
-class RegionsFile(Table):
+class CubeRegionsFile(Table):
     """A file of regions."""
 
-    regions: dict[str, RegionTable] = Field(min_length=1)
+    regions: dict[str, CubeRegionTable] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
-class Region:
+class CubeRegion:
     """Pixels of a picture: a box (x0, y0, x1, y1), its ends not counted, and of these the ones of a
     mask, if any.
     """
@@ -63,7 +63,7 @@ class RegionSpectra:
     C).
     """
 
-    region: Region
+    region: CubeRegion
     pixels: int
     left_out: int               # pixels with a value that is no number
     mean: np.ndarray
@@ -72,7 +72,7 @@ class RegionSpectra:
 
 
 def read_regions(path: Path, width: int, height: int,
-                 read_mask: Callable[[Path], np.ndarray]) -> list[Region]:
+                 read_mask: Callable[[Path], np.ndarray]) -> list[CubeRegion]:
     """Regions of a TOML file: [regions.NAME] with ``rect = [x0, y0, x1, y1]``, ``point = [x,
     y]``, or a ``mask``.
 
@@ -88,12 +88,12 @@ def read_regions(path: Path, width: int, height: int,
     InputError
     """
     advice = "write [regions.NAME] and rect = [x0, y0, x1, y1]"
-    regions = checked(RegionsFile, read_toml(path, advice), path.name).regions
+    regions = checked(CubeRegionsFile, read_toml(path, advice), path.name).regions
     return [_region(name, table, path, (width, height), read_mask)
             for name, table in regions.items()]
 
 
-def point_region(text: str, width: int, height: int) -> Region:
+def point_region(text: str, width: int, height: int) -> CubeRegion:
     """One pixel, written x,y or NAME=x,y.
 
     Raises
@@ -107,10 +107,10 @@ def point_region(text: str, width: int, height: int) -> Region:
         raise InputError(
             f"--point {text!r} cannot be read; write x,y or NAME=x,y in pixels") from None
     box = _checked((x, y, x + 1, y + 1), name or pixel, (width, height))
-    return Region(name or pixel, name or None, box, None)
+    return CubeRegion(name or pixel, name or None, box, None)
 
 
-def region_spectra(cube: Cube, regions: list[Region], full_scale: float = 1.0,
+def region_spectra(cube: Cube, regions: list[CubeRegion], full_scale: float = 1.0,
                    seed: int = 0) -> list[RegionSpectra]:
     """Spectra of all regions in one pass over the rows that they cover.
 
@@ -166,7 +166,7 @@ class _Sums:
         self.mean = self.mean + away * len(good) / total
         self.count = total
 
-    def result(self, region: Region, file: str) -> RegionSpectra:
+    def result(self, region: CubeRegion, file: str) -> RegionSpectra:
         if not self.count:
             raise InputError(f"region {region.name!r} of {file} holds {self.seen} pixels, none of "
                              "them with numbers at every wavelength; correct the region or the "
@@ -179,7 +179,7 @@ class _Sums:
                              np.concatenate(self.kept))
 
 
-def _pixels(block: np.ndarray, top: int, region: Region) -> np.ndarray:
+def _pixels(block: np.ndarray, top: int, region: CubeRegion) -> np.ndarray:
     x0, y0, x1, y1 = region.box
     first, last = max(y0, top), min(y1, top + len(block))
     part = block[first - top:last - top, x0:x1]
@@ -188,22 +188,22 @@ def _pixels(block: np.ndarray, top: int, region: Region) -> np.ndarray:
     return part[region.mask[first - y0:last - y0]]
 
 
-def _size(region: Region) -> int:
+def _size(region: CubeRegion) -> int:
     x0, y0, x1, y1 = region.box
     return (x1 - x0) * (y1 - y0) if region.mask is None else int(region.mask.sum())
 
 
-def _region(name: str, table: RegionTable, path: Path, size: tuple[int, int],
-            read_mask: Callable[[Path], np.ndarray]) -> Region:
+def _region(name: str, table: CubeRegionTable, path: Path, size: tuple[int, int],
+            read_mask: Callable[[Path], np.ndarray]) -> CubeRegion:
     if table.mask is not None:
-        return Region(name, table.truth, *_masked(name, table.mask, table.label, path, size,
-                                                  read_mask))
+        return CubeRegion(name, table.truth, *_masked(name, table.mask, table.label, path, size,
+                                                      read_mask))
     if table.rect is not None:
         x0, y0, x1, y1 = table.rect
     else:
         x0, y0 = table.point or (0, 0)
         x1, y1 = x0 + 1, y0 + 1
-    return Region(name, table.truth, _checked((x0, y0, x1, y1), name, size), None)
+    return CubeRegion(name, table.truth, _checked((x0, y0, x1, y1), name, size), None)
 
 
 def _masked(name: str, mask: str, label: int | None, path: Path, size: tuple[int, int],

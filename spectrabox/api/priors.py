@@ -22,7 +22,7 @@ from spectrabox.radiometry.spectra.named_spectra import DELTA_LIGHTS
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.evaluation.certificate import Certificate
 from spectrabox.sampling.evaluation.certificate import certify as certify_library
-from spectrabox.sampling.evaluation.cube_regions import Region
+from spectrabox.sampling.evaluation.cube_regions import CubeRegion
 from spectrabox.sampling.evaluation.cubes import Cube
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library, usable
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -199,7 +199,7 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
         if not (0 <= x0 < x1 <= opened.width and 0 <= y0 < y1 <= opened.height):
             raise InputError(f"region {name!r} is {tuple(box)}; x0 < x1 up to {opened.width} and "
                              f"y0 < y1 up to {opened.height} are needed")
-        boxes.append(Region(name, None, (x0, y0, x1, y1), None))
+        boxes.append(CubeRegion(name, None, (x0, y0, x1, y1), None))
     if isinstance(truth, Mapping):
         if truth_nm is None:
             raise InputError("truths that are given as arrays need their wavelengths truth_nm")

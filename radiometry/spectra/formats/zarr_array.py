@@ -154,7 +154,7 @@ def _ome_metadata(name: str, nm: np.ndarray, white: float) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Region:
+class ZarrRegion:
     """An array that several processes write to, each into whole shards."""
 
     write: Callable[[int, int, np.ndarray], None]       # first row, first column, (n, m, C)
@@ -162,7 +162,7 @@ class Region:
     dtype: np.dtype[Any]
 
 
-def open_region(folder: Path) -> Region:
+def open_region(folder: Path) -> ZarrRegion:
     """The array of an image that was created, open for writing."""
     array = _library().open_array(str(folder / LEVEL), mode="r+")
 
@@ -178,7 +178,7 @@ def open_region(folder: Path) -> Region:
                 if path.is_file():
                     sync(path)
 
-    return Region(write, synced, array.dtype)
+    return ZarrRegion(write, synced, array.dtype)
 
 
 def _ome_level(path: Path) -> tuple[Path, tuple[str, ...] | None]:
