@@ -109,7 +109,7 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(even_light):
 
 def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(monkeypatch):
     """Of photos that each have a chart of their own, under one light."""
-    monkeypatch.setattr(inversion, "View", lambda *given: given)
+    monkeypatch.setattr(inversion, "PhotoView", lambda *given: given)
     monkeypatch.setattr(inversion, "materials_of", lambda *_: ())
     monkeypatch.setattr(inversion, "scene_of", lambda stated: stated)
     names, measured = ("", "second", "third"), drift(True)
