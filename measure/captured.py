@@ -32,7 +32,6 @@ from spectrabox.radiometry.records import (
     LightScale,
     LinearImage,
     Quantity,
-    SceneGeometry,
     Spectrum,
     UnknownLight,
 )

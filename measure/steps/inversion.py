@@ -36,7 +36,7 @@ from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, not_plain_products
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.transport_engine import require_lit
-from spectrabox.reconstruct.view import MaterialSpec, View
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 
 TRACE = ".trace.npz"      # among the checkpoints, while a trace goes on and where it was stopped
 
@@ -69,7 +69,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
                                  drift, scene_geometry(capture), box_scenes(capture))
 
 
-def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[View],
+def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[PhotoView],
                   drift: LightDrift | None) -> StatedErrors:
     """What is stated of errors of the photos; surfaces that the scene says to be glossy mirror what
     it says.
@@ -78,7 +78,7 @@ def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequenc
     ----------
     capture : SceneCapture
     records : CaptureRecords
-    views : sequence of View
+    views : sequence of PhotoView
     drift : LightDrift or None
         Of the light between the first view's chart and photo.
     """
@@ -126,7 +126,7 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
     return None if settings.engine in SINGLE_VIEW else require_lit(views, settings)
 
 
-def _require_picture(capture: SceneCapture, views: Sequence[View]) -> None:
+def _require_picture(capture: SceneCapture, views: Sequence[PhotoView]) -> None:
     """Refuse a picture of surfaces that do more to light than to multiply it, before anything is
     traced.
     """
@@ -138,7 +138,7 @@ def _require_picture(capture: SceneCapture, views: Sequence[View]) -> None:
 
 
 def views_of(capture: SceneCapture, records: CaptureRecords,
-             drift: LightDrift | None) -> list[View]:
+             drift: LightDrift | None) -> list[PhotoView]:
     """Every photo with all that explains it.
 
     Parameters
@@ -155,13 +155,13 @@ def views_of(capture: SceneCapture, records: CaptureRecords,
         If scene and capture do not name the same materials.
     """
     bands = capture.band_names(records.photo.bands)
-    views: list[View] = []
+    views: list[PhotoView] = []
     for own, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
         photo = records.photo.photos[own.name]
         scale = scale_of_view(capture, own, photo, calibration, records,
                               None if own.name else drift)
         scene = scene_of(own.scene)
-        views.append(View(own.title, scene, photo, calibration, bands,
+        views.append(PhotoView(own.title, scene, photo, calibration, bands,
                           materials_of(capture, scene), scale, dict(own.lights_by_id)))
     return views
 
@@ -214,8 +214,8 @@ def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
         raise InputError("\n".join(problems))
 
 
-def _with_estimated_scale(capture: SceneCapture, views: list[View], settings: InversionSettings,
-                          progress: Progress) -> list[View]:
+def _with_estimated_scale(capture: SceneCapture, views: list[PhotoView],
+                          settings: InversionSettings, progress: Progress) -> list[PhotoView]:
     """Views with the strength of the light, by the prior where nothing else tells it."""
     known = any(material.known is not None for material in capture.materials.values())
     if known or any(view.light_scale is not None for view in views):
