@@ -162,7 +162,7 @@ def views_of(capture: SceneCapture, records: CaptureRecords,
                               None if own.name else drift)
         scene = scene_of(own.scene)
         views.append(PhotoView(own.title, scene, photo, calibration, bands,
-                          materials_of(capture, scene), scale, dict(own.lights_by_id)))
+                               materials_of(capture, scene), scale, dict(own.lights_by_id)))
     return views
 
 
