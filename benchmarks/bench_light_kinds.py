@@ -39,7 +39,8 @@ from spectrabox.calibrate.products.product_fit import (
 )
 from spectrabox.calibrate.products.product_posterior import posterior_of_products
 from spectrabox.calibrate.products.product_prior import product_prior
-from spectrabox.radiometry.spectra.named_spectra import LIGHT_KINDS, test_reflectances
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 
 from benchmarks.bench_unknown_light import (

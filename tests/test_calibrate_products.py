@@ -50,7 +50,7 @@ from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import PatchSamples, UnknownLight
 from spectrabox.radiometry.spectra.filters import stated_filter
-from spectrabox.radiometry.spectra.named_spectra import LIGHT_KINDS
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 
 SURFACES = reflectances()

@@ -31,7 +31,7 @@ from spectrabox.radiometry.published.published_tables import (
 )
 from spectrabox.radiometry.records import UnknownLight
 from spectrabox.radiometry.shaped import Record
-from spectrabox.radiometry.spectra.named_spectra import LIGHT_KINDS
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 KIND_SHARE = {"daylight": 0.30, "halogen": 0.20, "led": 0.35, "fluorescent": 0.15}

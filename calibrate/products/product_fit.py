@@ -39,7 +39,7 @@ from spectrabox.calibrate.sensitivity import PriorFit, require_fit_for, sensitiv
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import LightPosterior, WavelengthGrid
-from spectrabox.radiometry.spectra.named_spectra import LIGHT_KINDS
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 SEED = 1                    # of the draws of cameras
 WIDENING = 1.27             # of standard errors: benchmarks/bench_light_kinds.py

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from spectrabox.radiometry.spectra.named_spectra import DELTA_LIGHTS
+from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-"""Published sensitivities, lights and test reflectances, by the names operators write, and words
-for a light whose spectrum nobody stated.
+"""Published sensitivities, lights and test reflectances, by the names operators write, and lights
+as an operator states them.
 """
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from spectrabox.radiometry.published.published_tables import (
 )
 from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight, WavelengthGrid
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS, UNKNOWN, vague_words
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -28,42 +29,8 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_on_grid,
 )
 
-UNKNOWN = "unknown"
-LIGHT_KINDS = ("daylight", "halogen", "led", "fluorescent")
-SAME_KIND = {"tungsten": "halogen", "incandescent": "halogen", "bulb": "halogen",
-             "sun": "daylight", "sunlight": "daylight", "sky": "daylight",
-             "leds": "led", "tube": "fluorescent", "tubes": "fluorescent"}
-CCT_KELVIN = (1500.0, 25000.0)      # candles to blue sky
-
 NEAR = "A (tungsten, 2856 K), D50 or D65 (daylight), FL11 (tubes), LED-B3"
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
-
-
-def vague_words(word: str) -> tuple[str | None, float | None] | None:
-    """Kind and correlated colour temperature (K) of a light whose spectrum is not stated, each None
-    where it is not known; None if the word states a spectrum.
-
-    Parameters
-    ----------
-    word : str
-
-    Raises
-    ------
-    InputError
-        If it is a temperature that no lamp has.
-    """
-    plain = SAME_KIND.get(word.strip().lower(), word.strip().lower())
-    if plain == UNKNOWN:
-        return None, None
-    if plain in LIGHT_KINDS:
-        return plain, None
-    if plain.removesuffix("k").strip().replace(".", "", 1).isdigit():
-        cct, (low, high) = float(plain.removesuffix("k")), CCT_KELVIN
-        if not low <= cct <= high:
-            raise InputError(f"a light of {cct:g} K: correlated colour temperatures run from "
-                             f"{low:g} to {high:g} K")
-        return None, cct
-    return None
 
 
 def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.named_spectra import DELTA_LIGHTS
+from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 from spectrabox.sampling.evaluation.spectrum_scores import (
     coverage,
     coverage_error,

@@ -10,7 +10,7 @@ import typer
 
 from spectrabox.measure.signals.options import JudgeOptions, SampleOptions
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.named_spectra import DELTA_LIGHTS
+from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 from spectrabox.session.commands.requests import (
     OBSERVER,
     Baseline,

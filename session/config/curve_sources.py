@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.files import names_a_file
-from spectrabox.radiometry.spectra.named_spectra import UNKNOWN, vague_words
+from spectrabox.radiometry.spectra.light_words import UNKNOWN, vague_words
 
 FROM_CHART = "chart"                    # of the sensitivities
 

@@ -29,7 +29,7 @@ from spectrabox.radiometry.files import (
     writable,
     write_text_whole,
 )
-from spectrabox.radiometry.spectra.named_spectra import UNKNOWN
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.words import file_stem
 from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO

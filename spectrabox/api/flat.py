@@ -53,7 +53,7 @@ from spectrabox.radiometry.records import (
     Spectrum,
     SurfaceSignals,
 )
-from spectrabox.radiometry.spectra.named_spectra import UNKNOWN
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 

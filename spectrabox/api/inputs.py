@@ -20,7 +20,8 @@ from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
 from spectrabox.radiometry.records import Calibration, Filter, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
-from spectrabox.radiometry.spectra.named_spectra import UNKNOWN, sensitivities, stated_light
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
+from spectrabox.radiometry.spectra.named_spectra import sensitivities, stated_light
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_spectrum,

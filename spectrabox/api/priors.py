@@ -18,7 +18,7 @@ from spectrabox.measure.signals.spectral_pictures import open_picture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
-from spectrabox.radiometry.spectra.named_spectra import DELTA_LIGHTS
+from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.evaluation.certificate import Certificate
 from spectrabox.sampling.evaluation.certificate import certify as certify_library
