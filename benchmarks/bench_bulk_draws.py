@@ -16,7 +16,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.polytope.bounds import bounds_of_many, linear_programmes, signal_boxes
 from spectrabox.sampling.polytope.tilt import max_entropy_tilt

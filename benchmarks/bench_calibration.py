@@ -31,7 +31,7 @@ from spectrabox.calibrate.prior.learnt_prior import (
 from spectrabox.calibrate.sensitivity import fit_sensitivities, fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import light
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 

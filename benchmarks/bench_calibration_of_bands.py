@@ -18,7 +18,7 @@ import numpy as np
 
 from spectrabox.radiometry.colour_science import upsampled
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.evaluation.certificate import Certificate, certify
 from spectrabox.sampling.evaluation.spectrum_scores import rmse

@@ -35,7 +35,7 @@ from spectrabox.fixtures.dng import BAYER_TILES, write_dng
 from spectrabox.measure.left_out_patches import held_out_patches
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import UnknownLight
+from spectrabox.radiometry.records.spectra import UnknownLight
 
 from benchmarks.mosaic_file import read_mosaic
 

@@ -29,7 +29,7 @@ from spectrabox.fixtures.chart_scene import BORDER_MM, GRID_MM, PITCH_MM, chart_
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 HEIGHT, WIDTH = 1000, 1500   # pixels of the linear picture: a sensor of 6 megapixels
 FOCAL = 1.3 * WIDTH

@@ -23,7 +23,8 @@ from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 

@@ -35,14 +35,8 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import (
-    LinearImage,
-    PatchSamples,
-    PhotoKind,
-    RegionSamples,
-    SurfaceSignals,
-    UnknownLight,
-)
+from spectrabox.radiometry.records.photos import LinearImage, PatchSamples, PhotoKind, RegionSamples
+from spectrabox.radiometry.records.spectra import SurfaceSignals, UnknownLight
 from spectrabox.radiometry.response import relative_response
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior

@@ -35,7 +35,7 @@ from spectrabox.fixtures.paints import NM, chart_truth
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity, SpectralMeasurement, SpectrumSummary
+from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement, SpectrumSummary
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import table_text

@@ -35,17 +35,9 @@ from spectrabox.fixtures.cornell_box import BLOCKS, MATERIALS, cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.interreflection import band_products, exponents_up_to, signal
-from spectrabox.radiometry.records import (
-    Calibration,
-    LightScale,
-    LinearImage,
-    Outcome,
-    PhotoKind,
-    Quantity,
-    SensitivityFit,
-    Spectrum,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
+from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum, WavelengthGrid
 from spectrabox.reconstruct import gradient_engine as gradient
 from spectrabox.reconstruct.fit.spectrum_prior import smooth_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced

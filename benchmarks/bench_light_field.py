@@ -30,14 +30,9 @@ from spectrabox.fixtures.flat_sample import lamplight, vignetting
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, plane_centres
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import (
-    CalibrationDoubt,
-    ChartWhite,
-    PatchSamples,
-    Quantity,
-    Spectrum,
-    UnknownLight,
-)
+from spectrabox.radiometry.records.calibration import CalibrationDoubt, ChartWhite
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 
 from benchmarks.bench_unknown_makers import makers_of, prior_without

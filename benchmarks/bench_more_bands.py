@@ -40,7 +40,7 @@ from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, table_text
 from spectrabox.session.commands.requests import PlanRequest

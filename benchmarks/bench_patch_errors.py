@@ -25,7 +25,7 @@ from spectrabox.measure.left_out_patches import patches_without
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 
 from benchmarks.bench_unknown_light import FIELD_SD, MAX_GLARE

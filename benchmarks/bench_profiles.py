@@ -30,7 +30,8 @@ from spectrabox.measure.profiles.colour_profile import (
 )
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.prior.libraries import read_library

@@ -22,7 +22,7 @@ from spectrabox.calibrate.chart_equations import chart_equations
 from spectrabox.calibrate.prior.plain_priors import smooth_prior
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.further.learnt_swatches import Swatches, correct, learn_correction

@@ -31,7 +31,7 @@ from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior

@@ -41,7 +41,8 @@ from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light, spectrum_of_name
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table
 

@@ -31,7 +31,8 @@ from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LearntSpectra, Quantity, Reconstruction
+from spectrabox.radiometry.records.scenes import LearntSpectra, Reconstruction
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, read_spectrum
 from spectrabox.reconstruct.agreement import edge_shift, scene_errors
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior

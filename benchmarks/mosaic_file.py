@@ -13,7 +13,7 @@ import numpy as np
 from spectrabox.capture.photo.image_files import read_plane
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.radiometry.records import RawFrame
+from spectrabox.radiometry.records.photos import RawFrame
 
 COLOURS = "RGB"
 

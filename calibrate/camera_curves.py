@@ -13,7 +13,7 @@ from spectrabox.calibrate.prior.curve_posterior import (
     curve_variance,
     draw_curves,
 )
-from spectrabox.radiometry.records import SensitivityFit
+from spectrabox.radiometry.records.calibration import SensitivityFit
 from spectrabox.radiometry.shaped import Record
 
 LEVEL = 0.9                 # of the band of curves

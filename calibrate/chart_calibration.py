@@ -39,19 +39,16 @@ from spectrabox.calibrate.trust import (
 )
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import scale_from_signals
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import (
     Calibration,
     CalibrationDoubt,
     ChartWhite,
     LightPosterior,
     LightScale,
-    Outcome,
     PriorInfluence,
     SensitivityFit,
-    Spectrum,
-    UnknownLight,
-    WavelengthGrid,
 )
+from spectrabox.radiometry.records.spectra import Outcome, Spectrum, UnknownLight, WavelengthGrid
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid

@@ -8,7 +8,8 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import DARK_SHARE
 from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
-from spectrabox.radiometry.records import MIN_PATCHES, Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.records.photos import MIN_PATCHES
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 ALIKE = 1e-3                 # relative spread of the ratio of two bands over the patches

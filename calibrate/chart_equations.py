@@ -17,7 +17,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.records import Filter, PatchSamples, WavelengthGrid
+from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 FIELD_SD = 0.15              # of each quadratic term of the log irradiance; a term spans the chart

@@ -11,9 +11,9 @@ from spectrabox.calibrate.chart_consistency import light_power
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.light_error import light_terms
 from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.records import (
-    Filter,
-    PatchSamples,
+from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import (
     Quantity,
     Spectrum,
     UnknownLight,

@@ -22,7 +22,7 @@ from spectrabox.radiometry.appearance import (
     tristimulus_weights,
 )
 from spectrabox.radiometry.errors import CalibrationError
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.named_spectra import light
 

@@ -37,7 +37,8 @@ from spectrabox.calibrate.products.product_prior import product_prior
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
-from spectrabox.radiometry.records import CalibrationDoubt, WavelengthGrid
+from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light
 
 SURELY = 0.9                 # probability of an unlike camera above which something may be wrong

@@ -27,7 +27,7 @@ from spectrabox.calibrate.geometry.lens import Lens, pinhole
 from spectrabox.calibrate.geometry.projection import image_rays
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.shaped import Record
 
 QUADRATURE = 3          # points along each side of the panel; while its axis is looked for, 1

@@ -24,7 +24,8 @@ from spectrabox.calibrate.products.lamps import (
     nominal_kind,
 )
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import PatchSamples, Spectrum, UnknownLight, WavelengthGrid
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 

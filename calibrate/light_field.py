@@ -25,7 +25,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
 from spectrabox.radiometry.covariance import symmetric
-from spectrabox.radiometry.records import ChartWhite
+from spectrabox.radiometry.records.calibration import ChartWhite
 from spectrabox.radiometry.shaped import Record
 
 LAMP_DISTANCES = (1.5, 3.0, 6.0, 12.0, 25.0)    # a Classic from 0.4 m, a Nano from 0.6 m

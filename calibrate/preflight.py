@@ -16,7 +16,7 @@ from spectrabox.calibrate.prior.curve_posterior import curve_variance
 from spectrabox.calibrate.prior.prior_fit import expected_covariance
 from spectrabox.calibrate.spline_fit import condition_number
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 NORMAL_QUANTILE = 1.645      # of a 90 % band, two-sided

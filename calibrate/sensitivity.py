@@ -46,13 +46,9 @@ from spectrabox.calibrate.spline_fit import (
 )
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError, InputError
-from spectrabox.radiometry.records import (
-    LightScale,
-    Outcome,
-    PatchSamples,
-    SensitivityFit,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records.calibration import LightScale, SensitivityFit
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Outcome, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 METHODS = ("prior", *SPLINE_METHODS)

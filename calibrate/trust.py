@@ -12,7 +12,8 @@ from spectrabox.calibrate.prior.plain_priors import prior_about
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import ciede2000, decode_srgb, lab_from_xyz, tristimulus
-from spectrabox.radiometry.records import LinearImage, WavelengthGrid
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides
 MUCH_GLARE = 0.02            # of the brightest patch

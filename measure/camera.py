@@ -41,12 +41,9 @@ from spectrabox.radiometry.charts.references import published_signals, reference
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
-    ChartDetection,
-    HeldOutPatches,
-    LinearImage,
-    PatchSamples,
-    SensitivityFit,
+from spectrabox.radiometry.records.calibration import HeldOutPatches, SensitivityFit
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records.spectra import (
     Spectrum,
     UnknownLight,
     WavelengthGrid,

@@ -27,14 +27,9 @@ from spectrabox.measure.options import (
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
-    Filter,
-    LightScale,
-    LinearImage,
-    Quantity,
-    Spectrum,
-    UnknownLight,
-)
+from spectrabox.radiometry.records.calibration import Filter, LightScale
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.reconstruct.scene.edit_scene import Refinement

@@ -45,9 +45,9 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import (
-    Calibration,
-    PatchSamples,
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import (
     Quantity,
     SpectralMeasurement,
     Spectrum,

@@ -13,11 +13,8 @@ from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.measure.surfaces.independent_bands import independent_bands
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import (
-    HeldOutPatches,
-    WavelengthGrid,
-    share_inside,
-)
+from spectrabox.radiometry.records.calibration import HeldOutPatches, share_inside
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 

@@ -9,7 +9,8 @@ from spectrabox.capture.develop.developed import develop_photos, open_any
 from spectrabox.capture.photo.stored_images import stated_bands
 from spectrabox.measure.captured import ONE_PHOTO, Capture, InputFile, PhotoFiles
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
-from spectrabox.radiometry.records import LinearImage, default_band_names
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import default_band_names
 
 MAX_CLIPPED = 0.5               # of the object photo
 LETTERED = ({*"RGB"}, {*"XYZ"})     # bands of which one cannot be another

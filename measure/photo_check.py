@@ -11,7 +11,7 @@ from spectrabox.measure.camera import chart_signals
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 BRIGHT = 0.75           # of saturation, where the brightest parts should lie
 DARKEST = 0.2           # of it, below which a photo is shot again

@@ -17,7 +17,7 @@ from spectrabox.measure.plot_style import (
     TRUTH,
     band_colours,
 )
-from spectrabox.radiometry.records import SpectrumSummary
+from spectrabox.radiometry.records.spectra import SpectrumSummary
 
 DOTTED = (0, (1, 1.2))
 

@@ -10,22 +10,22 @@ import numpy as np
 
 from spectrabox.measure.captured import View
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import (
     Calibration,
-    ChartDetection,
     ChartWhite,
     HeldOutPatches,
-    JointReconstruction,
     LightDrift,
+    PriorInfluence,
+)
+from spectrabox.radiometry.records.photos import (
+    ChartDetection,
     LinearImage,
     PatchSamples,
-    PriorInfluence,
     RegionSamples,
     Registration,
-    SceneGeometry,
-    SurfaceSignals,
-    SurfaceSpectrum,
 )
+from spectrabox.radiometry.records.scenes import JointReconstruction, SceneGeometry
+from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
 from spectrabox.radiometry.shaped import Record
 
 Kind = TypeVar("Kind")

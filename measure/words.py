@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import SurfaceAgreement
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
 
 OFF = 0.05              # a surface further off than this is named and highlighted
 MOST_LISTED = 6         # items that a phrase names

@@ -19,7 +19,7 @@ from spectrabox.radiometry.published.published_tables import (
     published_colours,
     published_curves,
 )
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 
 

@@ -23,15 +23,14 @@ import numpy as np
 
 from spectrabox.radiometry.covariance import block_diagonal, error_patterns
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import (
     Calibration,
     CommonError,
     FittedFilter,
     LightDrift,
     LightScale,
-    SurfaceSignals,
-    WavelengthGrid,
 )
+from spectrabox.radiometry.records.spectra import SurfaceSignals, WavelengthGrid
 from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 

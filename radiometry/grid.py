@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 
 VISIBLE_NM = (400.0, 700.0)  # the range used throughout, as in the paper (Sec. 3.1)
 NM_ROUNDING = 1e-6

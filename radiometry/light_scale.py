@@ -8,7 +8,8 @@ from scipy.special import chdtri
 
 from spectrabox.radiometry.error_model import DRIFT, ROUNDED_EXPOSURES, with_common_error
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LightDrift, LightScale, LinearImage
+from spectrabox.radiometry.records.calibration import LightDrift, LightScale
+from spectrabox.radiometry.records.photos import LinearImage
 
 SAME_SETTING = 1e-6
 # Of the times that cameras state: 1/125, 1/60.

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.records import Calibration, WavelengthGrid
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 

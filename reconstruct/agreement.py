@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.light_scale import scale_from_signals
-from spectrabox.radiometry.records import LightScale, LinearImage, SurfaceAgreement
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
 
 # (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
 MAX_CONTRAST = 0.6

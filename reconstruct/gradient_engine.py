@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records import Outcome, Progress
+from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import scale_from_surfaces
 from spectrabox.reconstruct.rendering.renderer import render

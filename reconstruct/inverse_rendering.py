@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.scenes import (
     JointReconstruction,
-    LightScale,
-    Progress,
     Reconstruction,
     RegionTransport,
 )
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.response import white_signal
 from spectrabox.reconstruct.agreement import (
     model_covariance,

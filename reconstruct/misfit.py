@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.radiometry.records import SurfaceAgreement, SurfaceMisfit
+from spectrabox.radiometry.records.scenes import SurfaceAgreement, SurfaceMisfit
 
 FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
 SHAPE_ERROR = 0.02      # relative error of a block besides its noise: pose, light profile, lens

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.interreflection import products
-from spectrabox.radiometry.records import JointReconstruction, Progress
+from spectrabox.radiometry.records.scenes import JointReconstruction
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, within_to_block
 from spectrabox.reconstruct.fit.traced_view import TracedView
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 if TYPE_CHECKING:
-    from spectrabox.radiometry.records import LearntSpectra
+    from spectrabox.radiometry.records.scenes import LearntSpectra
 
 # auto: transport, or gradient for glossy materials
 Engine = Literal["auto", "transport", "gradient", "single-bounce"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Outcome, Progress
+from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences

@@ -13,16 +13,10 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import (
-    Calibration,
-    LearntSpectra,
-    LightScale,
-    LinearImage,
-    Outcome,
-    RegionTransport,
-    Spectrum,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records.calibration import Calibration, LightScale
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.scenes import LearntSpectra, RegionTransport
+from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthGrid
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.agreement import usable_pixels

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.published.per_axis_box import sample_published

@@ -12,7 +12,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, WavelengthGrid
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 PROJECTION_STEPS = 300      # of the accelerated projected gradient; 1e-7 of the optimum at N = 31

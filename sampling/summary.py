@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.spectra import (
     SpectralMeasurement,
     SpectrumSamples,
     SpectrumSummary,

@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.polytope import circuit_hit_and_run
 from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope

@@ -22,7 +22,7 @@ from spectrabox.measure.steps.inversion import require_invertible, require_mater
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.kept_cameras import known_camera
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape

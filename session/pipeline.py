@@ -10,7 +10,7 @@ from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.steps.inputs import StepInputs
 from spectrabox.measure.steps.order import measure
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Progress
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.shaped import Record
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_schema import SessionConfig

@@ -10,7 +10,7 @@ from spectrabox.measure.scene.rehearsal import rehearse as rehearse_scene
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.measure.steps.inversion import settings_of, stated_errors, views_of
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Progress
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_schema import SessionConfig

@@ -8,7 +8,7 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 
 GRID = visible_grid()
 NODES = np.arange(400.0, 701.0, 5.0)

@@ -11,7 +11,7 @@ from spectrabox.fixtures.paints import NM, random_paints
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 HEIGHT, WIDTH = 600, 840
 UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

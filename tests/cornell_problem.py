@@ -5,16 +5,9 @@ import numpy as np
 
 from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import (
-    Calibration,
-    LightScale,
-    LinearImage,
-    Outcome,
-    PhotoKind,
-    Quantity,
-    SensitivityFit,
-    Spectrum,
-)
+from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
+from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView

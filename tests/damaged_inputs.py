@@ -29,7 +29,7 @@ from spectrabox.capture.transcripts.transcript import read_transcript
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.spectral_files import write_examples
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_table

@@ -14,7 +14,7 @@ from spectrabox.fixtures.flat_sample import (
     write_photo,
 )
 from spectrabox.fixtures.paints import NM, chart_truth, paint
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 
 SIZE = (320, 480)

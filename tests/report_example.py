@@ -15,21 +15,20 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.surface_spectra import Scores
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import (
-    Calibration,
+from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
+from spectrabox.radiometry.records.photos import (
     ChartDetection,
-    LightScale,
     LinearImage,
-    Outcome,
     PatchSamples,
     PhotoKind,
+)
+from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
+from spectrabox.radiometry.records.spectra import (
+    Outcome,
     Quantity,
-    Reconstruction,
-    SensitivityFit,
     Spectrum,
     SpectrumSamples,
     SpectrumSummary,
-    SurfaceAgreement,
 )
 from spectrabox.session.outputs.results import SessionResults, StageRun, UsedFile
 

@@ -3,7 +3,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.response import relative_operator, response_matrix
 from spectrabox.sampling.spectral_measurement import MeasurementOperator
 

@@ -12,7 +12,7 @@ from session_photos import rendered_box, shoot, write_table
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities, chart_light, vignetting
 from spectrabox.fixtures.paints import NM, chart_truth, paint
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 
 SIZE = (208, 312)
 PAINTS = {"white": "white_wall", "green": "green_wall", "red": "red_wall", "cube": "cube"}

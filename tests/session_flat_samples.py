@@ -15,7 +15,7 @@ from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import chart_corners
 from spectrabox.fixtures.paints import NM, paint
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 
 CARDS_CHART = [[[300, 240], [340, 240], [340, 270], [300, 270]],
                [[380, 244], [420, 240], [420, 272], [380, 270]]]

@@ -21,7 +21,7 @@ from spectrabox.fixtures.demos.demo_photos import (
 from spectrabox.fixtures.demos.demo_scenes import box_scene, chart_scene_xml
 from spectrabox.fixtures.paints import NM, chart_truth, paint
 from spectrabox.radiometry.chart import CLASSIC
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 
 SIZE = (208, 312)
 PAINTS = {"white": "white_wall", "green": "green_wall", "red": "red_wall", "cube": "cube"}

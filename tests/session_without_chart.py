@@ -11,7 +11,7 @@ from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.demos.demo_scenes import box_scene, regular_spectrum
 from spectrabox.fixtures.paints import NM, paint
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 
 SIZE = (104, 156)
 PAINTS = {"white": "white_wall", "green": "green_wall", "red": "red_wall", "cube": "cube"}

@@ -15,7 +15,8 @@ from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredCha
 from spectrabox.measure.steps.order import InMemory
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import CLASSIC
-from spectrabox.radiometry.records import ChartDetection, LinearImage, PhotoKind, UnknownLight
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
+from spectrabox.radiometry.records.spectra import UnknownLight
 
 BANDS = ("R", "G", "B")
 

@@ -20,14 +20,9 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import (
-    CalibrationDoubt,
-    ChartDetection,
-    PatchSamples,
-    Quantity,
-    Spectrum,
-    UnknownLight,
-)
+from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.records.photos import ChartDetection, PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light
 
 GRID = visible_grid()

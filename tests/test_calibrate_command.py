@@ -14,7 +14,7 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
 from spectrabox.session.camera.patch_files import read_patches

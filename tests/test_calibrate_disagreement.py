@@ -9,7 +9,8 @@ from calibrate_cameras import cameras_at_10_nm as cameras
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.records import CalibrationDoubt, Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 
 SURFACES = reflectances()
 TRUTH = on_grid(cameras(1, 60)[0] / cameras(1, 60)[0].max())

@@ -15,7 +15,7 @@ from spectrabox.calibrate.geometry.projection import (
     undistorted,
 )
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 
 def photo(signal, variance=None, step=1.0):

@@ -48,7 +48,7 @@ from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import fit_with_prior, relative_prediction_covariance
 from spectrabox.radiometry.chart import CLASSIC
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 
 SIGMAS = 3.9
 NM = np.arange(400.0, 701.0, 15.0)

@@ -7,7 +7,7 @@ from spectrabox.calibrate.chart_consistency import light_power, unlit, wavelengt
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.light_scale import light_drift, scale_from_signals
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 
 PREDICTED = np.random.default_rng(1).uniform(0.1, 1, (24, 3))
 

@@ -34,7 +34,7 @@ from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 
 SURFACES = reflectances()
 

@@ -48,7 +48,8 @@ from spectrabox.calibrate.products.product_posterior import (
 from spectrabox.calibrate.products.product_prior import paired, product_prior
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import PatchSamples, UnknownLight
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.radiometry.spectra.filters import stated_filter
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import light as named_light

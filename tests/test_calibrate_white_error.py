@@ -6,7 +6,7 @@ from calibrate_cameras import GRID, NODES, cameras, led, on_grid, reflectances, 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.learnt_prior import build_prior
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 
 SCALE, NOISE = 3.7, 0.01
 SURFACES = reflectances()

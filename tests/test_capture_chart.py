@@ -18,7 +18,7 @@ from spectrabox.radiometry.chart import (
 )
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, ClippedPhotoError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 HEIGHT, WIDTH = 720, 1000
 BLACK, WHITE, ELECTRONS, READ_DN = np.array([512, 510, 514, 516]), 16383, 20000, 4.0

@@ -13,7 +13,7 @@ from spectrabox.capture.photo.linear import linear_image, tile_step
 from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.dng import X_TRANS, write_dng
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFrame
 
 from benchmarks.mosaic_file import read_mosaic
 

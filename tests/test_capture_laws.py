@@ -32,14 +32,14 @@ from spectrabox.capture.photo.linear import linear_image
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.photos import (
     ChartDetection,
     LinearImage,
     PatchSamples,
     PhotoKind,
-    Quantity,
     RawFrame,
 )
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingSeries
 
 from tests.test_calibrate_pose import CORNERS, SHIFT, TURN, seen

@@ -19,7 +19,7 @@ from spectrabox.fixtures.chart_scene import mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
 from spectrabox.radiometry.files import read_text
-from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 BLACK = np.array([512, 510, 514, 516])
 WHITE = 16383

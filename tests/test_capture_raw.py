@@ -10,7 +10,7 @@ from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.raw import _require_known_sensor, read_raw
 from spectrabox.fixtures.dng import BAYER_TILES, BITS, CAMERA_FROM_XYZ, PATTERNS, write_dng
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import PhotoKind
+from spectrabox.radiometry.records.photos import PhotoKind
 
 MOSAIC = np.random.default_rng(2).integers(500, 16000, (48, 66)).astype(np.uint16)
 

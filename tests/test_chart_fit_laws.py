@@ -45,7 +45,8 @@ from spectrabox.calibrate.sensitivity import CHART_ERROR, _patch_sigma, fit_sens
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import ChartWhite, PatchSamples
+from spectrabox.radiometry.records.calibration import ChartWhite
+from spectrabox.radiometry.records.photos import PatchSamples
 
 POSITIONS = CLASSIC.centres_uv
 

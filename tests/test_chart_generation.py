@@ -9,7 +9,7 @@ from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.appearance import tristimulus_weights
 from spectrabox.radiometry.chart import AFTER, AFTER_2014, BEFORE, CLASSIC, chart_reflectances
 from spectrabox.radiometry.published.published_tables import published_colours
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 
 GENERATIONS = {name: chart_reflectances(name, GRID) for name in CLASSIC.generations}
 

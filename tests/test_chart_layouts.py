@@ -16,7 +16,7 @@ from spectrabox.radiometry.charts.references import measured_chart, reference_re
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.published.published_tables import published_colours
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.cgats import sp_text
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 

@@ -17,7 +17,7 @@ from spectrabox.radiometry.chart import table_orders, typical_camera_signals
 from spectrabox.radiometry.charts.layouts import LAYOUTS
 from spectrabox.radiometry.charts.references import published_signals
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 

@@ -11,7 +11,7 @@ from spectrabox.measure.regions.region_signals import RegionSignal
 from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.radiometry.error_model import PHOTO_NOISE, WHITE, proportional_covariance
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import SignalError, SurfaceSignals
+from spectrabox.radiometry.records.spectra import SignalError, SurfaceSignals
 
 BANDS = np.array([np.exp(-(((FINE_GRID.nm - peak) / 35) ** 2)) for peak in (610, 540, 460)])
 BANDS /= BANDS.sum(axis=1, keepdims=True)

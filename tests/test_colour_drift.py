@@ -11,13 +11,9 @@ from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import (
-    CalibrationDoubt,
-    PatchSamples,
-    Quantity,
-    Spectrum,
-    UnknownLight,
-)
+from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light
 
 REFLECTANCES = chart_reflectances("BabelColor Average", GRID)

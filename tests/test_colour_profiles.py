@@ -40,7 +40,8 @@ from spectrabox.measure.profiles.colour_profile import (
 from spectrabox.radiometry.appearance import BRADFORD, ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.profile_files import SPACES, aces_from_d50, write_profile
-from spectrabox.radiometry.records import PatchSamples, Quantity
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published_sets
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, spectrum_on_grid

@@ -39,7 +39,7 @@ from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import table_text

@@ -13,7 +13,7 @@ import spectrabox as sb
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.report.safe_json import plain_values
 

@@ -20,16 +20,9 @@ from spectrabox.radiometry.error_model import (
     with_common_error,
 )
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import (
-    Calibration,
-    JointReconstruction,
-    LightScale,
-    Outcome,
-    Quantity,
-    SensitivityFit,
-    Spectrum,
-    SurfaceSignals,
-)
+from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
+from spectrabox.radiometry.records.scenes import JointReconstruction
+from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum, SurfaceSignals
 from spectrabox.radiometry.response import response_matrix, white_signal
 
 GRID = visible_grid(5)

@@ -35,14 +35,10 @@ from spectrabox.measure.surfaces.independent_bands import independent_bands
 from spectrabox.radiometry import light_scale as drift
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.light_scale import light_drift
-from spectrabox.radiometry.records import (
-    ChartDetection,
-    ChartWhite,
-    LinearImage,
-    PhotoKind,
-    Quantity,
-    SurfaceAgreement,
-)
+from spectrabox.radiometry.records.calibration import ChartWhite
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 from spectrabox.reconstruct.agreement import model_covariance, scene_errors, surface_covariance

@@ -20,13 +20,9 @@ from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.error_model import curve_errors, filter_errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
-    Calibration,
-    PatchSamples,
-    Quantity,
-    SpectralMeasurement,
-    Spectrum,
-)
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement, Spectrum
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.filters import (
     filters_at_hand,

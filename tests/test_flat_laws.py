@@ -34,18 +34,14 @@ from spectrabox.radiometry.error_model import (
     SURFACE_REFLECTIONS,
 )
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartWhite,
     LightDrift,
-    LinearImage,
-    Outcome,
-    PhotoKind,
-    Quantity,
-    RegionSamples,
     SensitivityFit,
-    Spectrum,
 )
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RegionSamples
+from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
 
 SIGMAS, DRAWS = 3.9, 40_000
 LEVEL, GLARE = np.array([0.6, 0.8, 0.5]), np.array([0.004, 0.006, 0.003])

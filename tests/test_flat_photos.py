@@ -20,7 +20,7 @@ from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.error_model import ROUNDED_EXPOSURES
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session

@@ -17,7 +17,7 @@ from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.steps.flat_picture import lit_photo
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.write_outputs import write_outputs

@@ -26,7 +26,7 @@ from spectrabox.measure.results.of_records import result_of
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
 

@@ -22,7 +22,7 @@ from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.fixtures.meter_transcripts import FOLDER, all_meters, clean_meters
 from spectrabox.radiometry.appearance import luminance_of
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 from tests.transcript_trials import measure_played

@@ -23,7 +23,7 @@ from spectrabox.capture.meter.meter_calibration import (
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 
 NM = np.arange(380.0, 781.0, 4)

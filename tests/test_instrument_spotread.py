@@ -21,7 +21,7 @@ from spectrabox.capture.meter.spotread import spotread_reading
 from spectrabox.fixtures.meter_transcripts import lamp
 from spectrabox.radiometry.appearance import luminance_of
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.session.cli import app
 
 RECORDED = Path(__file__).resolve().parent.parent / "fixtures" / "spotread"

@@ -17,14 +17,9 @@ from spectrabox.measure.verdict.calibration import held_out_patches as criteria_
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import (
-    CalibrationDoubt,
-    HeldOutPatches,
-    PatchSamples,
-    Quantity,
-    Spectrum,
-    UnknownLight,
-)
+from spectrabox.radiometry.records.calibration import CalibrationDoubt, HeldOutPatches
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 

@@ -6,7 +6,8 @@ from spectrabox.capture.photo.regions import region_signals
 from spectrabox.radiometry.error_model import drift_covariance
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
 from spectrabox.radiometry.light_scale import drift_between, scale_after_drift
-from spectrabox.radiometry.records import LightScale, LinearImage, PhotoKind
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 WHITE = np.array([0.5, 0.6, 0.4])
 LEFT, RIGHT = [[10, 10], [30, 10], [30, 30], [10, 30]], [[50, 10], [70, 10], [70, 30], [50, 30]]

@@ -20,7 +20,7 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_error import light_terms
 from spectrabox.calibrate.prior.curve_posterior import camera_alone, curve_moments
 from spectrabox.calibrate.sensitivity import fit_with_prior
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light, spectrum_of_name
 
 SURFACES = reflectances()

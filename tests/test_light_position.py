@@ -12,7 +12,7 @@ from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.demos.demo_scenes import box_scene
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.interreflection import signal
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.edit_scene import light_number, move_light, with_light_moved

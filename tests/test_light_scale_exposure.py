@@ -11,7 +11,8 @@ from spectrabox.radiometry.error_model import (
 )
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import rounding_error, scale_for_photo
-from spectrabox.radiometry.records import LightScale, LinearImage, PhotoKind
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 SCALE = LightScale(2.0, 0.01, None, "chart photo")
 

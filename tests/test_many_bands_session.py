@@ -12,7 +12,7 @@ from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals, write_photo
 from spectrabox.fixtures.paints import NM, chart_truth
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 

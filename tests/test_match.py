@@ -8,7 +8,7 @@ from flat_example import write_flat
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity, SpectralMeasurement
+from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify

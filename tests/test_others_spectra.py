@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from spectrabox.fixtures.mutations import mutated
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_table
 from spectrabox.session.cli import app
 

@@ -13,7 +13,7 @@ from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.processed_photos import NotLinearError
 from spectrabox.fixtures import dng
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import PhotoKind
+from spectrabox.radiometry.records.photos import PhotoKind
 
 from tests.session_runs import call
 

@@ -25,7 +25,7 @@ from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spec
 from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
 from spectrabox.measure.pictures.shown_bands import shown_bands
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.reconstruct.pixel_light import LightNodes
 from spectrabox.sampling.prior import local_posteriors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance_moments

@@ -13,7 +13,7 @@ from spectrabox.measure.expected_spectra import Shoot, expected_spectra
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.filters import stated_filter
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.session.cli import app

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.appearance import tristimulus
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.session.cli import app

@@ -17,7 +17,7 @@ from spectrabox.fixtures.demos.demo_scenes import (
 )
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import SurfaceAgreement
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
 from spectrabox.reconstruct.agreement import (
     edge_shift,
     scale_from_surfaces,

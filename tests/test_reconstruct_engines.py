@@ -11,7 +11,7 @@ import pytest
 from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import band_products, exponents_up_to
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct import view as view_module
 from spectrabox.reconstruct.inverse_rendering import reconstruct

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.interreflection import exponents_up_to
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.radiometry.response import relative_operator, response_matrix
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior, learnt_prior, smooth_prior

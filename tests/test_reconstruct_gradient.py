@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.reconstruct import gradient_engine as gradient
 from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.gradient_engine import (

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.records import SurfaceAgreement, SurfaceMisfit
+from spectrabox.radiometry.records.scenes import SurfaceAgreement, SurfaceMisfit
 from spectrabox.reconstruct.agreement import scene_errors
 from spectrabox.reconstruct.misfit import (
     FALSE_ALARM,

@@ -11,7 +11,8 @@ import pytest
 from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import band_products, exponents_up_to
-from spectrabox.radiometry.records import JointReconstruction, LearntSpectra, Quantity, Spectrum
+from spectrabox.radiometry.records.scenes import JointReconstruction, LearntSpectra
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views

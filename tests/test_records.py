@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.grid import grid_from_nm, trapezoid_weights_nm, visible_grid
-from spectrabox.radiometry.records import Outcome, Quantity, Spectrum, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum, SpectrumSamples
 
 
 def test_arrays_of_a_record_cannot_be_changed():

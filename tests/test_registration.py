@@ -9,7 +9,7 @@ from spectrabox.capture.photo.registration import (
     registered,
 )
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 SIZE, STEP, BLUR = (240, 360), 2.0, 3.0
 # edges lie at any part of a pixel

@@ -17,7 +17,9 @@ from spectrabox.measure.verdict.scene import scene_conditions
 from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.records import CalibrationDoubt, Outcome, SurfaceMisfit
+from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.records.scenes import SurfaceMisfit
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,
     FamilyCertificate,

@@ -9,7 +9,7 @@ from report_example import GRID, example_session, with_found
 
 from spectrabox.calibrate.trust import chart_colour_differences
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
-from spectrabox.radiometry.records import HeldOutPatches, PriorInfluence
+from spectrabox.radiometry.records.calibration import HeldOutPatches, PriorInfluence
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage
 from spectrabox.session.report.numbers import report_numbers, scene_numbers

@@ -6,7 +6,7 @@ from scipy import stats
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.circuit_hit_and_run import (
     design,
     find_circuits,

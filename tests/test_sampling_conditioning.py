@@ -7,7 +7,7 @@ from sampling_cameras import camera, grey, measurement, response, seen, surface
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.error_budget import METAMERISM
 from spectrabox.sampling.evaluation.spectrum_scores import (

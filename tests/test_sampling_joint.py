@@ -7,7 +7,8 @@ from sampling_cameras import response, surface
 from scipy.stats import multivariate_normal
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import LightTransport, Outcome
+from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families, reflectance
 from spectrabox.sampling.scene.joint_posterior import (

@@ -11,7 +11,8 @@ from scipy import stats
 from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LightTransport, Outcome
+from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
 from spectrabox.sampling.evaluation.spectrum_scores import curve_band

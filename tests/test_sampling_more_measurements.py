@@ -13,7 +13,7 @@ from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.further.more_measurements import given_reflected_twice, joined
 from spectrabox.sampling.prior.mixture import PRIOR_GRID

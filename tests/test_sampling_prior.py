@@ -13,7 +13,7 @@ from scipy import stats
 from spectrabox.measure.pictures.uplift import require_bands
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.sampling.prior.band_calibration import AT_95, train
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.families.family_names import NAMES, WORDS

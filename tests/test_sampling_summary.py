@@ -11,7 +11,7 @@ from scipy import stats
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.more_measurements import Reading, condition
 from spectrabox.sampling.summary import next_measurement_nm, summarise
 from spectrabox.sampling.uniform import sample_uniform

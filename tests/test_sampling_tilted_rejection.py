@@ -11,7 +11,7 @@ from scipy.optimize import linprog, lsq_linear
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, null_space
 from spectrabox.sampling.polytope.tilted_rejection import (
     collect,

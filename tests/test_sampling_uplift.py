@@ -7,7 +7,7 @@ from scipy import stats
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.colour_science import METHODS, observer_response, upsampled
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior import local_posteriors

@@ -16,7 +16,7 @@ from spectrabox.radiometry.light_scale import (
     rounding_error,
     scale_from_signals,
 )
-from spectrabox.radiometry.records import LightScale
+from spectrabox.radiometry.records.calibration import LightScale
 
 # what a camera states, and what it does: thirds of a stop from 1 s and from f/1
 TIMES_S = ((1 / 60, 2.0**-6), (1 / 125, 2.0**-7), (1 / 15, 2.0**-4), (1 / 100, 2 ** (-20 / 3)))

@@ -10,7 +10,7 @@ from test_colmap import with_model
 from typer.testing import CliRunner
 
 from spectrabox.measure.scene.geometry import scene_geometry
-from spectrabox.radiometry.records import MarkedView, Placement, SceneGeometry
+from spectrabox.radiometry.records.scenes import MarkedView, Placement, SceneGeometry
 from spectrabox.reconstruct.scene.box_scene import box_xml, chart_xml
 from spectrabox.reconstruct.scene.edit_scene import (
     Refinement,
@@ -179,7 +179,7 @@ def test_the_report_shows_what_moved(tmp_path):
 
 
 def test_geometry_light_says_what_to_write_into_a_box(captured):
-    from spectrabox.radiometry.records import Outcome
+    from spectrabox.radiometry.records.spectra import Outcome
     from spectrabox.reconstruct.scene.box_scene import is_of_box
     from spectrabox.reconstruct.scene.light_position import LightPosition
     from spectrabox.session.commands.lamp import _light_text

@@ -12,7 +12,8 @@ from spectrabox.measure.verdict.criteria import Status
 from spectrabox.measure.verdict.scene import _rehearsal, median_surface_error, worst_entry
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Outcome, SpectrumSamples, SurfaceAgreement
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
+from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
 from spectrabox.sampling.evaluation.spectrum_scores import coverage_error
 from spectrabox.sampling.further.more_measurements import Reading, condition
 

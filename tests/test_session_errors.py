@@ -35,7 +35,7 @@ from spectrabox.measure.verdict.criteria import Status
 from spectrabox.measure.verdict.flat import clipped_photo
 from spectrabox.measure.verdict.scene import clipped_pixels
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
-from spectrabox.radiometry.records import ChartWhite, LightScale
+from spectrabox.radiometry.records.calibration import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 

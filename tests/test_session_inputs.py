@@ -11,7 +11,7 @@ from spectrabox.fixtures.object_views import object_mesh, write_ply
 from spectrabox.measure import opened_photos
 from spectrabox.measure.captured import FlatCapture, InputFile, Sensitivity, View
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import UnknownLight
+from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import stage_states

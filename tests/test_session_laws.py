@@ -33,14 +33,9 @@ from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_s
 from spectrabox.measure.surfaces.surface_spectra import resample_summary
 from spectrabox.radiometry.error_model import DRIFT, drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import (
-    LightDrift,
-    LightScale,
-    Quantity,
-    Spectrum,
-    SpectrumSummary,
-    StrayLightError,
-)
+from spectrabox.radiometry.records.calibration import LightDrift, LightScale
+from spectrabox.radiometry.records.scenes import StrayLightError
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, SpectrumSummary
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
 COLOUR = np.array([0.02, 0.0, -0.03])

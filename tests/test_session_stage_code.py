@@ -30,7 +30,7 @@ def edited(tmp_path, monkeypatch):
     ("measure/captured.py", STAGES),
     ("calibrate/prior/models/rawtoaces39.npz", STAGES),
     ("sampling/prior/models/surface_families.npz", STAGES),
-    ("radiometry/records.py", STAGES)])
+    ("radiometry/records/spectra.py", STAGES)])
 def test_an_edit_makes_stale_what_depends_on_it(finished, edited, file, stale):
     edited(file)
     states = {state.name: state for state in stage_states(read_session(finished))}

@@ -13,14 +13,8 @@ from spectrabox.radiometry.files import (
     write_text_whole,
 )
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import (
-    Calibration,
-    LightScale,
-    Outcome,
-    Quantity,
-    SensitivityFit,
-    Spectrum,
-)
+from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
+from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
 from spectrabox.session.store.record_files import pack, unpack
 from spectrabox.session.store.store import (
     fingerprint,

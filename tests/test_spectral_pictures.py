@@ -11,7 +11,7 @@ from spectral.io import envi
 
 from spectrabox.measure.pictures.spectra_files import PictureLayout, write_spectra
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import layer_names, spectral_layers
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_table
 from spectrabox.reconstruct.rendering.renderer import all_cores, start_mitsuba

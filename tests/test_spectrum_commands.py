@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.fixtures.spectral_files import NM, REFLECTANCE, asd_bytes, write_examples
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 from spectrabox.session.cli import app
 

@@ -5,7 +5,7 @@ from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import measured_chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -118,7 +118,7 @@ def test_curves_come_with_their_names(tmp_path):
 
 
 def test_a_spectrum_keeps_its_own_grid():
-    from spectrabox.radiometry.records import Spectrum
+    from spectrabox.radiometry.records.spectra import Spectrum
     spectrum = Spectrum(grid_from_nm(np.array([380.0, 800.0])), np.array([0.0, 0.42]),
                         Quantity.RELATIVE, "ramp")
     # Coarser than 2.5 nm: the cubic through two points is their line.

@@ -19,7 +19,7 @@ from spectrabox.fixtures.spectral_files import (
     write_examples,
 )
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.cgats import sp_text
 from spectrabox.radiometry.spectra.formats.envi import envi_files
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.spectral_files import NM, REFLECTANCE, write_examples
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.session.config.captured_session import read_light, read_reflectance
 from spectrabox.session.config.curve_sources import LightTable, SpectrumTable

@@ -4,7 +4,8 @@ import pytest
 from calibrate_cameras import GRID
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import HeldOutPatches, Spectrum
+from spectrabox.radiometry.records.calibration import HeldOutPatches
+from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import stated_light
 

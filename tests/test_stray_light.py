@@ -19,7 +19,7 @@ from spectrabox.radiometry.error_model import (
     SURFACE_REFLECTION,
 )
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import JointReconstruction
+from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.edit_scene import with_light_moved

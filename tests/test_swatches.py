@@ -20,7 +20,7 @@ from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals,
 from spectrabox.fixtures.paints import NM as PAINT_NM
 from spectrabox.fixtures.paints import chart_truth
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import MIN_SWATCHES, Quantity
+from spectrabox.radiometry.records.spectra import MIN_SWATCHES, Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.further.learnt_swatches import (
     Swatches,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from spectral.io import envi
 
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.envi import envi_files
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.spectra.spectrum_files import read_table

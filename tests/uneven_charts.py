@@ -11,7 +11,7 @@ from calibrate_cameras import GRID, NODES, cameras, reflectances
 from spectrabox.calibrate.chart_equations import ChartEquations, field_terms
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 
 UNEVEN = grid_from_nm(np.r_[np.arange(400.0, 520.0, 3.0), np.arange(520.0, 701.0, 4.0)])
 

@@ -18,12 +18,10 @@ import numpy as np
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.records import (
-    LightScale,
-    LinearImage,
-    Reconstruction,
-    SpectralMeasurement,
-)
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.scenes import Reconstruction
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba

@@ -25,7 +25,8 @@ from spectrabox.calibrate.chart_calibration import (
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
-from spectrabox.radiometry.records import PatchSamples, Quantity, Spectrum
+from spectrabox.radiometry.records.photos import PatchSamples
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 
 GRID = visible_grid()

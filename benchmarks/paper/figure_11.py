@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import Quantity, SpectralMeasurement
+from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
     on_grid,

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import LightTransport, SpectralMeasurement
+from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior

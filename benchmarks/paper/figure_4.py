@@ -21,7 +21,8 @@ import numpy as np
 
 from spectrabox.fixtures.object_views import cameras, view_xml
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import LightScale, SpectralMeasurement
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba

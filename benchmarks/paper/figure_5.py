@@ -13,7 +13,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.polytope.refinement import sample_refined
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope

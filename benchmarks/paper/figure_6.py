@@ -19,7 +19,8 @@ import numpy as np
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
-from spectrabox.radiometry.records import LightScale, SpectralMeasurement
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView

@@ -17,7 +17,9 @@ import numpy as np
 
 from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
-from spectrabox.radiometry.records import LightScale, LinearImage, Outcome, SpectralMeasurement
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView

@@ -20,7 +20,8 @@ import numpy as np
 
 from spectrabox.fixtures.cornell_box import cornell_box_xml
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
-from spectrabox.radiometry.records import LightScale, SpectralMeasurement
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.reconstruct.gradient_engine import LEARNING_RATE, START, cosine_rate
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm

@@ -24,7 +24,7 @@ from sklearn.neural_network import MLPRegressor
 from spectrabox.measure.signals.judgement import PictureJudgement, judge_picture
 from spectrabox.measure.signals.options import JudgeOptions
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.draw_methods import draw_spectra

@@ -15,7 +15,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.gradient_engine import (
     LEARNING_RATE,

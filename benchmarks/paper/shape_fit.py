@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.records import Outcome, Progress
+from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct.gradient_engine import reflectance_key, stalled
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK

@@ -11,15 +11,9 @@ import colour
 import numpy as np
 
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records import (
-    Calibration,
-    LinearImage,
-    Outcome,
-    PhotoKind,
-    Quantity,
-    SensitivityFit,
-    Spectrum,
-)
+from spectrabox.radiometry.records.calibration import Calibration, SensitivityFit
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
+from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml

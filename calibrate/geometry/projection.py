@@ -14,7 +14,7 @@ import numpy as np
 from spectrabox.calibrate.geometry.board import Board
 from spectrabox.calibrate.geometry.lens import Lens, pinhole
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 MIN_VIEWS = 3
 MIN_CORNERS = 6

@@ -28,7 +28,8 @@ from spectrabox.calibrate.sensitivity import (
 )
 from spectrabox.calibrate.trust import other_reading
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.records import LightPosterior, Spectrum, UnknownLight, WavelengthGrid
+from spectrabox.radiometry.records.calibration import LightPosterior
+from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight, WavelengthGrid
 
 Light = Spectrum | UnknownLight
 

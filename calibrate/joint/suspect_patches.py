@@ -15,7 +15,7 @@ from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.joint.veiling_glare import estimate_through_glare
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 
 # Standard errors by which a patch is off, and the same over the rms of the other patches, beyond
 # which it is a suspect; by chance in one chart of ten.

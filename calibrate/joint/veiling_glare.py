@@ -9,7 +9,8 @@ from spectrabox.calibrate.chart_equations import GLARE_SD, HAZE_SD, ChartEquatio
 from spectrabox.calibrate.joint.joint_estimate import Light, estimate_jointly
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.sensitivity import PriorFit
-from spectrabox.radiometry.records import LightPosterior, WavelengthGrid
+from spectrabox.radiometry.records.calibration import LightPosterior
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 
 RARE_HAZE = 3.0             # log odds against a veil beforehand
 DOUBTED_VEIL, MAX_VEIL = 0.04, 0.3      # of the brightest patch: a warning; no photo of a chart

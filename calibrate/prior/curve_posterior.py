@@ -23,7 +23,7 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartWhite,
     Filter,

@@ -14,7 +14,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 
 LENGTHS_NM = (15.0, 25.0, 40.0, 70.0)
 # standard deviation over mean: a narrow band is far from its mean nearly everywhere

@@ -41,7 +41,7 @@ from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 MODEL_ERRORS = (0.0003, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064)   # relative; which is inferred

@@ -29,7 +29,7 @@ from spectrabox.radiometry.published.published_tables import (
     all_published,
     published_curves,
 )
-from spectrabox.radiometry.records import UnknownLight
+from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 

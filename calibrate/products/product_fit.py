@@ -38,7 +38,8 @@ from spectrabox.calibrate.products.product_prior import ProductPrior, product_pr
 from spectrabox.calibrate.sensitivity import PriorFit, require_fit_for, sensitivity_fit
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import LightPosterior, WavelengthGrid
+from spectrabox.radiometry.records.calibration import LightPosterior
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 SEED = 1                    # of the draws of cameras

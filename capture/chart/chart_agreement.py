@@ -14,7 +14,7 @@ import numpy as np
 
 from spectrabox.capture.chart.patches import pixels_inside
 from spectrabox.radiometry.chart import AS_ASKED, CLASSIC, Chart, table_orders
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 PATCH = 40.0                     # side of a patch in the units of this room: mm on the Classic
 

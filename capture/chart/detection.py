@@ -36,7 +36,7 @@ from spectrabox.radiometry.chart import (
     table_orders,
 )
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
-from spectrabox.radiometry.records import ChartDetection, LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
 
 QUAD_SHARE = 0.6                         # of a patch's side that is sampled
 PICTURE_SIDES = (1600, 1000, 2400)       # px, long side of the picture searched, in this order

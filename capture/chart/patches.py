@@ -6,12 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
-from spectrabox.radiometry.records import (
-    ChartDetection,
-    LinearImage,
-    PatchSamples,
-    default_band_names,
-)
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records.spectra import default_band_names
 
 MIN_SAMPLES = 16
 CLIP_SIGMA = 3.0

@@ -23,7 +23,12 @@ from spectrabox.capture.chart.chart_agreement import (
 from spectrabox.capture.chart.detection import homography
 from spectrabox.capture.chart.patches import image_from_sensor, patches_and_excluded
 from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples, PhotoKind
+from spectrabox.radiometry.records.photos import (
+    ChartDetection,
+    LinearImage,
+    PatchSamples,
+    PhotoKind,
+)
 
 MIN_WHITE_SIGNAL = 0.05          # of full scale: black-level errors are then 1 % of grey patches
 MAX_RELATIVE_ERROR = 0.05        # standard error / mean of the black patch in its best band

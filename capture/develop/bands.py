@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 WELL_EXPOSED_PERCENTILE = 99.0
 # of the strongest channel under one filter or lamp: what lies below is mostly glare and black level

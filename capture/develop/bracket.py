@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 MAX_DISAGREEMENT = 0.05      # of the ratio of two exposures: stated times are rounded by 2.4 %
 MAX_CURVATURE = 0.03         # between ratios of dark and bright halves: more is not linear

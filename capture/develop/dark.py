@@ -14,7 +14,7 @@ import numpy as np
 from spectrabox.capture.photo.linear import linear_image, tile_step
 from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage, RawFrame
+from spectrabox.radiometry.records.photos import LinearImage, RawFrame
 
 HOT_SIGMA = 8.0              # above the median of the dark frame: none of 60 million normal pixels
 SIGMA_PER_MAD = 1.4826       # of a normal distribution

@@ -17,7 +17,7 @@ from spectrabox.capture.photo.orientation import AS_READ, turned
 from spectrabox.capture.photo.processed_photos import NotLinearError
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, RawFrame
+from spectrabox.radiometry.records.photos import LinearImage, RawFrame
 
 NOT_LINEAR = "NOT LINEAR: decoded as sRGB, colour matrix and tone curve remain"
 

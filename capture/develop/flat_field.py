@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 ORDER = 4                    # of the polynomial in x and y together: 15 terms
 BLOCKS = 24                  # block means along each side, at most

@@ -30,7 +30,7 @@ from spectrabox.capture.meter.serial_line import Hold, Log, Pace, open_line
 from spectrabox.capture.meter.stated import check_stated
 from spectrabox.radiometry.appearance import luminance_of
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 
 READS = 4                   # of one held result, until two in a row agree

@@ -14,7 +14,7 @@ import numpy as np
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import require_no_link, write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 from spectrabox.radiometry.system.words import file_stem, name_fault, shortened
 

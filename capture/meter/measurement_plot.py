@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.records import Spectrum
+from spectrabox.radiometry.records.spectra import Spectrum
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 WIDTH, HEIGHT = 72, 12      # characters

@@ -13,7 +13,7 @@ from spectrabox.capture.meter.meter_calibration import (
 )
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries, SpectralReading
 
 DRIFT_SIGMA = 3.0           # a drift counts where it exceeds its own error by this

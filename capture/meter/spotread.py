@@ -29,7 +29,7 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 from spectrabox.capture.meter.serial_line import Log
 from spectrabox.capture.meter.stated import Stated, check_stated, printed
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 from spectrabox.radiometry.system.words import shortened

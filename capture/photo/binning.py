@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 SIZE_RANGE = (0.75, 1.25)  # of the wanted width
 ASPECT_ROUND_OFF = 1e-9

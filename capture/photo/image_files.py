@@ -22,7 +22,7 @@ from spectrabox.capture.photo.stored_images import (
 from spectrabox.radiometry.appearance import decode_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.radiometry.records import LinearImage, PhotoKind
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 CLIP_FRACTION = 0.98
 HALF_STEP, SINGLE_STEP = 2.0**-11, 2.0**-24     # relative rounding of floats

@@ -12,7 +12,7 @@ import OpenImageIO as oiio
 from spectrabox.capture.photo.stored_images import SATURATED, VARIANCE
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import require_utf8_name, whole_file
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.system.words import reason_of
 
 PNG_END = b"IEND\xaeB`\x82"

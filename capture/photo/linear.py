@@ -17,7 +17,7 @@ from spectrabox.capture.photo.processed_photos import require_no_processed_file
 from spectrabox.capture.photo.raw import FullColourFrame, decode, visible_size
 from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, PhotoKind, RawFrame
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFrame
 
 CLIP_FRACTION = 0.98    # of the clip point: above it sensors are no longer linear
 MIN_SIGNAL = -0.03      # of the darkest hundredth of the picture: below, the black level is wrong

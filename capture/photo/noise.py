@@ -33,7 +33,7 @@ from statistics import NormalDist
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 LARGE_TILE, SMALL_TILE = 16, 8  # pixels; the small one for pictures with few large ones
 MANY_TILES, MIN_TILES = 200, 4

@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.capture.photo.raw import raw_orientation
 from spectrabox.capture.photo.stored_images import is_image_file, read_header
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 AS_READ = 1         # the orientation of a picture that is not turned
 

@@ -25,7 +25,7 @@ from spectrabox.capture.photo.metadata import (
 )
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
-from spectrabox.radiometry.records import RawFrame
+from spectrabox.radiometry.records.photos import RawFrame
 
 # orientation as EXIF numbers it, by the bits of LibRaw's flip: 1 left and right exchanged, 2 top
 # and bottom, 4 first rows and columns

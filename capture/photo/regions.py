@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from spectrabox.capture.chart.patches import image_from_sensor, pixels_inside
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
-from spectrabox.radiometry.records import LinearImage, RegionSamples
+from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
 
 MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region

@@ -16,7 +16,7 @@ import numpy as np
 
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.records import LinearImage, Registration
+from spectrabox.radiometry.records.photos import LinearImage, Registration
 
 WIDTH = 1000                # pixels, of the pictures of edges that are compared
 SMOOTHED_PX = 1.0           # before gradients are taken: the mosaic's own steps

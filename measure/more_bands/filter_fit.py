@@ -14,7 +14,8 @@ from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import exposure_ratio
-from spectrabox.radiometry.records import LinearImage, Spectrum, UnknownLight
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
 

@@ -9,7 +9,7 @@ import numpy as np
 from spectrabox.measure.regions.region_signals import DARK_BAND
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Calibration, Filter
+from spectrabox.radiometry.records.calibration import Calibration, Filter
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
 
 DARK = 1e-3             # of the brightest: no curve is divided by a light below it

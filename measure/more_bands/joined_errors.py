@@ -30,9 +30,8 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
-    Calibration,
-    FittedFilter,
+from spectrabox.radiometry.records.calibration import Calibration, FittedFilter
+from spectrabox.radiometry.records.spectra import (
     Quantity,
     SpectralMeasurement,
     Spectrum,

@@ -10,7 +10,7 @@ import numpy as np
 
 from spectrabox.measure.more_bands.further_photos import FurtherPhoto
 from spectrabox.measure.more_bands.second_photo import KnownSurface, SecondPhoto, forecasts
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.further.planner import (
     READING_ERROR,
     Candidate,

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.measure.more_bands.further_photos import FurtherPhoto
 from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.further.planner import PHOTO_MINUTES, PlannedStep
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import (

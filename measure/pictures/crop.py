@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, kron
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from spectrabox.measure.pictures.pixel_errors import (
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SEEN
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
 from spectrabox.measure.pictures.shown_bands import ShownBands
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
 from spectrabox.sampling.prior.uplift_table import MAX_SIGNAL, Uplifted, uplift_signals

@@ -23,7 +23,8 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import Calibration, SurfaceSignals
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.spectra import SurfaceSignals
 from spectrabox.sampling.prior.local_posteriors import informative_bands
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior

@@ -11,7 +11,8 @@ import numpy as np
 
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.light_scale import scale_from_signals
-from spectrabox.radiometry.records import LightScale, SurfaceAgreement
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
 from spectrabox.reconstruct.agreement import SCALE_ERROR, surface_covariance
 
 MIN_NODES = 8   # of a surface that is compared

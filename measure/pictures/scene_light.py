@@ -19,7 +19,7 @@ from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
 from spectrabox.measure.pictures.reference_surfaces import compare_reference_surfaces
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
-from spectrabox.radiometry.records import Calibration, LightScale
+from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 from spectrabox.reconstruct.scene.surfaces import hits_of
 from spectrabox.sampling.prior.mixture import PRIOR_GRID

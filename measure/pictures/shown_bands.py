@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, SEEN
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 MAX_SETS = 4        # the most frequent; each costs a table of spectra
 

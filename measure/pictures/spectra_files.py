@@ -29,7 +29,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
 )
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import writable
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.envi import VALUES, envi_rows
 from spectrabox.radiometry.spectra.formats.zarr_array import SUFFIX as ZARR
 from spectrabox.radiometry.spectra.formats.zarr_array import zarr_rows

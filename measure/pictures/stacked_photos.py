@@ -32,7 +32,7 @@ from spectrabox.radiometry.error_model import (
     drift_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 Between = Callable[[int, int], csr_array]   # weights (n, N) of the nodes at pixels of some rows

@@ -8,7 +8,8 @@ import numpy as np
 
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import Calibration, JointReconstruction, LightDrift
+from spectrabox.radiometry.records.calibration import Calibration, LightDrift
+from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.reconstruct.pixel_light import PixelLight
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene

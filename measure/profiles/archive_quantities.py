@@ -14,7 +14,7 @@ import numpy as np
 from spectrabox.calibrate.colour_profile import D50, ColourTransform, d50_weights
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 
 SOURCE = "https://skandalski.pl/tabela-fadgi-iso-metamorfoze/"
 ISO, FADGI = "ISO 19264-1:2021", "FADGI 2023"

@@ -11,7 +11,7 @@ import numpy as np
 from spectrabox.calibrate.colour_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
 from spectrabox.measure.profiles.colour_profile import ColourProfile, Spread
 from spectrabox.radiometry.colour_science import aces_idt
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 
 FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never seen by the fit

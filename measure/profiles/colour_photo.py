@@ -9,7 +9,7 @@ from spectrabox.calibrate.colour_profile import ColourTransform
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry.profile_files import LabSpace, RgbSpace
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 COLUMNS = 24                # of the nodes at which white is computed
 ROWS = 128                  # that are converted at once

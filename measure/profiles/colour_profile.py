@@ -19,7 +19,8 @@ from spectrabox.calibrate.colour_profile import (
 )
 from spectrabox.radiometry.error_model import curve_errors, light_errors
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import Calibration, WavelengthGrid
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.response import relative_response
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import (

@@ -23,7 +23,8 @@ from spectrabox.measure.steps.photos import THUMBNAIL_WIDTH, outlines_in, regist
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, RegionSamples, Registration, SurfaceSpectrum
+from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
+from spectrabox.radiometry.records.spectra import SurfaceSpectrum
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
 
 

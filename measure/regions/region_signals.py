@@ -32,7 +32,8 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import RegionSamples, SurfaceSignals, SurfaceSpectrum
+from spectrabox.radiometry.records.photos import RegionSamples
+from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior

@@ -31,13 +31,8 @@ from spectrabox.radiometry.error_model import (
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import exposure_ratio, rounding_error
-from spectrabox.radiometry.records import (
-    Calibration,
-    ChartWhite,
-    LightDrift,
-    LinearImage,
-    RegionSamples,
-)
+from spectrabox.radiometry.records.calibration import Calibration, ChartWhite, LightDrift
+from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
 from spectrabox.radiometry.response import relative_response
 
 KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear

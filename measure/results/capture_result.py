@@ -25,15 +25,17 @@ from spectrabox.measure.verdict.criteria import Criterion, Verdict
 from spectrabox.measure.verdict.judge import judge
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import (
     Calibration,
-    ChartDetection,
     HeldOutPatches,
     LightScale,
+    PriorInfluence,
+)
+from spectrabox.radiometry.records.photos import (
+    ChartDetection,
     LinearImage,
     PatchSamples,
     PhotoKind,
-    PriorInfluence,
 )
 from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages

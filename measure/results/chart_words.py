@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from spectrabox.radiometry.records import Calibration, HeldOutPatches, LightPosterior
+from spectrabox.radiometry.records.calibration import Calibration, HeldOutPatches, LightPosterior
 
 TWO_SIGMA = 2.0
 CHANCE = 0.05           # of naming any patch of a chart of which nothing is wrong

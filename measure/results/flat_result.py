@@ -16,7 +16,8 @@ from spectrabox.measure.results.capture_result import (
 from spectrabox.measure.results.methods import flat_methods
 from spectrabox.measure.verdict.criteria import Criterion
 from spectrabox.measure.verdict.flat import clipped_photo, flat_conditions, flat_criteria
-from spectrabox.radiometry.records import RegionSamples, SurfaceSignals
+from spectrabox.radiometry.records.photos import RegionSamples
+from spectrabox.radiometry.records.spectra import SurfaceSignals
 
 
 @dataclass(frozen=True, eq=False)

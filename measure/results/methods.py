@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
 from spectrabox.measure.verdict.scene import median_surface_error, worst_entry
 from spectrabox.measure.words import deviation_words, exposure, listed, number, percent
-from spectrabox.radiometry.records import LightScale, Spectrum
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.spectra import Spectrum
 
 if TYPE_CHECKING:
     from spectrabox.measure.results.capture_result import CaptureResult

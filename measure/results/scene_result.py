@@ -22,7 +22,8 @@ from spectrabox.measure.verdict.scene import (
     scene_criteria,
     scene_warnings,
 )
-from spectrabox.radiometry.records import Calibration, LightScale, Reconstruction, SceneGeometry
+from spectrabox.radiometry.records.calibration import Calibration, LightScale
+from spectrabox.radiometry.records.scenes import Reconstruction, SceneGeometry
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from spectrabox.measure.surfaces.surface_spectra import Scores, score
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.spectra import (
     Outcome,
     Spectrum,
     SpectrumSamples,

@@ -16,12 +16,9 @@ from spectrabox.radiometry.error_model import (
 )
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import (
-    Calibration,
-    JointReconstruction,
-    RegionTransport,
-    SpectrumSamples,
-)
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.scenes import JointReconstruction, RegionTransport
+from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.radiometry.response import white_signal
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors

@@ -13,7 +13,7 @@ from spectrabox.measure.scene.box_camera import (
     undistorted_shares,
     visible_corners,
 )
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.scenes import (
     MM,
     SCENE_UNIT,
     MarkedView,

@@ -9,7 +9,9 @@ import numpy as np
 from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LearntSpectra, LightScale, Progress
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.scenes import LearntSpectra
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView

@@ -21,9 +21,9 @@ from spectrabox.radiometry.error_model import (
     SURFACE_REFLECTION,
     drift_covariance,
 )
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import LightDrift
+from spectrabox.radiometry.records.scenes import (
     JointReconstruction,
-    LightDrift,
     Reconstruction,
     StrayLightError,
 )

@@ -23,7 +23,9 @@ from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_error
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Calibration, JointReconstruction, Progress
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.scenes import JointReconstruction
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.fit.traced_view import TracedView

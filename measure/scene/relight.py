@@ -12,7 +12,8 @@ import numpy as np
 
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.colour_science import adapted_srgb
-from spectrabox.radiometry.records import Calibration, SpectrumSamples, WavelengthGrid
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.spectra import SpectrumSamples, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.scene_file import SceneFile

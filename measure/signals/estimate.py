@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.evaluation.judgement import ScoredSpectrum, SpectrumScores, judgement_text
 from spectrabox.sampling.further.more_measurements import MoreMeasurement
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, coverage_facts

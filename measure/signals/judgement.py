@@ -14,7 +14,7 @@ from spectrabox.measure.signals.options import JudgeOptions, SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
-from spectrabox.radiometry.records import Quantity, SpectralMeasurement
+from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,
     column_index,

@@ -17,7 +17,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import stated_causes
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.error_budget import FLOOR, METAMERISM
 from spectrabox.sampling.further.learnt_swatches import SwatchCorrection

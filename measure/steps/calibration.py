@@ -38,14 +38,13 @@ from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartWhite,
     HeldOutPatches,
     LightScale,
-    Spectrum,
-    UnknownLight,
 )
+from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 

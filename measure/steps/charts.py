@@ -17,7 +17,7 @@ from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import ChartNotFoundError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import ChartDetection, LinearImage
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage
 
 THUMBNAIL_WIDTH = 48     # pixels: a chart photo is kept only for its exposure and source
 

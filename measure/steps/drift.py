@@ -4,7 +4,7 @@ from __future__ import annotations
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.radiometry.light_scale import drift_between
-from spectrabox.radiometry.records import LightDrift
+from spectrabox.radiometry.records.calibration import LightDrift
 
 
 def drift_of(capture: Capture, records: CaptureRecords) -> LightDrift | None:

@@ -16,7 +16,7 @@ from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, Registration
+from spectrabox.radiometry.records.photos import LinearImage, Registration
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 COLUMNS = 24                # of the nodes at which white and its errors are computed

@@ -24,13 +24,9 @@ from spectrabox.radiometry.error_model import (
 )
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import scale_after_drift, scale_for_photo
-from spectrabox.radiometry.records import (
-    Calibration,
-    LightDrift,
-    LightScale,
-    LinearImage,
-    Progress,
-)
+from spectrabox.radiometry.records.calibration import Calibration, LightDrift, LightScale
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, not_plain_products

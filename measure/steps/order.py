@@ -40,7 +40,7 @@ from spectrabox.measure.steps.scene_picture import scene_picture
 from spectrabox.measure.steps.signals import find_signals
 from spectrabox.measure.steps.spectra import draw_surfaces
 from spectrabox.measure.steps.work import Work
-from spectrabox.radiometry.records import Progress
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.shaped import Record
 
 StepFunction = Callable[[Any, CaptureRecords, Work], Record]

@@ -18,7 +18,7 @@ from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecor
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, RegionSamples, Registration
+from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 
 PREVIEW_WIDTH = 800          # pixels of the picture of flat samples in the report, at most

@@ -10,7 +10,7 @@ from spectrabox.measure.surfaces.surface_spectra import (
     learn_from_swatches,
     sample_surfaces,
 )
-from spectrabox.radiometry.records import SpectrumSamples
+from spectrabox.radiometry.records.spectra import SpectrumSamples
 
 
 def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> SampleRecords:

@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.measure.opened_photos import OpenPhotos
-from spectrabox.radiometry.records import Progress
+from spectrabox.radiometry.records.spectra import Progress
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from spectrabox.radiometry.appearance import (
     tristimulus_weights,
 )
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.radiometry.records import SpectrumSamples
+from spectrabox.radiometry.records.spectra import SpectrumSamples
 
 LIGHTS = ("D65", "A", "FL11", "LED-B3", "LED-RGB1")
 ENDS = (0.025, 0.975)           # of the draws along their main difference

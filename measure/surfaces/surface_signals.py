@@ -20,13 +20,9 @@ from spectrabox.radiometry.error_model import (
     scale_covariances,
     sensitivity_covariance,
 )
-from spectrabox.radiometry.records import (
-    Calibration,
-    JointReconstruction,
-    SignalError,
-    SpectralMeasurement,
-    SurfaceSignals,
-)
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.scenes import JointReconstruction
+from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
 
 FEW_BANDS = 12      # whose signals draws reach one by one
 

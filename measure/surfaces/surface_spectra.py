@@ -13,7 +13,7 @@ from spectrabox.measure.surfaces.surface_signals import errors_by_cause, in_band
 from spectrabox.measure.surfaces.swatch_correction import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.spectra import (
     Progress,
     SpectralMeasurement,
     SpectrumSamples,

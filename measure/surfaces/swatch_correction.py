@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.learnt_swatches import (
     TELLING_BANDS,
     SwatchCorrection,

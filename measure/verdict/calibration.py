@@ -9,7 +9,7 @@ import numpy as np
 from spectrabox.measure.results.chart_words import held_out_sentence, poor_patches
 from spectrabox.measure.verdict.criteria import Criterion, Status, graded, limit_words
 from spectrabox.measure.words import percent
-from spectrabox.radiometry.records import Calibration, CalibrationDoubt, HeldOutPatches
+from spectrabox.radiometry.records.calibration import Calibration, CalibrationDoubt, HeldOutPatches
 
 if TYPE_CHECKING:
     from spectrabox.measure.results.capture_result import CaptureResult

@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.measure.results.surface_result import VALID_OUTCOMES
 from spectrabox.measure.words import percent
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 
 # of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
 CLIPPED_LIMITS = (0.05, float("inf"))

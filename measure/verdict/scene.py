@@ -18,7 +18,7 @@ from spectrabox.measure.verdict.criteria import (
 )
 from spectrabox.measure.words import deviation_words, listed, percent
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
-from spectrabox.radiometry.records import Reconstruction, SurfaceAgreement
+from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
 from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause
 
 if TYPE_CHECKING:

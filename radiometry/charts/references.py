@@ -17,7 +17,7 @@ from spectrabox.radiometry.chart import (
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.published.published_tables import published_colours
-from spectrabox.radiometry.records import Quantity, WavelengthGrid
+from spectrabox.radiometry.records.spectra import Quantity, WavelengthGrid
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 from spectrabox.radiometry.spectra.spectrum_files import (
     read_table,

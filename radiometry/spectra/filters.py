@@ -14,7 +14,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Filter
+from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import (
     SpectralTable,

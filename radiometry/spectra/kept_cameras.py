@@ -17,7 +17,7 @@ from spectrabox.radiometry.published.published_tables import (
     OBSERVERS,
     published_names,
 )
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.delimited import table_text
 from spectrabox.radiometry.system.words import file_stem, name_fault
 

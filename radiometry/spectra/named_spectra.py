@@ -19,7 +19,7 @@ from spectrabox.radiometry.published.published_tables import (
     published_curves,
     published_names,
 )
-from spectrabox.radiometry.records import Quantity, Spectrum, UnknownLight, WavelengthGrid
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight, WavelengthGrid
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS, UNKNOWN, vague_words
 from spectrabox.radiometry.spectra.spectrum_files import (

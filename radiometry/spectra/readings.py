@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 
 REFLECTANCE, LIGHT = "T", "S0"
 NM_PER_METRE = 1e9

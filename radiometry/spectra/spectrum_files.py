@@ -13,7 +13,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
 from spectrabox.radiometry.spectra.formats.csvw import envi_header_of

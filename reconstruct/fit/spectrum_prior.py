@@ -8,7 +8,8 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records import LearntSpectra, WavelengthGrid
+from spectrabox.radiometry.records.scenes import LearntSpectra
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.reconstruct.settings import SPECTRUM_PRIORS, InversionSettings
 
 BROAD = 1.0  # standard deviation of a coefficient around 0.5 by the prior, besides smoothness

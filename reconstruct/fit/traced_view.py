@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.radiometry.records import LightTransport, RegionTransport
+from spectrabox.radiometry.records.scenes import LightTransport, RegionTransport
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, fit_views
 from spectrabox.reconstruct.fit.view_terms import (

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
 from spectrabox.reconstruct.fit.view_terms import ViewFit, ViewTerms
 

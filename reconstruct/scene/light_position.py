@@ -18,7 +18,8 @@ import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.interreflection import signal
-from spectrabox.radiometry.records import LinearImage, Outcome, Progress
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene.edit_scene import light_number, with_light_moved

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.reconstruct.scene.import_scene import (
     COLOURING,
     SPECTRAL_FACTOR,

@@ -18,7 +18,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
-from spectrabox.radiometry.records import Quantity, SpectralMeasurement, WavelengthGrid
+from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.formats.measurement_table import distinct
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances

@@ -9,7 +9,7 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.evaluation.spectrum_scores import (
     best_scale,

@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra
 
 TINY = 1e-12

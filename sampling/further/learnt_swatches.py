@@ -30,7 +30,7 @@ import numpy as np
 from scipy.special import expit, gammaln
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import MIN_SWATCHES
+from spectrabox.radiometry.records.spectra import MIN_SWATCHES
 from spectrabox.radiometry.shaped import Record
 
 SHARES_OF_PRIOR = (0.0, 0.25, 0.5, 0.75, 1.0)                               # w

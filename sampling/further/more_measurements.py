@@ -13,7 +13,11 @@ import numpy as np
 from scipy.special import chdtri
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import SpectralMeasurement, SpectrumSamples, WavelengthGrid
+from spectrabox.radiometry.records.spectra import (
+    SpectralMeasurement,
+    SpectrumSamples,
+    WavelengthGrid,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 
 READING_MINUTES, PHOTO_MINUTES = 2.0, 5.0
 READING_ERROR, PHOTO_ERROR = 0.005, 0.005

@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import csv_rows
-from spectrabox.radiometry.records import Quantity, Spectrum
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table, spectrum_of
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.prior.mixture import PRIOR_GRID

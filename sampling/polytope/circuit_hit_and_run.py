@@ -14,7 +14,7 @@ from math import comb
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.diagnostics import diagnose, refuse_poor
 from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, tilt_moments
 from spectrabox.sampling.polytope.tilted_rejection import collect, draw_tilted, tilted_proposals

@@ -15,7 +15,7 @@ import numpy as np
 from spectrabox.radiometry.bspline import DEGREE, basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.spectral_measurement import (
     CoefficientDraws,

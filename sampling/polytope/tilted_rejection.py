@@ -36,7 +36,7 @@ from collections.abc import Callable
 import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, tilt_moments
 from spectrabox.sampling.spectral_measurement import CoefficientDraws, MeasurementOperator
 

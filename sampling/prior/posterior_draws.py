@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.polytope.tilted_rejection import noise_columns
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (

@@ -14,7 +14,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.polytope.tilt import is_reachable
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments

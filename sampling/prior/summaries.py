@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.radiometry.records import Outcome
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
 from spectrabox.sampling.prior.mixture import LogitMixture, smoothness_prior

@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.radiometry.colour_science import METHODS, observer_response, upsampled
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.spectral_measurement import MeasurementOperator, response_on

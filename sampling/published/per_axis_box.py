@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.polytope.tilt import check_operator, null_space
 from spectrabox.sampling.polytope.tilted_rejection import collect
 from spectrabox.sampling.prior.mixture import LogitMixture

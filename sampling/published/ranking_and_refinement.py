@@ -9,7 +9,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, measured_rows
 from spectrabox.sampling.polytope.refinement import lifting, residual_directions
 from spectrabox.sampling.prior.mixture import PRIOR_GRID

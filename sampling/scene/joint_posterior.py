@@ -21,7 +21,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import LightTransport, Outcome
+from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.prior.mixture import LogitMixture, of_families, reflectance
 
 # of Levenberg-Marquardt; the fall of the cost, in nats, at which it has converged

@@ -15,7 +15,8 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import error_patterns, is_covariance
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LightTransport, Outcome, SpectrumSamples
+from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,

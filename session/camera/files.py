@@ -26,13 +26,8 @@ from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
-    ChartDetection,
-    LinearImage,
-    Quantity,
-    WavelengthGrid,
-    default_band_names,
-)
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage
+from spectrabox.radiometry.records.spectra import Quantity, WavelengthGrid, default_band_names
 from spectrabox.radiometry.spectra.kept_cameras import cameras_folder, keep_camera
 from spectrabox.radiometry.spectra.named_spectra import stated_light
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, table_text

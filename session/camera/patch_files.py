@@ -10,7 +10,7 @@ from spectrabox.measure.camera import ERROR_PREFIX, ChartSignals
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
-from spectrabox.radiometry.records import PatchSamples
+from spectrabox.radiometry.records.photos import PatchSamples
 
 MAX_SIGNAL = 1e9        # white is near 1, or near 65535
 ADVICE = "give a CSV of signals, a row for each patch"

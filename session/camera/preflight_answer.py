@@ -15,7 +15,7 @@ from spectrabox.measure.expected_spectra import Expectation, Shoot, expected_spe
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Spectrum, UnknownLight
+from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import stated_light
 from spectrabox.radiometry.spectra.spectrum_files import read_curves

@@ -20,7 +20,7 @@ from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.profile_files import FORMS as PROFILE_FORMS
 from spectrabox.radiometry.profile_files import write_profile
-from spectrabox.radiometry.records import WavelengthGrid
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light as light_named
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.radiometry.system.archives import DAMAGE

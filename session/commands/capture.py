@@ -22,7 +22,7 @@ from spectrabox.session.terminal.command_line import (
 
 if TYPE_CHECKING:
     from spectrabox.capture.chart.quality import ChartVerdict
-    from spectrabox.radiometry.records import ChartDetection, LinearImage
+    from spectrabox.radiometry.records.photos import ChartDetection, LinearImage
 
 ENCODED_SUFFIXES = (".jpg", ".jpeg", ".png")
 RE_SHOOT = 4

@@ -54,7 +54,7 @@ def fit(
     from spectrabox.radiometry.errors import InputError
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.grid import FINE_GRID
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import table_text
 
     if out in files:
@@ -69,7 +69,7 @@ def fit(
 
 def _of_readings(without: Path, through: Path) -> MeasuredFilter:
     from spectrabox.measure.more_bands.filter_fit import filter_from_readings
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
     return filter_from_readings(*(read_spectrum(path, role=Quantity.RELATIVE)
                                   for path in (without, through)))

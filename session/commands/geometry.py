@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from spectrabox.calibrate.geometry.lens import CameraPosition, Lens
-    from spectrabox.radiometry.records import LinearImage
+    from spectrabox.radiometry.records.photos import LinearImage
 
 Photo = Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
                                        help="Raw, DNG, EXR, TIFF, JPEG or PNG.")]

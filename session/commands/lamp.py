@@ -21,7 +21,7 @@ from spectrabox.session.terminal.json_values import to_json
 if TYPE_CHECKING:
     from spectrabox.calibrate.geometry.lens import Lens
     from spectrabox.calibrate.lamp_beam import BeamProfile
-    from spectrabox.radiometry.records import LinearImage
+    from spectrabox.radiometry.records.photos import LinearImage
     from spectrabox.reconstruct.scene.light_position import LightPosition
 
 # per degree of freedom: above it, the position depends on which errors the fit allows for
@@ -69,7 +69,7 @@ def light(
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.grid import visible_grid
-    from spectrabox.radiometry.records import Outcome
+    from spectrabox.radiometry.records.spectra import Outcome
     from spectrabox.radiometry.response import response_matrix
     from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
     from spectrabox.radiometry.spectra.named_spectra import sensitivities

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from spectrabox.capture.meter.measurement_series import SeriesSummary
     from spectrabox.capture.meter.meter_calibration import Maker, MeterCalibration
     from spectrabox.capture.meter.serial_line import Log, Pace
-    from spectrabox.radiometry.records import Spectrum
+    from spectrabox.radiometry.records.spectra import Spectrum
     from spectrabox.radiometry.spectra.readings import SpectralReading
 
 Port = Annotated[str,
@@ -248,7 +248,7 @@ def _by_spotread(folder: Path, number: int, ambient: bool) -> Iterator[Taker]:
 
     from spectrabox.capture.meter.spotread import NAME, spotread_reading
     from spectrabox.capture.transcripts.transcript import TranscriptWriter
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.system.words import plain
     now = datetime.now(UTC)
     log = TranscriptWriter(folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript",

@@ -413,7 +413,7 @@ def _ends_in(path: Path | None, ending: str) -> bool:
 
 def _write_columns(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray]) -> None:
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import table_text
     write_text_whole(path, table_text(nm, columns, quantity=Quantity.REFLECTANCE,
                                       source="spectrabox sample"))
@@ -421,7 +421,7 @@ def _write_columns(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray]) -
 
 def _write_regions(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray], cube: str) -> None:
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
     write_text_whole(path, plain_text(nm, columns))
     write_text_whole(metadata_path(path), metadata_text(

@@ -21,7 +21,7 @@ from spectrabox.session.terminal.json_values import to_json
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.radiometry.records import Quantity, Spectrum
+    from spectrabox.radiometry.records.spectra import Quantity, Spectrum
     from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 
 WRITTEN = {".csv": "CSV", ".sp": "Argyll's CGATS", ".spdx": "IES TM-27", ".sli": "ENVI library",
@@ -125,7 +125,7 @@ class ShownTable:
 
 def _shown(table: SpectralTable, column: str | None) -> tuple[ShownTable, ShownColumn | None]:
     """A file, and the one of its columns that is named or meant, if there is one."""
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     indices = _indices(table, column)
     columns = {index: ShownColumn(table.names[index], _plain(table.values[index]),
                                   table.fact("quantity", index), table.fact("unit", index))
@@ -174,7 +174,7 @@ def _text(table: SpectralTable, shown: ShownTable, column: str | None, plot: boo
     lines += [f"- {note}" for note in table.notes]
     if plot:
         from spectrabox.capture.meter.measurement_plot import text_plot
-        from spectrabox.radiometry.records import Quantity
+        from spectrabox.radiometry.records.spectra import Quantity
         stated = (shown.quantity or "relative").upper()
         role = Quantity[stated] if stated in Quantity.__members__ else Quantity.RELATIVE
         lines.append(text_plot(_one(table, column, role)))
@@ -183,7 +183,7 @@ def _text(table: SpectralTable, shown: ShownTable, column: str | None, plot: boo
 
 def _one(table: SpectralTable, column: str | None, role: Quantity) -> Spectrum:
     from spectrabox.radiometry.grid import grid_from_nm
-    from spectrabox.radiometry.records import Spectrum
+    from spectrabox.radiometry.records.spectra import Spectrum
     from spectrabox.radiometry.spectra.spectrum_files import column_index
     index = column_index(table, None if column is None else _name_or_number(column))
     keep = table.values[index] == table.values[index]
@@ -245,7 +245,7 @@ def _write_layers(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray],
     import numpy as np
 
     from spectrabox.capture.photo.image_writers import write_exr
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.spectral_layers import (
         LIGHT,
         REFLECTANCE,
@@ -264,7 +264,7 @@ def _text_writer(suffix: str, csv_writer: Any) -> Any:
 
 
 def _stated_quantity(table: SpectralTable, column: str | None, quantity: str | None) -> Quantity:
-    from spectrabox.radiometry.records import Quantity
+    from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import column_index
     known = ", ".join(member.name.lower() for member in Quantity)
     if quantity is not None and quantity.upper() not in Quantity.__members__:

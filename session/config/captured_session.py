@@ -29,12 +29,8 @@ from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
-    Filter,
-    Quantity,
-    Spectrum,
-    UnknownLight,
-)
+from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.filters import read_filter as read_filter_file
 from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, spectrum_of_name, vague_light

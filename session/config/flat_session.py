@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from spectrabox.measure.steps.inputs import FLAT_STEPS, StepInputs
-from spectrabox.radiometry.records import MIN_SWATCHES
+from spectrabox.radiometry.records.spectra import MIN_SWATCHES
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
     FIRST_PHOTO,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from spectrabox.measure.options import PictureOptions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
-from spectrabox.radiometry.records import MIN_PATCHES
+from spectrabox.radiometry.records.photos import MIN_PATCHES
 from spectrabox.radiometry.system.words import name_fault, sharing_a_file, shortened
 from spectrabox.sampling.prior.families.family_names import unknown_families
 from spectrabox.session.config.session_chart import session_chart

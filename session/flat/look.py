@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.preview import signal_rgb8
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 
 WIDTH_PX, WIDTH_IN = 1400, 14.0
 

@@ -14,7 +14,7 @@ from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.of_records import result_of
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import LinearImage
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun

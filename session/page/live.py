@@ -20,7 +20,8 @@ from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
 from spectrabox.measure.steps.inputs import inputs_of_calibration, inputs_of_charts
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import LinearImage, Quantity
+from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.csvw import plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened

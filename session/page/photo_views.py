@@ -18,7 +18,7 @@ from spectrabox.capture.photo.preview import signal_rgb8, whites
 from spectrabox.capture.photo.raw import decode
 from spectrabox.capture.photo.stored_images import is_image_file
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import LinearImage, RawFrame
+from spectrabox.radiometry.records.photos import LinearImage, RawFrame
 
 MAX_OPEN = 3            # photos kept decoded
 MAX_SIDE = 1600         # px, of the picture that is shown whole

@@ -11,12 +11,12 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.radiometry.appearance import encode_srgb
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.calibration import SensitivityFit
+from spectrabox.radiometry.records.scenes import (
     MarkedView,
     Placement,
     Reconstruction,
     SceneGeometry,
-    SensitivityFit,
 )
 from spectrabox.session.report.pictures import (
     SIGNED,

@@ -12,7 +12,8 @@ from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
 from spectrabox.measure.verdict.criteria import Verdict
-from spectrabox.radiometry.records import SceneGeometry, SpectrumSamples, SurfaceAgreement
+from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
+from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.outputs.results import SessionResults
 from spectrabox.session.report.metamers import metamer_facts

@@ -18,7 +18,8 @@ from spectrabox.measure.results.flat_result import FlatResult, PhotoOfRegions
 from spectrabox.measure.results.methods import scale_words
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.records import Calibration, Reconstruction
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.session.outputs.results import SessionResults
 from spectrabox.session.report import flat_figures
 from spectrabox.session.report.cards import answer_card

@@ -12,7 +12,7 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
 from spectrabox.measure.verdict.calibration import CHART_LIMITS, chart_residuals, root_mean_square
 from spectrabox.measure.words import OFF
-from spectrabox.radiometry.records import Reconstruction
+from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.sampling.prior.family_coverage import certified_sentence
 from spectrabox.session.report.figures import chart_residual_figure, irradiance_figure
 from spectrabox.session.report.maps import surface_colours

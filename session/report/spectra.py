@@ -16,13 +16,8 @@ from spectrabox.measure.plot_style import (
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.records import (
-    HeldOutPatches,
-    LightPosterior,
-    Quantity,
-    SensitivityFit,
-    Spectrum,
-)
+from spectrabox.radiometry.records.calibration import HeldOutPatches, LightPosterior, SensitivityFit
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.session.report.svg import (
     DASHED,
     DOTTED,

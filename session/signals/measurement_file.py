@@ -10,7 +10,7 @@ from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_to
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Quantity, SpectralMeasurement
+from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
     column_index,

@@ -9,7 +9,7 @@ import numpy as np
 from spectrabox.measure.signals.estimate import SignalCapture
 from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.spectrum_files import (
     column_index,

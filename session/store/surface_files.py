@@ -14,7 +14,8 @@ from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
 from spectrabox.radiometry.files import writable, write_text_whole
-from spectrabox.radiometry.records import Quantity, Reconstruction
+from spectrabox.radiometry.records.scenes import Reconstruction
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import cell, file_stem

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.measure.results.chart_words import chart_level_notes, poor_patches
-from spectrabox.radiometry.records import HeldOutPatches
+from spectrabox.radiometry.records.calibration import HeldOutPatches
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from spectrabox.measure.profiles.colour_profile import (
 from spectrabox.measure.profiles.colour_profile import ColourProfile as Profile
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.profile_files import FORMS, write_profile
-from spectrabox.radiometry.records import Calibration
+from spectrabox.radiometry.records.calibration import Calibration
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measure
 from spectrabox.measure.surfaces.swatch_correction import CORRECTED
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.records import (
+from spectrabox.radiometry.records.spectra import (
     SpectralMeasurement,
     SpectrumSamples,
     SpectrumSummary,

@@ -14,7 +14,8 @@ from spectrabox.measure.plots import frame_wavelengths
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.records import Calibration, Quantity
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 
 if TYPE_CHECKING:

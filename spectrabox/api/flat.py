@@ -47,12 +47,8 @@ from spectrabox.measure.steps.order import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import (
-    Filter,
-    Quantity,
-    Spectrum,
-    SurfaceSignals,
-)
+from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, SurfaceSignals
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.further.swatch_files import read_swatch_spectra

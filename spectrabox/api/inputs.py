@@ -17,7 +17,8 @@ from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
-from spectrabox.radiometry.records import Calibration, Filter, Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.records.calibration import Calibration, Filter
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
 from spectrabox.radiometry.spectra.light_words import UNKNOWN

@@ -17,7 +17,7 @@ from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.camera import judged_chart
 from spectrabox.measure.captured import InputFile
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.records import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -48,12 +48,9 @@ from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_c
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_for_photo
-from spectrabox.radiometry.records import (
-    Calibration,
-    JointReconstruction,
-    LightScale,
-    Spectrum,
-)
+from spectrabox.radiometry.records.calibration import Calibration, LightScale
+from spectrabox.radiometry.records.scenes import JointReconstruction
+from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.reconstruct.scene.scene_file import read_scene
 
 if TYPE_CHECKING:

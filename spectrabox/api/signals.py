@@ -22,7 +22,7 @@ from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, m
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import SpectrumSummary
+from spectrabox.radiometry.records.spectra import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
 from spectrabox.sampling.further.swatch_files import read_swatches, swatch_reflectances

@@ -25,7 +25,7 @@ from spectrabox.capture.meter.instruments.interface import (
 )
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 NM = np.arange(380.0, 781.0)

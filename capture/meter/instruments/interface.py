@@ -23,7 +23,7 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 )
 from spectrabox.capture.meter.serial_line import LineSettings, SerialLine, shown
 from spectrabox.capture.meter.stated import Stated
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

@@ -24,7 +24,7 @@ from spectrabox.capture.meter.instruments.interface import (
 )
 from spectrabox.capture.meter.serial_line import LineSettings, ascii_text, shown
 from spectrabox.capture.meter.stated import Stated, printed, stated_by_xyz
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 ACK, NAK, BEL, ESC, ENQ, STX, ETX = b"\x06", b"\x15", b"\x07", b"\x1b", b"\x05", b"\x02", b"\x03"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.system.words import cell, plain
 
 METADATA = "-metadata.json"     # of a plain CSV (formats/csvw.py)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.cgats import BAND
 from spectrabox.radiometry.spectra.formats.csvw import facts_beside
 from spectrabox.radiometry.spectra.formats.measurement_table import (

@@ -10,7 +10,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.csvw import envi_header_of, envi_values_of
 from spectrabox.radiometry.spectra.formats.measurement_table import (
     MAX_VALUES,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 
 MIN_NM, MAX_NM = 100.0, 1e5
 MAX_FILE_BYTES = 1_000_000_000

@@ -10,7 +10,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.measurement_table import MAX_VALUES, SpectralTable
 from spectrabox.radiometry.spectra.spectral_layers import (
     LIGHT,

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, ParseError, XMLParser, fromstring
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import Quantity
+from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, number, text_of
 from spectrabox.radiometry.system.words import plain
 

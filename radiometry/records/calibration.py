@@ -1,0 +1,201 @@
+"""What a chart says of camera and light: curves, light scale, filters, their errors."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthGrid
+from spectrabox.radiometry.shaped import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Filter(Record):
+    """A filter before lens or lamp: its transmittance is that of ``transmittance`` times
+    ``calibrate.chart_equations.passed`` of modes @ e, with e standard normal.
+    """
+
+    name: str
+    transmittance: Annotated[np.ndarray, "P"]       # at 400, 401 ... 700 nm; its level is free
+    modes: Annotated[np.ndarray, "P E"]             # relative errors
+
+
+@dataclass(frozen=True, eq=False)
+class FittedFilter(Record):
+    """A filter as chart photos with and without it know it, together with the camera's curves."""
+
+    filter: Filter                                  # transmittance: the estimate
+    covariance: Annotated[np.ndarray, "E E"]        # of the modes' coefficients
+    with_curves: Annotated[np.ndarray, "E D"]       # their covariance with the curves' coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class SensitivityFit(Record):
+    """Camera sensitivities on the working grid, the largest value of all bands being 1."""
+
+    grid: WavelengthGrid
+    curves: Annotated[np.ndarray, "K P"]
+    # What follows up to the outcome is None where the curves were measured and read from a file.
+    basis: Annotated[np.ndarray, "P N"] | None
+    coefficients: Annotated[np.ndarray, "K N"] | None
+    covariance: Annotated[np.ndarray, "D D"] | None             # D = K N, band after band
+    standard_error: Annotated[np.ndarray, "K P"] | None
+    residuals: Annotated[np.ndarray, "I K"] | None              # (photo - fit) / photo
+    held_out_residuals: Annotated[np.ndarray, "I K"] | None     # each patch left out of its fit
+    condition_number: float | None
+    method: str
+    outcome: Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class CommonError(Record):
+    """An error of a light scale that all bands of a photo share."""
+
+    cause: str
+    relative: float                                 # standard error
+
+
+@dataclass(frozen=True, eq=False)
+class LightScale(Record):
+    """Factor from a rendered signal, of sensitivities peaking at 1, to that of the photo."""
+
+    value: float
+    standard_error: float | None                    # of any one band, ``common_errors`` included
+    residuals: Annotated[np.ndarray, "R K"] | None  # (photo - scale x rendered) / photo
+    source: str
+    common_errors: tuple[CommonError, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class LightDrift(Record):
+    """Change of the light from the chart photo to the object photo."""
+
+    ratio: Annotated[np.ndarray, "K"]               # object / chart in each band
+    standard_error: Annotated[np.ndarray, "K"]
+    level: float                                    # common to all bands
+    level_error: float
+    colour: Annotated[np.ndarray, "K"]              # ratio / level - 1
+    colour_changed: bool                            # beyond what the errors explain
+    sentence: str
+
+
+class CalibrationDoubt(Enum):
+    """What makes a calibration doubtful that was made all the same; the value says what to do."""
+
+    UNLIKE_CAMERAS = ("the curves are like those of no measured camera: check that the light "
+                      "spectrum is that of the photo")
+    WRONG_LIGHT = ("the chart contradicts the stated light: correct its spectrum, or state the "
+                   "light as \"unknown\"")
+    TWO_LIGHTS = ("two kinds of light fall on the chart: its colours drift over it beyond chance; "
+                  "use lamps of one kind, keep out daylight and other lamps, and photograph again")
+    COLOUR_MATRIX = ("the colour matrix in the photo's file contradicts the curves: check that the "
+                     "light spectrum is that of the photo")
+    VEIL = ("haze or glare veils the chart: it was estimated and taken off, but a veil is seldom "
+            "the same all over a photo: shade the lens, wipe it, and photograph again")
+    BANDS = ("the chart's patches disagree with any smooth response of the bands: leave out the "
+             "photos that disagree most, and check that lamps and filters did not move")
+
+
+@dataclass(frozen=True, eq=False)
+class LightPosterior(Record):
+    """What a chart says of a light by itself whose spectrum nobody stated; of mean 1."""
+
+    grid: WavelengthGrid
+    kinds: tuple[str, ...]                          # Q of light_words.LIGHT_KINDS
+    probabilities: Annotated[np.ndarray, "Q"]
+    mean: Annotated[np.ndarray, "P"]
+    lower: Annotated[np.ndarray, "P"]               # pointwise band at ``level``
+    upper: Annotated[np.ndarray, "P"]
+    level: float
+    sentences: tuple[str, ...]                      # how wide it is, whether it has two peaks
+
+
+@dataclass(frozen=True, eq=False)
+class ChartWhite(Record):
+    """What a perfect white would read in place of the chart, and beyond it, in one chart photo.
+
+    signal = level exp(terms @ field) x relative signal + glare, with the ``terms`` (E,) of a
+    position from ``calibrate.chart_equations.field_terms``.
+    """
+
+    level: Annotated[np.ndarray, "K"]               # signal, where the terms of the field are 0
+    field: Annotated[np.ndarray, "E"]               # of the logarithm; E = 0 where light is even
+    glare: Annotated[np.ndarray, "K"]               # signal
+    covariance: Annotated[np.ndarray, "Z Z"]        # of log level, field, glare: Z = 2 K + E
+
+
+@dataclass(frozen=True, eq=False)
+class PriorInfluence(Record):
+    """How much of a camera's curves is a prior's and not a chart's, and whom they are most like."""
+
+    share: Annotated[np.ndarray, "K P"]             # of the prior's standard deviation, left; 0-1
+    families: tuple[str, ...]                       # F members, likeliest first
+    probabilities: Annotated[np.ndarray, "F"]
+
+
+def share_inside(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Share (I,) of wavelengths at which bands (I, P) hold the truth."""
+    return np.asarray(((lower <= truth) & (truth <= upper)).mean(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutPatches(Record):
+    """Reflectance of each patch of a chart from its own signal and a calibration without it."""
+
+    grid: WavelengthGrid
+    mean: Annotated[np.ndarray, "I P"]
+    lower: Annotated[np.ndarray, "I P"]             # pointwise band at ``level``
+    upper: Annotated[np.ndarray, "I P"]
+    reference: Annotated[np.ndarray, "I P"]         # of the chart, taken as the truth
+    excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
+    expected: Annotated[np.ndarray, "I"]            # as ``inside``, had nothing erred
+    level: float
+    # how much brighter than by the other patches the photo shows each, relative, and the standard
+    # error of that; and how likely a colour that is at least as far off is by chance
+    brighter: Annotated[np.ndarray, "I"] | None = None
+    brighter_error: Annotated[np.ndarray, "I"] | None = None
+    colour_chance: Annotated[np.ndarray, "I"] | None = None
+    saturated: Annotated[np.ndarray, "I"] | None = None     # bool: its own signal is not known
+
+    @property
+    def judged(self) -> np.ndarray:
+        """Whether each patch (I,) has a signal of its own to be judged by."""
+        return np.ones(len(self.mean), bool) if self.saturated is None \
+            else ~self.saturated.astype(bool)
+
+    @property
+    def rmse(self) -> np.ndarray:
+        """Root mean square error (I,) of each patch over wavelengths."""
+        return np.asarray(np.sqrt(np.mean((self.mean - self.reference) ** 2, axis=1)))
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Share (I,) of wavelengths at which the band holds the reference."""
+        return share_inside(self.lower, self.upper, self.reference)
+
+    @property
+    def means(self) -> tuple[float, float, float]:
+        """Mean of ``rmse``, ``inside`` and ``expected`` over the patches that are judged."""
+        return (float(self.rmse[self.judged].mean()), float(self.inside[self.judged].mean()),
+                float(self.expected[self.judged].mean()))
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Record):
+    """All that turns rendered spectra into camera signal, and the error of predicted signals."""
+
+    sensitivity: SensitivityFit
+    light: Spectrum
+    light_scale: LightScale | None                  # None: a known material of the scene tells it
+    relative_covariance: Annotated[np.ndarray, "K K"]   # of (photo - predicted) / photo
+    checks: tuple[str, ...]
+    doubts: tuple[CalibrationDoubt, ...] = ()
+    # Where the light is unknown ``sensitivity`` holds the products of sensitivity and light,
+    # ``light`` is 1 at every wavelength, and this says what is known of the light by itself, if the
+    # bands are those of measured cameras.
+    light_posterior: LightPosterior | None = None
+    products: bool = False                          # whether the light is unknown
+    # Of a photo through a filter: ``light`` is then the light that the filter lets pass.
+    filter: FittedFilter | None = None

@@ -1,0 +1,136 @@
+"""Photos, the patches and regions in them, and the motion of one against another."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.shaped import Record
+
+CLIPPED_LIMIT = 0.01        # of the samples of a patch: with more its mean is too low
+MIN_PATCHES = 8         # of a chart: fewer fix no sensitivities
+STILL_PX = 0.5              # less than this is no motion
+
+
+class PhotoKind(Enum):
+    """Where the pixels of a photo come from."""
+
+    RAW = "camera raw, decoded without demosaicing"
+    LINEAR_FILE = "image file taken as linear"
+    PROCESSED = "image processed by the camera, decoded as sRGB"
+
+
+@dataclass(frozen=True, eq=False)
+class RawFrame(Record):
+    """The mosaic as the sensor gave it, in sensor orientation."""
+
+    mosaic: Annotated[np.ndarray, "H W"]            # uint16 DN, visible area
+    cfa: Annotated[np.ndarray, "a b"]               # tile from pixel (0, 0): 0 R, 1 G, 2 B
+    black_level: Annotated[np.ndarray, "a b"]       # DN at each position of the tile
+    white_level: float                              # DN
+    exposure_s: float | None
+    iso: float | None
+    f_number: float | None
+    camera: str                                     # make, model and serial number as far as known
+    file: str
+    sha256: str
+    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # R, G, B of X, Y, Z, any scale
+    matrix_of_file: bool = False                    # stated by the file, not known to LibRaw
+
+
+@dataclass(frozen=True, eq=False)
+class LinearImage(Record):
+    """Linear camera signal; a pixel covers ``sensor_step`` x ``sensor_step`` of the photo's."""
+
+    signal: Annotated[np.ndarray, "H W K"]          # float32
+    variance: Annotated[np.ndarray, "H W K"]        # float32, signal squared
+    saturated: Annotated[np.ndarray, "H W K"]       # bool: a sample in it is at the clip point
+    sensor_step: float
+    exposure_s: float | None                        # None where the file does not say
+    iso: float | None
+    f_number: float | None
+    kind: PhotoKind
+    camera: str
+    source: str
+    sha256: str
+    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
+    matrix_of_file: bool = False
+
+    @property
+    def clipped_share(self) -> float:
+        """Share of pixels of which any band is saturated."""
+        return float(self.saturated.any(axis=2).mean())
+
+
+@dataclass(frozen=True, eq=False)
+class ChartDetection(Record):
+    """Where the I patches lie, in full-resolution pixels; (0, 0) is the centre of the first."""
+
+    corners_px: Annotated[np.ndarray, "I 4 2"]      # sampled quadrilaterals, chart order
+    confidence: float                               # 0 to 1: agreement with the reference
+    mirrored: bool
+    how_found: str
+
+
+@dataclass(frozen=True, eq=False)
+class PatchSamples(Record):
+    """Statistics of the I patches of a chart, row by row as printed on it."""
+
+    mean: Annotated[np.ndarray, "I K"]              # signal
+    covariance_of_mean: Annotated[np.ndarray, "I K K"]
+    pixels: Annotated[np.ndarray, "I"]              # samples used in each patch
+    saturated_fraction: Annotated[np.ndarray, "I K"]
+    gradient: Annotated[np.ndarray, "I K"]          # relative change across the patch
+    camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # where LibRaw knows the camera
+
+    @property
+    def clipped(self) -> np.ndarray:
+        """Bands (I, K) of which the mean says nothing: too many samples are saturated."""
+        return np.asarray(self.saturated_fraction > CLIPPED_LIMIT)
+
+    @property
+    def saturated(self) -> np.ndarray:
+        """Whether every band of each patch (I,) is clipped, which leaves nothing to read."""
+        return np.asarray(self.clipped.all(axis=1))
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """Of each patch's mean (I, K), by the noise of its pixels."""
+        return np.sqrt(np.diagonal(self.covariance_of_mean, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True, eq=False)
+class RegionSamples(Record):
+    """Statistics of R outlined regions of one photo."""
+
+    names: tuple[str, ...]
+    mean: Annotated[np.ndarray, "R K"]              # signal
+    covariance_of_mean: Annotated[np.ndarray, "R K K"]  # by the noise of the pixels
+    pixels: Annotated[np.ndarray, "R"]
+    scatter: Annotated[np.ndarray, "R K"]           # relative, beyond noise and a plane
+    points_px: Annotated[np.ndarray, "R Q 2"]       # spread over each region, full resolution
+    # bool: bands of which the mean says nothing, being saturated; None: none is
+    clipped: Annotated[np.ndarray, "R K"] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Registration(Record):
+    """From pixels of the first photo to those of another: ``matrix @ (x, y, 1)``."""
+
+    matrix: Annotated[np.ndarray, "2 3"]    # a turn and a shift, full resolution
+    shift_px: float                         # of the middle of the photo
+    correlation: float                      # of the edges of both photos, 0 to 1
+    residual_px: float | None               # median over parts of the photo; None: none tells
+    chart_px: float | None                  # rms of the chart's corners; None: not in both photos
+
+    def moved(self, points_px: np.ndarray) -> np.ndarray:
+        """Points (..., 2) of the first photo in the pixels of the other."""
+        return points_px if self.still else np.asarray(
+            points_px @ self.matrix[:, :2].T + self.matrix[:, 2])
+
+    @property
+    def still(self) -> bool:
+        """Whether the photo moved by less than half a pixel."""
+        return self.shift_px < STILL_PX

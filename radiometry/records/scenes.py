@@ -1,0 +1,167 @@
+"""What an inversion of scenes finds, and where lamps and cameras stand."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.spectra import Outcome, WavelengthGrid
+from spectrabox.radiometry.shaped import Record
+
+SCENE_UNIT, MM = "scene's unit", "mm"
+
+
+@dataclass(frozen=True, eq=False)
+class LearntSpectra(Record):
+    """A prior on every unknown reflectance, from the measured spectra that sampling knows."""
+
+    nm: Annotated[np.ndarray, "P"]
+    mean: Annotated[np.ndarray, "P"]
+    covariance: Annotated[np.ndarray, "P P"]
+
+
+@dataclass(frozen=True, eq=False)
+class LightTransport(Record):
+    """Light transport as a polynomial in the reflectances.
+
+    The signal of region r is the sum over e of coefficients[r, e] times the product of reflectances
+    that ``exponents[e]`` names.
+    """
+
+    materials: tuple[str, ...]
+    exponents: Annotated[np.ndarray, "E M"]         # how often a path encounters each material
+    coefficients: Annotated[np.ndarray, "R E"]
+
+
+@dataclass(frozen=True, eq=False)
+class RegionTransport(Record):
+    """R regions of one photo: what they show, how surely, and how light reaches them."""
+
+    transport: LightTransport                       # for reflectances and a light spectrum of 1
+    signal: Annotated[np.ndarray, "R K"]            # NaN where the fit does not trust the region
+    standard_error: Annotated[np.ndarray, "R K"]    # independent: photo, Monte Carlo, unevenness
+    surface: Annotated[np.ndarray, "R"]             # index into the scene's surfaces
+    material: Annotated[np.ndarray, "R"]            # index into the transport's materials
+    colour_error: float                             # relative, of each surface in each band
+    brightness_error: float                         # relative, of each surface in all bands alike
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceAgreement(Record):
+    """Photo against rendering, surface by surface: the honest part of a reconstruction."""
+
+    names: tuple[str, ...]                          # S names, "white / floor"
+    materials: tuple[str, ...]                      # S material names
+    pixels: Annotated[np.ndarray, "S"]
+    ratio: Annotated[np.ndarray, "S K"]             # photo / rendering, summed over the surface
+    spread: Annotated[np.ndarray, "S K"]            # of log(photo / rendering) over blocks
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMisfit(Record):
+    """A surface on which photo and rendering differ beyond chance and beyond what was stated."""
+
+    surface: str                                    # as ``SurfaceAgreement`` names it
+    # largest: photo / rendering - 1 of the surface or of a part beyond noise, or their scatter
+    deviation: float
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction(Record):
+    """Spectra that explain the photo, and how well they do."""
+
+    materials: tuple[str, ...]
+    known: tuple[bool, ...]                         # True: spectrum given, not estimated
+    grid: WavelengthGrid
+    basis: Annotated[np.ndarray, "P N"]
+    coefficients: Annotated[np.ndarray, "M N"]      # NaN rows where known
+    spectra: Annotated[np.ndarray, "M P"]
+    white_signal: Annotated[np.ndarray, "K"]        # of a reflectance of 1 at all wavelengths
+    signal: Annotated[np.ndarray, "M K"]            # of each material, relative to white
+    signal_covariance: Annotated[np.ndarray, "M K K"]   # photo noise and Monte Carlo noise
+    model_covariance: Annotated[np.ndarray, "M K K"]    # relative: disagreement of photo and model
+    measured: Annotated[np.ndarray, "H W K"]        # photo at the render's size
+    rendered: Annotated[np.ndarray, "H W K"]
+    used: Annotated[np.ndarray, "H W"]              # bool: pixels that entered the fit
+    surface: Annotated[np.ndarray, "H W"]           # index into agreement.names, -1 none or mixed
+    agreement: SurfaceAgreement
+    light_scale: LightScale                         # as used for this photo, exposure included
+    loss_history: Annotated[np.ndarray, "I"]
+    engine: str
+    spp: int
+    seed: int
+    outcome: Outcome
+    notes: tuple[str, ...] = ()                     # what is data and what is prior, in sentences
+    misfits: tuple[SurfaceMisfit, ...] = ()         # worst first
+
+
+@dataclass(frozen=True, eq=False)
+class StrayLightError(Record):
+    """One cause of light that the scene does not hold, by its standard error."""
+
+    cause: str
+    relative: Annotated[np.ndarray, "M J"]          # of each material's signal, bands correlated
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointReconstruction(Record):
+    """Spectra that explain V photos, and the signals of J bands: every independent response.
+
+    Two photos that differ in exposure or viewpoint alone have the same response: they make its
+    signals surer and add no band.
+    """
+
+    views: tuple[Reconstruction, ...]               # of each photo; all with the same spectra
+    names: tuple[str, ...]                          # of the views
+    materials: tuple[str, ...]                      # M, of all views
+    known: tuple[bool, ...]
+    grid: WavelengthGrid
+    spectra: Annotated[np.ndarray, "M P"]
+    bands: tuple[str, ...]                          # J names, "view: band"
+    view_of_band: Annotated[np.ndarray, "J"]        # int
+    response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
+    signal: Annotated[np.ndarray, "M J"]            # of each material, relative to white
+    signal_covariance: Annotated[np.ndarray, "M J J"]
+    model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
+    regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
+    stray_light: tuple[StrayLightError, ...] = ()        # independent of each other
+
+    def __repr__(self) -> str:
+        return (f"<JointReconstruction of {', '.join(self.materials)} from "
+                f"{len(self.views)} photos: {self.views[0].outcome.name}>")
+
+
+@dataclass(frozen=True, eq=False)
+class Placement(Record):
+    """A lamp or camera: its stated position, the one that is used, and how that is known."""
+
+    what: str
+    how: str
+    unit: str                                               # ``MM`` or ``SCENE_UNIT``
+    stated: Annotated[np.ndarray, "3"] | None
+    place: Annotated[np.ndarray, "3"] | None
+    moved: Annotated[np.ndarray, "3"] | None                # from the stated position
+    standard_error: Annotated[np.ndarray, "3"] | None
+
+
+@dataclass(frozen=True, eq=False)
+class MarkedView(Record):
+    """A photo with a box's edges and marked corners, in shares of its width and height."""
+
+    name: str                                               # empty of the first
+    edges: Annotated[np.ndarray, "m 2 2"]
+    corners: tuple[str, ...]
+    marked: Annotated[np.ndarray, "n 2"]
+    seen: Annotated[np.ndarray, "n 2"]                      # where the camera sees them
+    residuals_px: Annotated[np.ndarray, "n"]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneGeometry(Record):
+    """What was estimated of a scene; empty where everything stands as stated."""
+
+    placements: tuple[Placement, ...]
+    views: tuple[MarkedView, ...]

@@ -1,0 +1,182 @@
+"""Spectra, lights, and what is known of a surface's spectrum: signals, draws, summaries."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.shaped import Record
+
+# Callback of long work: the share that is done, 0 to 1, and what is being done.
+Progress = Callable[[float, str], None]
+MIN_SWATCHES = 8        # of a material: of fewer, leave-one-out says next to nothing
+
+
+class Quantity(Enum):
+    """What a spectrum is a spectrum of; the value is its unit."""
+
+    REFLECTANCE = "1"
+    IRRADIANCE = "W m-2 nm-1"
+    RADIANCE = "W m-2 sr-1 nm-1"
+    RELATIVE = "relative"
+
+
+class Outcome(Enum):
+    """How a fit or a sampler ended; the value is the sentence that a person needs."""
+
+    CONVERGED = "Converged."
+    STEP_LIMIT = "Stopped at the step limit with the loss still falling: allow more iterations."
+    ILL_POSED = ("Solved, but the data leave some directions undetermined: trust the uncertainty, "
+                 "not the curve alone.")
+
+    # draws of spectra as intended
+    EXACT = "Independent draws from the exact distribution."
+    FAMILIAR = ("Independent draws from the learnt prior; the signal is like those it was "
+                "calibrated on.")
+    THROUGH_TRANSPORT = ("Weighted draws from the learnt prior of all materials at once, through "
+                         "the traced light transport, interreflection included.")
+
+    # draws of spectra with a reservation
+    UNREACHABLE = ("No spectrum of this class reproduces the signal exactly; "
+                   "the draws fit it within its stated noise only.")
+    MOVED = ("No spectrum of this class gives the signal: it was moved to the nearest that can be "
+             "reached.")
+    AS_PUBLISHED = "As published: a box around one solution, which under-states the spread."
+    RANKED = "Ranked, not conditioned: draws need not agree with what was measured."
+    UNFAMILIAR = ("This colour is unlike any in the training data: a wider band of untested "
+                  "coverage is shown.")
+    TOO_ROUGH = ("Only spectra rougher than any that were measured give the signal: the draws are "
+                 "of the smoothness prior and come as near to it as they can; check the "
+                 "calibration.")
+    OUT_OF_REACH = ("No spectrum between 0 and 1 gives the signal; the draws are of the "
+                    "smoothness prior and come as near to it as they can.")
+    DISAGREES = ("The picture agrees with no spectra that the prior knows through this light "
+                 "transport: the draws come as near as they can; check geometry, light and "
+                 "calibration, or state a larger surface error.")
+
+
+@dataclass(frozen=True, eq=False)
+class WavelengthGrid(Record):
+    """Wavelengths and the weights that integrate over them (trapezoid rule)."""
+
+    nm: Annotated[np.ndarray, "P"]
+    weights_nm: Annotated[np.ndarray, "P"]
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum(Record):
+    """One spectrum on its own grid. ``standard_error`` is None where nobody stated it."""
+
+    grid: WavelengthGrid
+    values: Annotated[np.ndarray, "P"]
+    quantity: Quantity
+    source: str
+    standard_error: Annotated[np.ndarray, "P"] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownLight(Record):
+    """A light whose spectrum nobody stated; what is known of it narrows the lamps it may be."""
+
+    kind: str | None = None     # one of light_words.LIGHT_KINDS
+    cct: float | None = None    # correlated colour temperature, K
+
+    @property
+    def words(self) -> str:
+        """What is known of it, as a report says it."""
+        if self.cct is not None:
+            return f"unknown light of {self.cct:g} K"
+        return "unknown light" if self.kind is None else f"unknown light, {self.kind}"
+
+
+def default_band_names(count: int) -> tuple[str, ...]:
+    """Names of bands that nobody named: R, G, B of three, else band 1, band 2 ..."""
+    return ("R", "G", "B") if count == 3 else tuple(f"band {band + 1}" for band in range(count))
+
+
+@dataclass(frozen=True, eq=False)
+class SignalError(Record):
+    """One cause of error of M surfaces' signals; its covariance holds what bands share."""
+
+    cause: str
+    covariance: Annotated[np.ndarray, "M J J"]
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSignals(Record):
+    """What the photos of a session say of M surfaces, in the J bands of all lights.
+
+    ``signal = response @ reflectance + errors``, relative to a perfect white in the surface's
+    position. The errors are independent of each other.
+    """
+
+    names: tuple[str, ...]
+    known: tuple[bool, ...]                         # True: spectrum given, not estimated
+    grid: WavelengthGrid
+    spectra: Annotated[np.ndarray, "M P"]           # given, or the estimate about which errors hold
+    bands: tuple[str, ...]                          # J names
+    view_of_band: Annotated[np.ndarray, "J"]        # int, index of the photo's view
+    response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
+    signal: Annotated[np.ndarray, "M J"]            # relative to white; NaN where not photographed
+    errors: tuple[SignalError, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralMeasurement(Record):
+    """What the camera said of one surface: ``signal = relative_response @ reflectance + noise``.
+
+    ``relative_response`` is sensitivity x light x weight in nm, divided by its sum in each band, so
+    that every row sums to 1 and a reflectance of 1 gives a signal of 1.
+    """
+
+    grid: WavelengthGrid
+    relative_response: Annotated[np.ndarray, "K P"]
+    signal: Annotated[np.ndarray, "K"]
+    noise_covariance: Annotated[np.ndarray, "K K"]
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumSamples(Record):
+    """Draws from all spectra that fit one measurement, all equally likely, and the spline nearest
+    to each.
+    """
+
+    grid: WavelengthGrid
+    spectra: Annotated[np.ndarray, "T P"]
+    coefficients: Annotated[np.ndarray, "T N"]      # of the splines, in [0, 1]
+    method: str
+    effective_samples: float
+    seed: int
+    outcome: Outcome
+    sentence: str                                   # the outcome in words, with its numbers
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumSummary(Record):
+    """What is known of one spectrum, and conditional on what."""
+
+    grid: WavelengthGrid
+    mean: Annotated[np.ndarray, "P"]
+    standard_deviation: Annotated[np.ndarray, "P"]
+    lower: Annotated[np.ndarray, "P"]               # pointwise band at ``level``
+    upper: Annotated[np.ndarray, "P"]
+    # exact lowest and highest over all spectra of the class
+    bound_lower: Annotated[np.ndarray, "P"]
+    bound_upper: Annotated[np.ndarray, "P"]
+    level: float
+    conditional_on: str
+    next_measurement_nm: float  # one more reading here would narrow the band most
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSpectrum(Record):
+    """What is known of the spectrum of one surface."""
+
+    samples: SpectrumSamples
+    summary: SpectrumSummary
+    # of the variance of a spectrum, by cause; none of draws of all surfaces at once
+    variance_shares: dict[str, float]
+    family_shares: dict[str, float]     # that the signal allows; none without the learnt prior
