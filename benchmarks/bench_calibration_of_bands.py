@@ -21,7 +21,7 @@ from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.evaluation.certificate import Certificate, certify
-from spectrabox.sampling.evaluation.spectrum_scores import rmse
+from spectrabox.sampling.evaluation.metrics import rmse
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior.band_calibration import AT_95, judge, prior_without
 from spectrabox.sampling.prior.families.family_models import FAMILIES

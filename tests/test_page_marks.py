@@ -10,11 +10,11 @@ from flat_example import write_flat
 
 from spectrabox.capture.photo.regions import region_pixels
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.check import preflight_check
 from spectrabox.session.page import marks
 from spectrabox.session.page.marks import Mark, MarkedSession, marked
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.written_session import corner_names, photos_of
+from spectrabox.session.problems import check_session
 
 FLAT = """# what we photographed on Tuesday
 [photos]
@@ -203,7 +203,7 @@ def test_what_check_says_of_a_mark_is_said_before_it_is_written(flat, tmp_path, 
         session.apply(mark, session.read()[1])
     assert (folder / "session.toml").read_bytes() == before
     (folder / "session.toml").write_text(marked(session.read()[0], a_mark(**mark)))
-    problems = preflight_check(folder).problems
+    problems = check_session(folder).problems
     assert str(refused.value).splitlines() == [one.sentence for one in problems]
 
 

@@ -8,7 +8,7 @@ import pytest
 from served_page import wait_for
 
 from spectrabox.fixtures.flat_sample import write_photo
-from spectrabox.measure.photo_check import BRIGHT, brightest_signal, exposure_stops
+from spectrabox.measure.photo_quality import BRIGHT, brightest_signal, exposure_stops
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.page import photo_views, shooting
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews

@@ -13,7 +13,7 @@ from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.sampling.evaluation.certificate import certify
-from spectrabox.sampling.evaluation.spectrum_scores import best_scale
+from spectrabox.sampling.evaluation.metrics import best_scale
 from spectrabox.sampling.prior.band_calibration import (
     AT_95,
     FAMILIAR,

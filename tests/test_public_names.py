@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.api.inputs import relative_response
+from spectrabox.api.arguments import relative_response
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, PIGMENTS

@@ -10,7 +10,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.error_budget import METAMERISM
-from spectrabox.sampling.evaluation.spectrum_scores import (
+from spectrabox.sampling.evaluation.metrics import (
     coverage,
     curve_coverage,
     rmse,

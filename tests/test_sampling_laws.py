@@ -15,7 +15,7 @@ from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
-from spectrabox.sampling.evaluation.spectrum_scores import curve_band
+from spectrabox.sampling.evaluation.metrics import curve_band
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, check_possible
 from spectrabox.sampling.further.planner import expected_rmse, mean_width
 from spectrabox.sampling.polytope.diagnostics import diagnose

@@ -29,10 +29,10 @@ from spectrabox.reconstruct.rendering.renderer import all_cores
 from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.uplift_table import uplift_signals
-from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.run_outputs import rewritten_outputs
+from spectrabox.session.problems import check_session
 
 from tests.session_runs import run
 
@@ -233,7 +233,7 @@ def test_the_report_shows_the_picture_and_why_pixels_are_missing(finished):
 def test_the_demo_of_a_picture_is_a_session_that_is_ready_to_run(tmp_path):
     folder = tmp_path / "demo"
     write_picture_demo(folder, size=(104, 156), spp=4)
-    assert preflight_check(folder).problems == []
+    assert check_session(folder).problems == []
     with pytest.raises(InputError, match="already holds"):
         write_picture_demo(folder)
     both = CliRunner().invoke(app, ["demo", str(tmp_path / "none"), "--flat", "--picture"])

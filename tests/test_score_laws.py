@@ -14,7 +14,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.scenes import SurfaceAgreement
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
-from spectrabox.sampling.evaluation.spectrum_scores import coverage_error
+from spectrabox.sampling.evaluation.metrics import coverage_error
 from spectrabox.sampling.further.more_measurements import Reading, condition
 
 

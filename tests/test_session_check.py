@@ -12,11 +12,11 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.system import free_memory as memory
 from spectrabox.reconstruct.tracer import transport
-from spectrabox.session.check import preflight_check
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.problems import check_session
 
 
 def rewrite_box(folder, change=lambda mosaic, frame: None, black_added=0, **stated):
@@ -115,7 +115,7 @@ FAULTS = {black_stated_too_high: "the black level taken off is too high",
 @pytest.mark.parametrize("fault, sentence", FAULTS.items())
 def test_check_says_what_run_would_refuse(captured, fault, sentence):
     fault(captured)
-    said = [problem.sentence for problem in preflight_check(captured).problems]
+    said = [problem.sentence for problem in check_session(captured).problems]
     with pytest.raises(SpectraboxError) as refused:
         run_stages(read_session(captured), device="cpu", only=None, force=False,
                    progress=lambda *_: None)
@@ -124,10 +124,10 @@ def test_check_says_what_run_would_refuse(captured, fault, sentence):
 
 
 def test_a_trace_for_which_memory_is_missing_is_refused_by_both(captured, monkeypatch):
-    needed = preflight_check(captured).tracing_bytes
+    needed = check_session(captured).tracing_bytes
     assert needed is not None and 0 < needed < 1 << 30
     monkeypatch.setattr(transport, "free_memory", lambda: 1000)
-    (said,) = preflight_check(captured).problems
+    (said,) = check_session(captured).problems
     assert "of memory that are free; close other programs, or lower [reconstruct] width" \
         in said.sentence
     with pytest.raises(SpectraboxError) as refused:
@@ -146,7 +146,7 @@ def test_check_says_what_tracing_will_take(captured):
 
 
 def test_nothing_is_left_to_trace_of_a_finished_session(finished):
-    result = preflight_check(finished)
+    result = check_session(finished)
     assert result.tracing_bytes is None and result.sentence == ""
 
 
@@ -173,7 +173,7 @@ def test_a_system_that_does_not_say_has_the_memory_that_is_built_in(tmp_path, mo
 
 def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypatch):
     inputs = {path: path.read_bytes() for path in captured.rglob("*") if path.is_file()}
-    assert preflight_check(captured).problems == []
+    assert check_session(captured).problems == []
     assert all(path.read_bytes() == content for path, content in inputs.items())
     states = {state.name: state.state for state in stage_states(read_session(captured))}
     assert states == {"chart": "done", "photo": "done", "calibrate": "done",
@@ -182,13 +182,13 @@ def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypat
     def decoded(*_):
         raise AssertionError("a photo was decoded again")
     monkeypatch.setattr(developed, "open_any", decoded)
-    assert preflight_check(captured).problems == []
+    assert check_session(captured).problems == []
 
 
 def test_the_faults_of_every_photo_are_said_at_once(captured):
     for name in ("box", "chart", "flat"):
         (captured / "photos" / f"{name}.dng").write_bytes(b"no raw")
-    said = [problem.sentence for problem in preflight_check(captured).problems]
+    said = [problem.sentence for problem in check_session(captured).problems]
     assert len(said) == 3
     for name in ("box", "chart", "flat"):
         assert any(f"{name}.dng" in sentence for sentence in said)
@@ -200,7 +200,7 @@ def test_a_flat_field_at_fault_hides_no_fault_of_the_photos(captured, flat):
     if flat != "missing":
         write_dng(captured / "photos" / "flat.dng", np.full((64, 96), 6000, np.uint16))
     write_dng(captured / "photos" / "chart.dng", np.full((208, 312), 6000, np.uint16))
-    said = "\n".join(problem.sentence for problem in preflight_check(captured).problems)
+    said = "\n".join(problem.sentence for problem in check_session(captured).problems)
     assert ("flat.dng is missing" if flat == "missing" else "the white card at the same size") \
         in said
     assert "no ColorChecker was found in photo chart.dng" in said

@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.evaluation.spectrum_scores import rmse
+from spectrabox.sampling.evaluation.metrics import rmse
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.spectral_measurement import nearest_splines

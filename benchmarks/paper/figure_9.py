@@ -21,8 +21,8 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from spectrabox.measure.signals.judgement import PictureJudgement, judge_picture
 from spectrabox.measure.signals.options import JudgeOptions
+from spectrabox.measure.signals.picture_judgement import PictureJudgement, judge_picture
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
@@ -30,7 +30,7 @@ from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.evaluation.cube_regions import CubeRegion, read_regions
 from spectrabox.sampling.evaluation.cubes import open_cube
-from spectrabox.sampling.evaluation.judgement import judgement_text
+from spectrabox.sampling.evaluation.scores_by_method import judgement_text
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 

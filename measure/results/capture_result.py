@@ -22,7 +22,7 @@ from spectrabox.measure.results.surface_result import (
 from spectrabox.measure.tables import text_table
 from spectrabox.measure.verdict.calibration import doubt_sentences
 from spectrabox.measure.verdict.criteria import Criterion, Verdict
-from spectrabox.measure.verdict.judge import judge
+from spectrabox.measure.verdict.overall import overall_verdict
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records.calibration import (
@@ -81,7 +81,7 @@ class CaptureResult(ABC):
     @cached_property
     def verdict(self) -> Verdict:
         """The worst of all criteria."""
-        return judge(self)
+        return overall_verdict(self)
 
     @property
     def warnings(self) -> list[str]:

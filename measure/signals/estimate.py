@@ -7,7 +7,11 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from spectrabox.radiometry.records.spectra import SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.evaluation.judgement import ScoredSpectrum, SpectrumScores, judgement_text
+from spectrabox.sampling.evaluation.scores_by_method import (
+    ScoredSpectrum,
+    SpectrumScores,
+    judgement_text,
+)
 from spectrabox.sampling.further.more_measurements import MoreMeasurement
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, coverage_facts
 from spectrabox.sampling.prior.mixture import LogitMixture

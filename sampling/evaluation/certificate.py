@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
-from spectrabox.sampling.evaluation.spectrum_scores import (
+from spectrabox.sampling.evaluation.metrics import (
     coverage,
     coverage_error,
     curve_coverage,

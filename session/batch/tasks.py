@@ -11,12 +11,12 @@ from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.measure.steps.inputs import INVERSION
 from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
 from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
-from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.problems import check_session
 from spectrabox.session.report.pictures import picture_data_uri
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.terminal.command_line import describe_error, interrupt_behind
@@ -98,7 +98,7 @@ def failed(task: Task, sentence: str, exit_code: int) -> Outcome:
 def _check(task: Task) -> Outcome:
     order = task.order
     with only_writer(task.folder, "spectrabox batch"):
-        result = preflight_check(task.folder, order.allow_outside, order.device,
+        result = check_session(task.folder, order.allow_outside, order.device,
                                  order.out / SHARED)
     if result.problems:
         return failed(task, "\n".join(each.sentence for each in result.problems),

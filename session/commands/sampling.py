@@ -143,7 +143,7 @@ def sample(
     estimates = sample_signals(capture, options, with_draws=one or baseline
                                or _ends_in(out, ".npz"))
     if baseline or true is not None:
-        from spectrabox.measure.signals.judgement import compared
+        from spectrabox.measure.signals.picture_judgement import compared
         estimates = [compared(estimate, options, true, delta_light, baseline)
                      for estimate in estimates]
     written: dict[str, Path] = {}
@@ -265,7 +265,7 @@ def judge(
     """Score another method's hyperspectral picture next to ours, by the same measures."""
     check_ending(out, {".csv": "the regions' spectra"})
     from spectrabox.capture.photo.image_files import read_plane
-    from spectrabox.measure.signals.judgement import judge_picture
+    from spectrabox.measure.signals.picture_judgement import judge_picture
     from spectrabox.measure.signals.spectral_pictures import open_picture
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.named_spectra import relative_response

@@ -89,8 +89,8 @@ def check(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Check a session before a run: read every input, and list everything that is wrong."""
     from spectrabox.radiometry.spectra.kept_cameras import known_camera_words
     from spectrabox.radiometry.system.free_memory import free_memory
-    from spectrabox.session.check import preflight_check
-    checked = preflight_check(folder, allow_outside)
+    from spectrabox.session.problems import check_session
+    checked = check_session(folder, allow_outside)
     problems = checked.problems
     sentences = [problem.sentence for problem in problems]
     text = "\n".join(f"- {sentence}"

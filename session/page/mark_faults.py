@@ -9,7 +9,6 @@ from spectrabox.measure.opened_photos import develop
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.session.box.scenes import stated_scene
-from spectrabox.session.check import readable, require_chart
 from spectrabox.session.config.captured_session import (
     capture_of,
     read_filter,
@@ -18,6 +17,7 @@ from spectrabox.session.config.captured_session import (
 )
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
+from spectrabox.session.problems import readable, require_chart
 
 
 def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.orientation import photo_orientation, turned
-from spectrabox.measure.photo_check import (
+from spectrabox.measure.photo_quality import (
     brightest_signal,
     clipped_share,
     exposure_stops,

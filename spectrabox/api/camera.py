@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.api.arguments import LightLike, as_chart, as_light, families_of, one_blas_thread
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
-from spectrabox.api.inputs import LightLike, as_chart, as_light, families_of, one_blas_thread
 from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.chart_check import ChartCheck
-from spectrabox.api.colour_profile import ColourProfile, profile_of
-from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import MeasuredSpectra
-from spectrabox.api.inputs import (
+from spectrabox.api.arguments import (
     FilterLike,
     KnownSpectrum,
     LightLike,
@@ -25,6 +21,10 @@ from spectrabox.api.inputs import (
     one_blas_thread,
     surfaces_of,
 )
+from spectrabox.api.chart_check import ChartCheck
+from spectrabox.api.colour_profile import ColourProfile, profile_of
+from spectrabox.api.estimate import prior_of, surface_estimate
+from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo, as_input_file
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.inputs import as_chart
+from spectrabox.api.arguments import as_chart
 from spectrabox.api.notebook import axes_for
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.inputs import (
+from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
     as_prior,

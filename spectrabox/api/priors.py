@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.inputs import CameraLike, LightLike, as_prior, families_of, relative_response
-from spectrabox.measure.signals.judgement import (
+from spectrabox.api.arguments import CameraLike, LightLike, as_prior, families_of, relative_response
+from spectrabox.measure.signals.options import JudgeOptions
+from spectrabox.measure.signals.picture_judgement import (
     PictureJudgement,
     judge_picture,
 )
-from spectrabox.measure.signals.options import JudgeOptions
 from spectrabox.measure.signals.prior_training import train_prior as learn_prior
 from spectrabox.measure.signals.spectral_pictures import open_picture
 from spectrabox.radiometry.errors import InputError

@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.api.camera import CameraEstimate
-from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import MeasuredSpectra
-from spectrabox.api.inputs import (
+from spectrabox.api.arguments import (
     CameraLike,
     KnownSpectrum,
     LightLike,
@@ -24,6 +21,9 @@ from spectrabox.api.inputs import (
     one_blas_thread,
     surfaces_of,
 )
+from spectrabox.api.camera import CameraEstimate
+from spectrabox.api.estimate import prior_of, surface_estimate
+from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.notebook import axes_for
 from spectrabox.api.photo import Photo, as_input_file, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps

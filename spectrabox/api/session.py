@@ -11,11 +11,11 @@ from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.scene import SceneSpectra
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.session.check import preflight_check
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.problems import check_session
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.store.rehearsals import stored_rehearsal
 
@@ -60,7 +60,7 @@ class Session(Mapping[str, SpectrumEstimate]):
         CheckError
             If anything would stop or spoil a run; its message names everything at once.
         """
-        problems = preflight_check(self.folder, self._allow_outside).problems
+        problems = check_session(self.folder, self._allow_outside).problems
         if problems:
             raise CheckError("\n".join(problem.sentence for problem in problems))
 

@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.estimate import SpectrumEstimate
-from spectrabox.api.estimates import SpectrumEstimates
-from spectrabox.api.inputs import (
+from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
     as_prior,
@@ -17,6 +15,8 @@ from spectrabox.api.inputs import (
     one_blas_thread,
     relative_response,
 )
+from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.measure.signals.estimate import SignalCapture, SignalEstimate
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions

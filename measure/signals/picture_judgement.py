@@ -23,7 +23,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 from spectrabox.sampling.evaluation.cube_regions import CubeRegion, RegionSpectra, region_spectra
 from spectrabox.sampling.evaluation.cubes import Cube
-from spectrabox.sampling.evaluation.judgement import (
+from spectrabox.sampling.evaluation.scores_by_method import (
     ScoredSpectrum,
     SpectrumScores,
     baselines,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from spectrabox.measure.results.capture_result import CaptureResult
 
 
-def judge(found: CaptureResult) -> Verdict:
+def overall_verdict(found: CaptureResult) -> Verdict:
     """Verdict on a measurement: PASS, WARN or FAIL, the worst of its criteria."""
     fits = {"": found.calibration, **found.other_calibrations}
     criteria = (*_processed(found), *found.own_criteria, *calibration_doubts(found),

@@ -66,7 +66,7 @@ class CheckResult:
         return f"tracing light will take about {self.tracing_bytes / 2**20:.0f} MiB{of_all}"
 
 
-def preflight_check(folder: Path, allow_outside: bool = False, device: str = DEVICE,
+def check_session(folder: Path, allow_outside: bool = False, device: str = DEVICE,
                     shared: Path | None = None) -> CheckResult:
     """Everything that would stop or spoil a run of this session, and what it will take.
 

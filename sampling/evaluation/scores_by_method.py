@@ -11,7 +11,7 @@ from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
-from spectrabox.sampling.evaluation.spectrum_scores import (
+from spectrabox.sampling.evaluation.metrics import (
     best_scale,
     coverage,
     curve_band,
