@@ -32,7 +32,7 @@ from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.chart_scene import GRID_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
-from spectrabox.measure.left_out_patches import held_out_patches
+from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import UnknownLight

@@ -19,9 +19,9 @@ from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.develop.bands import DARK_CHANNEL
 from spectrabox.fixtures.paints import NM, chart_truth
-from spectrabox.measure.left_out_patches import held_out_patches
+from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.pictures.uplift import uplift_image
-from spectrabox.measure.regions.region_signals import flat_signals
+from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement, with_errors
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces

@@ -153,7 +153,7 @@ def signals_of_run(run: FinishedRun) -> tuple[np.ndarray, np.ndarray, np.ndarray
     assert records.calibrate.chart is not None
     field = records.calibrate.chart.irradiance
     return (records.chart.charts[""].samples.mean, records.photo.regions[""].mean,
-            field / np.exp(np.log(field).mean()), records.flat.light[""].level)
+            field / np.exp(np.log(field).mean()), records.flat_signals.light[""].level)
 
 
 def judged(case: FlatCase) -> dict[str, dict[str, float]]:

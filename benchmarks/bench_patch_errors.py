@@ -21,7 +21,7 @@ from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_
 from spectrabox.calibrate.products.lamps import all_lamps
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.measure.left_out_patches import patches_without
+from spectrabox.measure.held_out_spectra import patches_without
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid

@@ -25,7 +25,7 @@ from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
-from spectrabox.measure.left_out_patches import held_out_patches
+from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.results.chart_words import (
     held_out_facts,
     held_out_sentence,

@@ -205,8 +205,8 @@ class CaptureRecords:
         return self._kept["reconstruct"].read(ReconstructionRecords)
 
     @cached_property
-    def flat(self) -> SignalRecords:
-        """Of flat samples."""
+    def flat_signals(self) -> SignalRecords:
+        """What the step "signals" made, of flat samples alone."""
         return self._kept["signals"].read(SignalRecords)
 
     @cached_property
@@ -220,13 +220,13 @@ class CaptureRecords:
 
     @property
     def signals(self) -> SurfaceSignals:
-        """Of all surfaces, with their errors."""
-        return self.flat.signals if "signals" in self._kept else self.reconstruct.signals
+        """Of all surfaces, with their errors: where flat samples and scenes end alike."""
+        return self.flat_signals.signals if "signals" in self._kept else self.reconstruct.signals
 
     @property
     def notes(self) -> list[str]:
         """What the steps noted, each note once."""
-        of_signals = self.flat.notes if "signals" in self._kept else ()
+        of_signals = self.flat_signals.notes if "signals" in self._kept else ()
         return [*dict.fromkeys((*self.chart.notes, *self.photo.notes, *self.calibrate.notes,
                                 *of_signals))]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.steps.inputs import needed_steps
+from spectrabox.measure.steps.declared_steps import needed_steps
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.captured_session import capture_of

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.steps.inputs import StepInputs
-from spectrabox.measure.steps.order import measure
+from spectrabox.measure.steps.declared_steps import Step
+from spectrabox.measure.steps.measurement import measure
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.shaped import Record
@@ -81,7 +81,7 @@ class FolderKeeper:
     def records(self) -> CaptureRecords:
         return self.finished.records
 
-    def keep(self, step: StepInputs, compute: Callable[[Progress, Path | None], Record]) -> None:
+    def keep(self, step: Step, compute: Callable[[Progress, Path | None], Record]) -> None:
         """The step's record as it is stored, if that is up to date; else as it is computed now."""
         name, key = step.name, self._keys[step.name]
         stored = load_stage(self._config.results_folder, name)

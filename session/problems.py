@@ -17,7 +17,7 @@ from spectrabox.measure.captured import Capture, PhotoFiles, View, files_of, req
 from spectrabox.measure.opened_photos import develop, require_curves_of_bands, require_exposed
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.steps.charts import stated_corners
-from spectrabox.measure.steps.inputs import INVERSION
+from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.measure.steps.inversion import require_invertible, require_materials
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError

@@ -30,7 +30,7 @@ from spectrabox.radiometry.records.spectra import (
     SpectrumSamples,
     SpectrumSummary,
 )
-from spectrabox.session.outputs.results import SessionResults, StageRun, UsedFile
+from spectrabox.session.outputs.session_results import SessionResults, StageRun, UsedFile
 
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12

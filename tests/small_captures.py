@@ -12,7 +12,7 @@ from spectrabox.measure.captured import (
 )
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
-from spectrabox.measure.steps.order import InMemory
+from spectrabox.measure.steps.measurement import InMemory
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind

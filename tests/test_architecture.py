@@ -146,7 +146,7 @@ def test_no_files_import_each_other_in_a_circle():
 def test_the_rooms_of_the_keys_hold_all_that_the_steps_import():
     from spectrabox.session.store.program import LIBRARY
     files = {f"spectrabox.{name_of(path)[:-3].replace('/', '.')}": path for path in modules()}
-    waiting, reached = [ROOT / "measure/steps/order.py"], set()
+    waiting, reached = [ROOT / "measure/steps/measurement.py"], set()
     while waiting:
         path = waiting.pop()
         if path not in reached:

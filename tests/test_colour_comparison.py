@@ -7,7 +7,7 @@ from spectrabox.measure.regions.colour_comparison import (
     compare_colours,
     signal_difference,
 )
-from spectrabox.measure.regions.region_signals import RegionSignal
+from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.radiometry.error_model import PHOTO_NOISE, WHITE, proportional_covariance
 from spectrabox.radiometry.grid import FINE_GRID

@@ -19,7 +19,7 @@ from spectrabox.calibrate.light_field import (
 from spectrabox.measure.pictures import picture_maps
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.regions import white as module
-from spectrabox.measure.regions.region_signals import errors_of_region, flat_signals
+from spectrabox.measure.regions.flat_signals import errors_of_region, flat_signals
 from spectrabox.measure.regions.white import KNOWN_ERROR, FlatErrors, FlatPhoto, condition_on_known
 from spectrabox.radiometry.chart import plane_centres
 from spectrabox.radiometry.error_model import (

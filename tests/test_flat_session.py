@@ -22,7 +22,7 @@ from flat_example import (
 
 from spectrabox.fixtures.flat_sample import lamplight, vignetting, write_photo
 from spectrabox.fixtures.paints import NM, paint
-from spectrabox.measure.results.of_records import result_of
+from spectrabox.measure.results.result_of_records import result_of
 from spectrabox.measure.verdict.criteria import Status
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
@@ -73,7 +73,7 @@ def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(_finished_
 
 
 def light_errors(finished):
-    return dict(zip(PAINTS, finished.records.flat.light[""].error, strict=True))
+    return dict(zip(PAINTS, finished.records.flat_signals.light[""].error, strict=True))
 
 
 def test_the_light_is_known_worse_away_from_the_chart(_finished_flat):
@@ -137,7 +137,7 @@ def test_a_flat_field_under_the_same_light_leaves_it_even(flat_session):
     (flat_session / "session.toml").write_text(HEAD.replace(
         "[light]", 'flat = "photos/flat.dng"\n[light]') + regions_toml(), encoding="utf-8")
     finished = run(flat_session)
-    light = finished.records.flat.light[""]
+    light = finished.records.flat_signals.light[""]
     np.testing.assert_allclose(light.level, 1, atol=0.02)   # twice what a card is taken to leave
     assert light.error.max() < np.hypot(0.012, 0.03)     # the card tells the field, not the plane
     signals = finished.records.signals
@@ -286,7 +286,7 @@ def test_a_card_stated_far_from_its_level_is_refused(flat_session):
 def test_a_card_stated_off_its_level_is_doubted(flat_session):
     with_card(flat_session, "white_wall", 1.17)     # the light is known to about 4 % there
     finished = run(flat_session)
-    notes = finished.records.flat.notes
+    notes = finished.records.flat_signals.notes
     assert any("standard errors darker than the chart's light" in note for note in notes)
     found = result_of(finished.capture, finished.records)
     verdict = found.verdict
@@ -325,7 +325,7 @@ def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session
     write_photo(flat_session / "photos" / "sample.dng", picture(light=light / light.max()),
                 Fraction(1, 60), np.random.default_rng(10))
     with_card(flat_session, "green_wall", 1.0)
-    misfits = run(flat_session).records.flat.light[""].level_misfits
+    misfits = run(flat_session).records.flat_signals.light[""].level_misfits
     assert np.abs(misfits).max() < 3
 
 

@@ -10,7 +10,7 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
-from spectrabox.measure.left_out_patches import held_out_patches
+from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.verdict.calibration import calibration_doubts
 from spectrabox.measure.verdict.calibration import held_out_patches as criteria_of_left_out

@@ -21,7 +21,7 @@ from test_session_laws import drift
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.trust import certain_glare
-from spectrabox.measure.left_out_patches import patches_without
+from spectrabox.measure.held_out_spectra import patches_without
 from spectrabox.measure.options import Repeatability, StrayLight
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra

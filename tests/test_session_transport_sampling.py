@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from spectrabox.measure.results.of_records import result_of
+from spectrabox.measure.results.result_of_records import result_of
 from spectrabox.measure.scene.draws import _common_errors, _of_stray_light, _of_tails
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.steps.inversion import settings_of, views_of

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spectrabox.measure.regions.region_signals import DARK_BAND
+from spectrabox.measure.regions.flat_signals import DARK_BAND
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Calibration, Filter

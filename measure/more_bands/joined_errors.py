@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.measure.more_bands.further_photos import DARK, FurtherPhoto, curves_and_light
-from spectrabox.measure.regions.region_signals import DARK_BAND, SHARED_BY_PHOTOS
+from spectrabox.measure.regions.flat_signals import DARK_BAND, SHARED_BY_PHOTOS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
 from spectrabox.radiometry.covariance import error_patterns, symmetric
 from spectrabox.radiometry.error_model import (

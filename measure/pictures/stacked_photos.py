@@ -1,7 +1,7 @@
 """Photos of one flat sample under several lights or filters, as one photo of all their bands.
 
 Each photo has its own white, field of light and clipped pixels. Photos of one response are
-averaged, as `measure/regions/region_signals.py` averages their regions, and errors that photos
+averaged, as `measure/regions/flat_signals.py` averages their regions, and errors that photos
 under one lamp have in common are those of regions.
 """
 from __future__ import annotations
@@ -17,7 +17,7 @@ from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_spectra import row_blocks
 from spectrabox.measure.pictures.shown_bands import shown_bands
-from spectrabox.measure.regions.region_signals import (
+from spectrabox.measure.regions.flat_signals import (
     common_to_photos,
     dark_bands,
     first_of_response,

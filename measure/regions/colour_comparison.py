@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from spectrabox.measure.regions.region_signals import RegionSignal
+from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.surfaces.metamers import LIGHTS, colour_weights
 from spectrabox.radiometry.appearance import ciede2000, encoded_srgb, lab_from_xyz
 from spectrabox.radiometry.covariance import symmetric, symmetric_root

@@ -17,7 +17,7 @@ from spectrabox.capture.photo.registration import find_edges
 from spectrabox.measure.captured import FlatCapture, Region, View
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, PhotoRecords
-from spectrabox.measure.regions.region_signals import RegionSignal, signal_of_region
+from spectrabox.measure.regions.flat_signals import RegionSignal, signal_of_region
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto
 from spectrabox.measure.steps.photos import THUMBNAIL_WIDTH, outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos

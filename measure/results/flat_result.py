@@ -137,9 +137,11 @@ def flat_result(capture: FlatCapture, records: CaptureRecords,
 
 def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
                       view: View) -> PhotoOfRegions:
-    photo, chart = records.photo.photos[view.name], records.chart.charts.get(view.name)
+    photo = records.photo.photos[view.name]
+    chart = records.chart.charts.get(view.name)
     height, width = photo.signal.shape[:2]
-    shown, light = capture.regions_in(view), records.flat.light.get(view.name)
+    shown = capture.regions_in(view)
+    light = records.flat_signals.light.get(view.name)
     known = [name for name, section in shown.items() if section.known is not None]
     samples = records.photo.regions.get(view.name)
     registration = records.photo.registrations.get(view.name)

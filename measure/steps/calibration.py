@@ -25,7 +25,7 @@ from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart.quality import uneven_light_reasons
 from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
-from spectrabox.measure.left_out_patches import held_out_patches
+from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.opened_photos import require_curves_of_bands
 from spectrabox.measure.records import (
     CalibrationRecords,
@@ -127,9 +127,11 @@ def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
 def _chart_photos(capture: Capture, records: CaptureRecords,
                   irradiance: np.ndarray | None) -> dict[str, ChartPhoto]:
     """The charts as their fits take them, by view."""
-    bands, photos = capture.band_names(records.photo.bands), {}
+    bands = capture.band_names(records.photo.bands)
+    photos = {}
     for view in capture.views_with_chart:
-        chart, measured = capture.lit_chart, records.chart.charts[view.name]
+        chart = capture.lit_chart
+        measured = records.chart.charts[view.name]
         photos[view.name] = ChartPhoto(measured.samples, chart.reflectances, view.light_of_fit,
                                        irradiance, chart.excluded, chart.layout,
                                        view.filter_of_fit, bands)
@@ -218,7 +220,8 @@ def _records(fits: _Fits, charts: Mapping[str, MeasuredChart], irradiance: np.nd
     notes : tuple of str
         Beside those of the fits.
     """
-    chart, fit = None, fits.first
+    chart = None
+    fit = fits.first
     if fit is not None:
         patch_error = None if fit.prior_fit is None else np.array(fit.prior_fit.patch_error)
         chart = ChartFit(fit.predicted, irradiance,

@@ -37,7 +37,8 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
     CheckError
         If a chart is not found, or too little of it can be read.
     """
-    chart, views = capture.lit_chart, capture.views_with_chart
+    chart = capture.lit_chart
+    views = capture.views_with_chart
     charts: dict[str, MeasuredChart] = {}
     notes: tuple[str, ...] = ()
     references = None

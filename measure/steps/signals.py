@@ -7,7 +7,7 @@ from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.capture.chart.patches import clipped_bands
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.records import CaptureRecords, RegionLight, SignalRecords
-from spectrabox.measure.regions.region_signals import flat_signals
+from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.white import (
     FlatErrors,
     FlatPhoto,
@@ -22,7 +22,7 @@ from spectrabox.radiometry.errors import InputError
 
 
 def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> SignalRecords:
-    """Signals of regions, charts and calibrations to signals relative to white.
+    """What regions and charts read, and the calibrations, to signals relative to white.
 
     Parameters
     ----------
@@ -40,8 +40,9 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
         If a region of known spectrum shows another light than the chart.
     """
     require_unknown_region(capture)
-    photos, known, errors = flat_photos(capture, records), capture.known, \
-        flat_errors(capture, records)
+    photos = flat_photos(capture, records)
+    errors = flat_errors(capture, records)
+    known = capture.known
     notes: tuple[str, ...] = ()
     lights: dict[str, RegionLight] = {}
     whites = []
@@ -86,7 +87,8 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto
     records : CaptureRecords
         Of the steps up to the calibration.
     """
-    layout, photos = capture.layout, []
+    layout = capture.layout
+    photos = []
     for view, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
         with_chart = view if view.chart else capture.views[0]
         chart = records.chart.charts[with_chart.name]

@@ -69,7 +69,7 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
         From the name of a surface to the families it is said to be of.
     progress : callable
     joint_draws : mapping, optional
-        Draws of all surfaces at once, where they were made so (``scene_draws``).
+        Draws of all surfaces at once, where they were made so (``measure.scene.draws``).
     correction : SurfaceCorrection, optional
         From `learn_from_swatches`; of the method "prior" alone.
 

@@ -102,9 +102,10 @@ def outcome_criterion(name: str, outcome: Outcome) -> Criterion:
 
 
 def graded(name: str, value: float, limits: tuple[float, float], sentence: str,
-            surfaces: tuple[str, ...] = ()) -> Criterion:
-    status = Status.PASS if value <= limits[0] else Status.WARN if value <= limits[
-        1] else Status.FAIL
+           surfaces: tuple[str, ...] = ()) -> Criterion:
+    """The criterion of a value that passes up to the first limit and fails beyond the second."""
+    passes, warns = limits
+    status = Status.PASS if value <= passes else Status.WARN if value <= warns else Status.FAIL
     return Criterion(name, value, percent(value), limit_words(limits), status, sentence, surfaces)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.metadata import photo_metadata
-from spectrabox.measure.steps.inputs import INVERSION
+from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
 from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
 from spectrabox.session.config.session_file import read_session

@@ -92,7 +92,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     patches = chart_colours(chart.samples, (fit.predicted - glare) / relative, glare, reflectances,
                             profile.table, layout.names, layout.neutrals,
                             None if own is None else stated_transform(own))
-    quantities = archive_quantities(patches, records.flat.light[view.name].over_photo)
+    quantities = archive_quantities(patches, records.flat_signals.light[view.name].over_photo)
     facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
              "space": SPACES[space].name, "clipped": clipped,
              "delta_e00": profile.facts(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
-from spectrabox.measure.steps.inputs import FLAT_STEPS, StepInputs
+from spectrabox.measure.steps.declared_steps import FLAT_STEPS, Step
 from spectrabox.radiometry.records.spectra import MIN_SWATCHES
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
@@ -20,7 +20,7 @@ from spectrabox.session.config.session_schema import (
 class FlatSession(SessionConfig):
     """A session of regions of flat samples, which lie beside a chart."""
 
-    steps: ClassVar[tuple[StepInputs, ...]] = FLAT_STEPS
+    steps: ClassVar[tuple[Step, ...]] = FLAT_STEPS
 
     @property
     def surfaces(self) -> Mapping[str, RegionSection]:

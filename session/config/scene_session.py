@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
-from spectrabox.measure.steps.inputs import SCENE_STEPS, StepInputs
+from spectrabox.measure.steps.declared_steps import SCENE_STEPS, Step
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
     MaterialSection,
@@ -17,7 +17,7 @@ from spectrabox.session.config.session_schema import (
 class SceneSession(SessionConfig):
     """A session of the materials of a scene."""
 
-    steps: ClassVar[tuple[StepInputs, ...]] = SCENE_STEPS
+    steps: ClassVar[tuple[Step, ...]] = SCENE_STEPS
 
     @property
     def surfaces(self) -> Mapping[str, MaterialSection]:

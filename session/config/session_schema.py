@@ -23,7 +23,7 @@ from spectrabox.measure.options import (
     StrayLight,
     Surface,
 )
-from spectrabox.measure.steps.inputs import StepInputs
+from spectrabox.measure.steps.declared_steps import Step
 from spectrabox.radiometry.charts.layouts import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
@@ -344,7 +344,7 @@ class SessionConfig(SessionTables, ABC):
     allow_outside: bool
     toml_sha256: str = ""       # of the file as it was read
 
-    steps: ClassVar[tuple[StepInputs, ...]]     # of a capture of its kind
+    steps: ClassVar[tuple[Step, ...]]     # of a capture of its kind
 
     @property
     @abstractmethod

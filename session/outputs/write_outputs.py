@@ -8,7 +8,7 @@ from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
-from spectrabox.session.outputs.results import session_results
+from spectrabox.session.outputs.session_results import session_results
 from spectrabox.session.report.page import NUMBERS_NAME, write_report
 from spectrabox.session.store.program import provenance
 from spectrabox.session.store.surface_files import write_comparisons, write_surface_files

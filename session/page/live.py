@@ -17,7 +17,7 @@ from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
 from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
-from spectrabox.measure.steps.inputs import inputs_of_calibration, inputs_of_charts
+from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage

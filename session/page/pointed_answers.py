@@ -9,8 +9,8 @@ import numpy as np
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.records import ChartRecords
 from spectrabox.measure.regions.colour_comparison import compare_colours
+from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
-from spectrabox.measure.regions.region_signals import RegionSignal
 from spectrabox.measure.steps.photos import UNEVEN
 from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause

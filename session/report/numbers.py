@@ -15,7 +15,7 @@ from spectrabox.measure.verdict.criteria import Verdict
 from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts
-from spectrabox.session.outputs.results import SessionResults
+from spectrabox.session.outputs.session_results import SessionResults
 from spectrabox.session.report.metamers import metamer_facts
 from spectrabox.session.report.patch_colours import hex_colour, swatch_pairs
 from spectrabox.session.report.spectra import every_10_nm, surface_curves

@@ -20,7 +20,7 @@ from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import Reconstruction
-from spectrabox.session.outputs.results import SessionResults
+from spectrabox.session.outputs.session_results import SessionResults
 from spectrabox.session.report import flat_figures
 from spectrabox.session.report.cards import answer_card
 from spectrabox.session.report.figures import loss_figure

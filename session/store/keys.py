@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from spectrabox.measure.captured import Capture, InputFile
-from spectrabox.measure.steps.inputs import steps_of
+from spectrabox.measure.steps.declared_steps import steps_of
 from spectrabox.reconstruct.rendering.llvm import llvm_name
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.store.input_files import InputFiles

@@ -9,7 +9,7 @@ import platform
 from collections.abc import Iterator
 from pathlib import Path
 
-from spectrabox.measure.steps.inputs import FLAT_STEPS, SCENE_STEPS
+from spectrabox.measure.steps.declared_steps import FLAT_STEPS, SCENE_STEPS
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writable
 from spectrabox.session.store.store import sweep_stage

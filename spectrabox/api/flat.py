@@ -43,7 +43,7 @@ from spectrabox.measure.captured import (
 from spectrabox.measure.options import PictureOptions, Sampling
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.flat_result import flat_result
-from spectrabox.measure.steps.order import MemoryKeeper, measure
+from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -85,7 +85,8 @@ class FlatSpectra(MeasuredSpectra):
     """
 
     def __init__(self, capture: FlatCapture, records: CaptureRecords) -> None:
-        signals, found = records.signals, flat_result(capture, records)
+        signals = records.signals
+        found = flat_result(capture, records)
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
                              rendered=False) for name in signals.names])
@@ -118,6 +119,7 @@ class FlatSpectra(MeasuredSpectra):
             If the camera has other than three bands, or a word names no family.
         """
         return profile_of(self.calibration, families_of(families), self.found.photo.camera_from_xyz)
+
 
 @one_blas_thread
 def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
@@ -211,15 +213,16 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
     ...                  families={"wall": "paint"})
     >>> result["wall"].plot()
     """
-    of_material = _swatches(swatches, regions)
-    for name in (*(families or {}), *(known or {}), *(truth or {}), *of_material):
+    swatch_reflectances = _swatches(swatches, regions)
+    for name in (*(families or {}), *(known or {}), *(truth or {}),
+                 *swatch_reflectances):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
     first = _photo_files(photo)
     capture = FlatCapture(
         views=_views(first, as_light(light), str(light), chart_photo, filtered or {}, also or {}),
         regions=_regions(regions, surfaces_of(surface, regions, "region"), families or {},
-                         known or {}, truth or {}, of_material),
+                         known or {}, truth or {}, swatch_reflectances),
         chart=as_lit_chart(layout, reference, corners),
         development=Development(
             flat_fields={} if flat_field is None else {ONE_PHOTO: as_input_file(flat_field)},

@@ -42,7 +42,7 @@ from spectrabox.measure.options import Inversion, PictureOptions, Repeatability,
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
-from spectrabox.measure.steps.order import InMemory, MemoryKeeper, measure
+from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import InputError

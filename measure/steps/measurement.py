@@ -1,7 +1,7 @@
-"""One way from photos to spectra: the steps of a flat sample and of a scene, and who keeps what.
+"""One way from photos to spectra, where every door meets: `measure` runs the steps, a keeper keeps.
 
 A step is a function of a capture, of the records before it, and of what it is lent; it returns one
-record. ``measure`` takes a keeper: one that holds records in memory, or a session's, which keeps
+record. `measure` takes a keeper: one that holds records in memory, or a session's, which keeps
 them on disk and hands out those that are up to date.
 """
 from __future__ import annotations
@@ -18,8 +18,7 @@ from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, KeptRecord, Kind
 from spectrabox.measure.steps.calibration import calibrate_flat, calibrate_scene
 from spectrabox.measure.steps.charts import find_charts
-from spectrabox.measure.steps.flat_picture import flat_picture
-from spectrabox.measure.steps.inputs import (
+from spectrabox.measure.steps.declared_steps import (
     CHART,
     FLAT_CALIBRATION,
     FLAT_PHOTOS,
@@ -31,9 +30,10 @@ from spectrabox.measure.steps.inputs import (
     SCENE_PICTURE,
     SCENE_SPECTRA,
     SIGNALS,
-    StepInputs,
+    Step,
     steps_of,
 )
+from spectrabox.measure.steps.flat_picture import flat_picture
 from spectrabox.measure.steps.inversion import invert_photos
 from spectrabox.measure.steps.photos import measure_flat_photos, measure_scene_photos
 from spectrabox.measure.steps.scene_picture import scene_picture
@@ -44,7 +44,7 @@ from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.shaped import Record
 
 StepFunction = Callable[[Any, CaptureRecords, Work], Record]
-FUNCTIONS: dict[StepInputs, StepFunction] = {
+FUNCTIONS: dict[Step, StepFunction] = {
     CHART: find_charts,
     FLAT_PHOTOS: measure_flat_photos,
     FLAT_CALIBRATION: calibrate_flat,
@@ -66,12 +66,12 @@ class Keeper(Protocol):
         """What has been kept so far."""
         ...
 
-    def keep(self, step: StepInputs, compute: Callable[[Progress, Path | None], Record]) -> None:
+    def keep(self, step: Step, compute: Callable[[Progress, Path | None], Record]) -> None:
         """Keep the record of a step: one that is up to date, or the one that is computed now.
 
         Parameters
         ----------
-        step : StepInputs
+        step : Step
         compute : function of progress and of an empty folder for pictures, or None
             Its record.
         """
@@ -101,7 +101,7 @@ class MemoryKeeper:
     def records(self) -> CaptureRecords:
         return CaptureRecords(self.kept)
 
-    def keep(self, step: StepInputs, compute: Callable[[Progress, Path | None], Record]) -> None:
+    def keep(self, step: Step, compute: Callable[[Progress, Path | None], Record]) -> None:
         """As of ``Keeper``."""
         if step.name in self.kept:
             return

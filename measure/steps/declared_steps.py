@@ -1,7 +1,7 @@
-"""What each step of a measurement depends on, and the order of the steps.
+"""The steps of a measurement in their order, and what of a capture each depends on.
 
-Keys of kept records are made from this: it computes nothing, and what makes the records is in the
-modules beside it (``order.py``).
+Keys of kept records are made from this: it computes nothing. The functions that make the records
+are in the modules beside it, and ``measurement.py`` says which is of which step.
 """
 from __future__ import annotations
 
@@ -133,46 +133,46 @@ def inputs_of_scene_picture(capture: SceneCapture) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class StepInputs:
-    """What the record of one step is made from."""
+class Step:
+    """A step by its name, and what its record is made from."""
 
-    name: str
+    name: str                                   # of its record: in folders, JSON and --until
     inputs: Callable[[Any], dict[str, Any]]     # parts of the capture, by their names in sentences
     after: tuple[str, ...] = ()                 # steps whose records change it
     renders: bool = False                       # light is followed: by the compiler that is there
 
 
-CHART = StepInputs("chart", inputs_of_charts)
-FLAT_PHOTOS = StepInputs("photo", inputs_of_flat_photos, ("chart",))     # whose corners must agree
-FLAT_CALIBRATION = StepInputs("calibrate", inputs_of_calibration, ("chart",))
-SIGNALS = StepInputs("signals", inputs_of_signals, ("chart", "photo", "calibrate"))
-FLAT_SPECTRA = StepInputs("sample", inputs_of_spectra, ("signals",))
+CHART = Step("chart", inputs_of_charts)
+FLAT_PHOTOS = Step("photo", inputs_of_flat_photos, ("chart",))     # whose corners must agree
+FLAT_CALIBRATION = Step("calibrate", inputs_of_calibration, ("chart",))
+SIGNALS = Step("signals", inputs_of_signals, ("chart", "photo", "calibrate"))
+FLAT_SPECTRA = Step("sample", inputs_of_spectra, ("signals",))
 # not after "photo": a picture shows no regions, and is not made again for a new one
-FLAT_PICTURE = StepInputs("picture", inputs_of_flat_picture, ("chart", "calibrate"))
+FLAT_PICTURE = Step("picture", inputs_of_flat_picture, ("chart", "calibrate"))
 FLAT_STEPS = (CHART, FLAT_PHOTOS, FLAT_CALIBRATION, SIGNALS, FLAT_SPECTRA, FLAT_PICTURE)
 
-SCENE_PHOTOS = StepInputs("photo", inputs_of_scene_photos)
-SCENE_CALIBRATION = StepInputs("calibrate", inputs_of_calibration, ("chart",), renders=True)
-INVERSION = StepInputs("reconstruct", inputs_of_inversion, ("photo", "calibrate"), renders=True)
-SCENE_SPECTRA = StepInputs("sample", inputs_of_spectra, ("reconstruct",))
-SCENE_PICTURE = StepInputs("picture", inputs_of_scene_picture, ("calibrate", "reconstruct"),
+SCENE_PHOTOS = Step("photo", inputs_of_scene_photos)
+SCENE_CALIBRATION = Step("calibrate", inputs_of_calibration, ("chart",), renders=True)
+INVERSION = Step("reconstruct", inputs_of_inversion, ("photo", "calibrate"), renders=True)
+SCENE_SPECTRA = Step("sample", inputs_of_spectra, ("reconstruct",))
+SCENE_PICTURE = Step("picture", inputs_of_scene_picture, ("calibrate", "reconstruct"),
                            renders=True)
 SCENE_STEPS = (CHART, SCENE_PHOTOS, SCENE_CALIBRATION, INVERSION, SCENE_SPECTRA, SCENE_PICTURE)
 
 
-def steps_of(capture: Capture) -> tuple[StepInputs, ...]:
+def steps_of(capture: Capture) -> tuple[Step, ...]:
     """The steps that a capture needs, in order."""
     steps = FLAT_STEPS if isinstance(capture, FlatCapture) else SCENE_STEPS
     return needed_steps(steps, bool(capture.views_with_chart), capture.picture is not None)
 
 
-def needed_steps(steps: tuple[StepInputs, ...], with_chart: bool,
-                 with_picture: bool) -> tuple[StepInputs, ...]:
+def needed_steps(steps: tuple[Step, ...], with_chart: bool,
+                 with_picture: bool) -> tuple[Step, ...]:
     """Those that are needed, in order.
 
     Parameters
     ----------
-    steps : tuple of StepInputs
+    steps : tuple of Step
         ``FLAT_STEPS`` or ``SCENE_STEPS``.
     with_chart : bool
         Whether a photo shows a chart.

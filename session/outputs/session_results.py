@@ -11,7 +11,7 @@ import numpy as np
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.flat_result import FlatResult
-from spectrabox.measure.results.of_records import result_of
+from spectrabox.measure.results.result_of_records import result_of
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
