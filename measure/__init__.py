@@ -1,1 +1,1 @@
-"""Joins the stages: arrays and records in, records out, no files and no printing."""
+"""The one way from photo to verdict: captures and records in, records out, and no printing."""

@@ -19,8 +19,8 @@ from spectrabox.session.report.safe_json import plain_values
 
 # a session keeps records under keys, draws its photos and lays out a report
 LAYOUT = ("measure/steps/declared_steps.py", "capture/photo/image_writers.py",
-          "capture/photo/preview.py", "capture/photo/metadata.py", "measure/words.py", "measure/plot_style.py",
-          "measure/surfaces/metamers.py")
+          "capture/photo/preview.py", "capture/photo/metadata.py", "measure/words.py",
+          "measure/plot_style.py", "measure/surfaces/metamers.py")
 # what the report alone shows of a result, the choice of a kept one's kind, and what its keys ask
 NAMED = {"result_of", "lab_error", "srgb", "untested", "mostly_in_doubt", "in_doubt", "words",
          "certified_sentence", "unknown_families", "headline", "doubts", "passed", "light_scale",

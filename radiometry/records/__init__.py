@@ -1,4 +1,4 @@
-"""Every record that passes between stages, by topic: read these files first.
+"""Every record that passes between folders, by topic: read these files first.
 
 Shape letters: H, W pixels; I patches of a chart; P wavelengths; N spline coefficients; K camera
 bands (3 or more); M materials; R regions; E products of reflectances; T samples; S surfaces.
