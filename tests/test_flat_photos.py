@@ -25,7 +25,7 @@ from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.look import write_picture
-from spectrabox.session.flat.new_session import known_file, session_of, tables_of_photos
+from spectrabox.session.flat.new_session import known_file, new_session, tables_without_regions
 from spectrabox.session.store.locks import only_writer
 
 from tests.session_runs import run
@@ -266,8 +266,9 @@ def test_a_card_in_per_cent_is_asked_back_or_understood(tmp_path):
 
 def test_two_commands_do_not_work_in_one_session_at_once(tmp_path):
     write_raw()(tmp_path / "a.dng")
-    tables = tables_of_photos(tmp_path / "a.dng") | {"regions": {"a": {"rect": [300, 50, 340, 90]}}}
-    with session_of(tables, None) as folder, only_writer(folder, "spectrabox run"):
+    tables = tables_without_regions(tmp_path / "a.dng")
+    tables |= {"regions": {"a": {"rect": [300, 50, 340, 90]}}}
+    with new_session(tables, None) as folder, only_writer(folder, "spectrabox run"):
         outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng"), "--region",
                                            "a=300,50,340,90"])
     assert outcome.exit_code != 0 and not (folder / "report.html").exists()

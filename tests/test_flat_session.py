@@ -23,7 +23,7 @@ from flat_example import (
 from spectrabox.fixtures.flat_sample import lamplight, vignetting, write_photo
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.results.result_of_records import result_of
-from spectrabox.measure.verdict.criteria import Status
+from spectrabox.measure.verdict.criterion import Status
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.records.spectra import Quantity

@@ -12,9 +12,11 @@ from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.results.chart_words import held_out_facts, light_facts
-from spectrabox.measure.verdict.calibration import calibration_doubts
-from spectrabox.measure.verdict.calibration import held_out_patches as criteria_of_left_out
-from spectrabox.measure.verdict.criteria import Status
+from spectrabox.measure.verdict.calibration_criteria import calibration_doubts
+from spectrabox.measure.verdict.calibration_criteria import (
+    held_out_criteria as criteria_of_left_out,
+)
+from spectrabox.measure.verdict.criterion import Status
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.calibration import CalibrationDoubt, HeldOutPatches

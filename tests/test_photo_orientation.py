@@ -20,7 +20,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.cli import app
 from spectrabox.session.commands.session import _folder_to_open
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat.new_session import MARK, _digest, session_of, tables_of_photos
+from spectrabox.session.flat.new_session import MARK, _digest, new_session, tables_without_regions
 from spectrabox.session.kept_stages import load_finished
 
 ORIENTATIONS = range(1, 9)
@@ -116,13 +116,13 @@ def photo_bytes_with(path, orientation):
 def test_a_command_that_is_given_again_counts_pixels_as_its_session_does(tmp_path):
     """A session of a version that turned no photo is written anew without turning any."""
     photo, folder = photo_of(tmp_path / "a.dng", 8), tmp_path / "s"
-    tables = tables_of_photos(photo) | {"regions": {"a": {"rect": [10, 10, 40, 40]}}}
-    with session_of(tables, folder):
+    tables = tables_without_regions(photo) | {"regions": {"a": {"rect": [10, 10, 40, 40]}}}
+    with new_session(tables, folder):
         assert read_session(folder).photos.orientation == 8
     old = (folder / "session.toml").read_text(encoding="utf-8").replace("orientation = 8\n", "")
     body = old.rpartition(MARK)[0]
     (folder / "session.toml").write_text(f"{body}{MARK}{_digest(body)}\n", encoding="utf-8")
-    with session_of(tables, folder):
+    with new_session(tables, folder):
         assert read_session(folder).photos.orientation == 1
 
 

@@ -141,8 +141,8 @@ def test_a_rendered_glossy_panel_that_the_scene_calls_matt_fails(tmp_path):
     import mitsuba as mi
 
     from spectrabox.fixtures.cornell_box import cornell_box_xml
-    from spectrabox.measure.verdict.criteria import Status
-    from spectrabox.measure.verdict.scene import _misfits
+    from spectrabox.measure.verdict.criterion import Status
+    from spectrabox.measure.verdict.scene_criteria import _misfits
     from spectrabox.reconstruct.inverse_rendering import reconstruct
     from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session, with_found
 
-from spectrabox.measure.verdict.calibration import DOUBTS
-from spectrabox.measure.verdict.criteria import Status
-from spectrabox.measure.verdict.scene import scene_conditions
+from spectrabox.measure.verdict.calibration_criteria import DOUBTS
+from spectrabox.measure.verdict.criterion import Status
+from spectrabox.measure.verdict.scene_criteria import scene_conditions
 from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError

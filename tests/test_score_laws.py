@@ -7,9 +7,9 @@ import pytest
 
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.measure.surfaces.surface_spectra import score
-from spectrabox.measure.verdict.calibration import root_mean_square
-from spectrabox.measure.verdict.criteria import Status
-from spectrabox.measure.verdict.scene import _rehearsal, median_surface_error, worst_entry
+from spectrabox.measure.verdict.calibration_criteria import root_mean_square
+from spectrabox.measure.verdict.criterion import Status
+from spectrabox.measure.verdict.scene_criteria import _rehearsal, median_surface_error, worst_entry
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.scenes import SurfaceAgreement

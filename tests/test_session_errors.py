@@ -31,9 +31,9 @@ from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.steps import inversion
 from spectrabox.measure.surfaces.surface_spectra import score
-from spectrabox.measure.verdict.criteria import Status
-from spectrabox.measure.verdict.flat import clipped_photo
-from spectrabox.measure.verdict.scene import clipped_pixels
+from spectrabox.measure.verdict.criterion import Status
+from spectrabox.measure.verdict.flat_criteria import clipped_photo
+from spectrabox.measure.verdict.scene_criteria import clipped_pixels
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
 from spectrabox.radiometry.records.calibration import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read

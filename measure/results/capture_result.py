@@ -20,8 +20,8 @@ from spectrabox.measure.results.surface_result import (
     surface_result,
 )
 from spectrabox.measure.tables import text_table
-from spectrabox.measure.verdict.calibration import doubt_sentences
-from spectrabox.measure.verdict.criteria import Criterion, Verdict
+from spectrabox.measure.verdict.calibration_criteria import doubt_sentences
+from spectrabox.measure.verdict.criterion import Criterion, Verdict
 from spectrabox.measure.verdict.overall import overall_verdict
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.grid import WavelengthGrid
@@ -187,7 +187,7 @@ class CaptureResult(ABC):
                           title=title)
 
 
-def found_of_any(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
+def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
     """What is known of captures of every kind, by the fields of `CaptureResult`, but the surfaces.
 
     Parameters
@@ -211,11 +211,11 @@ def found_of_any(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
             "swatches": records.sample.swatches, "picture": records.picture}
 
 
-def found_of_surface(capture: Capture, records: CaptureRecords, name: str,
+def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
                      inverse_rendering: np.ndarray | None = None,
                      light: tuple[float, float] | None = None,
                      scatter: float | None = None) -> SurfaceResult:
-    """What was found of one surface.
+    """What the records of all steps say of one surface.
 
     Parameters
     ----------

@@ -10,12 +10,12 @@ from spectrabox.measure.captured import FlatCapture, View
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.capture_result import (
     CaptureResult,
-    found_of_any,
-    found_of_surface,
+    common_findings,
+    surface_of_records,
 )
 from spectrabox.measure.results.methods import flat_methods
-from spectrabox.measure.verdict.criteria import Criterion
-from spectrabox.measure.verdict.flat import clipped_photo, flat_conditions, flat_criteria
+from spectrabox.measure.verdict.criterion import Criterion
+from spectrabox.measure.verdict.flat_criteria import clipped_photo, flat_conditions, flat_criteria
 from spectrabox.radiometry.records.photos import RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 
@@ -128,10 +128,10 @@ def flat_result(capture: FlatCapture, records: CaptureRecords,
         light = photo.light | light
         for name, value in photo.scatter.items():
             scatter[name] = max(value, scatter.get(name, value))
-    surfaces = tuple(found_of_surface(capture, records, name, None, light.get(name),
+    surfaces = tuple(surface_of_records(capture, records, name, None, light.get(name),
                                       scatter.get(name))
                      for name in capture.surfaces if name in records.signals.names)
-    return FlatResult(**found_of_any(capture, records), surfaces=surfaces, photos=photos,
+    return FlatResult(**common_findings(capture, records), surfaces=surfaces, photos=photos,
                       picture_folder=picture_folder)
 
 

@@ -9,13 +9,13 @@ from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.capture_result import (
     CaptureResult,
-    found_of_any,
-    found_of_surface,
+    common_findings,
+    surface_of_records,
 )
 from spectrabox.measure.results.methods import scene_methods
 from spectrabox.measure.scene.rehearsed import Rehearsed
-from spectrabox.measure.verdict.criteria import Criterion
-from spectrabox.measure.verdict.scene import (
+from spectrabox.measure.verdict.criterion import Criterion
+from spectrabox.measure.verdict.scene_criteria import (
     clipped_pixels,
     median_surface_error,
     scene_conditions,
@@ -105,8 +105,8 @@ def scene_result(capture: SceneCapture, records: CaptureRecords,
                   for view, calibration, reconstruction
                   in zip(capture.views, records.calibrations(capture.views), joint.views,
                          strict=True) if view.name)
-    found = found_of_any(capture, records)
-    surfaces = [found_of_surface(capture, records, name, joint.spectra[names.index(name)])
+    found = common_findings(capture, records)
+    surfaces = [surface_of_records(capture, records, name, joint.spectra[names.index(name)])
                 for name in capture.surfaces if name in names]
     if not views:       # the bands of a single photo are not named after it
         surfaces = [dataclasses.replace(surface, bands=bands) for surface in surfaces]

@@ -151,18 +151,18 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
         Of a region, as of `SurfaceResult`.
     """
     noise, disagreement = noise_and_disagreement(signals, index)
-    found: dict[str, Any] = {
+    common: dict[str, Any] = {
         "name": signals.names[index], "grid": signals.grid, "bands": signals.bands,
         "signal": signals.signal[index], "signal_covariance": noise,
         "model_covariance": disagreement, "truth": truth, "light": light, "scatter": scatter}
     if spectrum is None:
-        return SurfaceResult(**found, spectrum=signals.spectra[index])
+        return SurfaceResult(**common, spectrum=signals.spectra[index])
     scores = None
     if truth is not None:
         scores = score(spectrum_on_grid(truth, FINE_GRID), inverse_rendering, spectrum.summary,
                        spectrum.samples)
     return SurfaceResult(
-        **found, spectrum=inverse_rendering, summary=spectrum.summary, samples=spectrum.samples,
+        **common, spectrum=inverse_rendering, summary=spectrum.summary, samples=spectrum.samples,
         error_budget=relative_errors(signals, index), scores=scores,
         variance_shares=spectrum.variance_shares, families=families)
 

@@ -70,10 +70,10 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     Raises
     ------
     InputError
-        If the session has several photos, lights of several spectra, or another engine than the
+        If the capture has several photos, lights of several spectra, or another engine than the
         transport's.
     ConvergenceError
-        See ``sampling.scene_draws.draw_scene``.
+        See ``sampling.scene.scene_draws.draw_scene``.
     """
     require_one_transport(len(joint.views), bool(joint.regions))
     regions, view = joint.regions[0], joint.views[0]

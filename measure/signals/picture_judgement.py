@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.signals.estimate import SignalEstimate
 from spectrabox.measure.signals.options import JudgeOptions, SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal
+from spectrabox.measure.signals.signal_estimate import SignalEstimate
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.measure.signals.estimate import SignalCapture, SignalEstimate
 from spectrabox.measure.signals.options import SampleOptions
+from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEstimate
 from spectrabox.measure.surfaces.swatch_correction import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import stated_causes

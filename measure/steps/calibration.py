@@ -83,8 +83,8 @@ def calibrate_flat(capture: FlatCapture, records: CaptureRecords,
     require_curves_of_bands(capture)
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, None)
-    lights, notes = _lights_by_evidence(capture, charts)
-    fits = _fitted(capture, lights, photos, _options_of_flat(capture))
+    groups, notes = _groups_by_light(capture, charts)
+    fits = _fitted(capture, groups, photos, _options_of_flat(capture))
     fit = fits.first
     assert fit is not None and fit.prior_fit is not None    # flat samples need chart and prior
     field = np.full(len(fit.predicted), np.nan)             # not known of excluded patches
@@ -121,7 +121,7 @@ def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
     if irradiance is None:
         return _records(fits, charts, on_chart, ())
     fits = dataclasses.replace(fits, calibrations=_with_lamp_error(capture, fits.calibrations))
-    return _records(fits, charts, on_chart, _uneven_notes(capture, charts, irradiance))
+    return _records(fits, charts, on_chart, _uneven_light_notes(capture, charts, irradiance))
 
 
 def _chart_photos(capture: Capture, records: CaptureRecords,
@@ -138,7 +138,7 @@ def _chart_photos(capture: Capture, records: CaptureRecords,
     return photos
 
 
-def _fitted(capture: Capture, lights: list[list[View]], photos: Mapping[str, ChartPhoto],
+def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, ChartPhoto],
             options: CalibrationOptions) -> _Fits:
     """One camera, and the light of every view, of each group of views.
 
@@ -148,7 +148,7 @@ def _fitted(capture: Capture, lights: list[list[View]], photos: Mapping[str, Cha
     Parameters
     ----------
     capture : Capture
-    lights : list of lists of View
+    groups : list of lists of View
         A fit each.
     photos : mapping
         Of charts, by view.
@@ -161,7 +161,7 @@ def _fitted(capture: Capture, lights: list[list[View]], photos: Mapping[str, Cha
     held_out: dict[str, HeldOutPatches] = {}
     notes: tuple[str, ...] = ()
     of_first = None
-    for first, *others in lights:
+    for first, *others in groups:
         fitted = [view.name for view in (first, *others) if view.chart and (several
                                                                             or view == first)]
         fit, prior_fit = None, None
@@ -268,8 +268,8 @@ def _fits_of_flat(capture: FlatCapture) -> list[list[View]]:
             for lamp in dict.fromkeys(view.lamp for view in views)]
 
 
-def _lights_by_evidence(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
-                        ) -> tuple[list[list[View]], tuple[str, ...]]:
+def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
+                     ) -> tuple[list[list[View]], tuple[str, ...]]:
     """Views of flat samples under each light: as stated, where no chart contradicts it, and lights
     that nobody measured as one where their charts show one; with a sentence for each of those.
 
@@ -282,7 +282,7 @@ def _lights_by_evidence(capture: FlatCapture, charts: Mapping[str, MeasuredChart
         return light_difference(charts[first.name].samples, charts[other.name].samples,
                                 capture.layout.centres_uv)
 
-    lights: list[list[View]] = []
+    groups: list[list[View]] = []
     notes: tuple[str, ...] = ()
     for views in _fits_of_flat(capture):
         first = views[0]
@@ -296,16 +296,16 @@ def _lights_by_evidence(capture: FlatCapture, charts: Mapping[str, MeasuredChart
                     "take both photos under one lamp that has warmed up")
         before = None
         if not any(view.light_stated for view in capture.views):
-            before = next((light for light in lights
-                           if difference(light[0], first) < SAME_LIGHT), None)
+            before = next((group for group in groups
+                           if difference(group[0], first) < SAME_LIGHT), None)
         if before is None:
-            lights.append(views)
+            groups.append(views)
         else:
             notes += (f"{before[0].title!r} and {first.title!r} show the same light: their bands "
                       "are averaged against noise and add nothing new; take one under another kind "
                       "of lamp, or through a filter",)
             before += views
-    return lights, notes
+    return groups, notes
 
 
 def _options_of_flat(capture: FlatCapture) -> CalibrationOptions:
@@ -362,7 +362,7 @@ def _with_lamp_error(capture: SceneCapture,
             for name, calibration in calibrations.items()}
 
 
-def _uneven_notes(capture: SceneCapture, charts: Mapping[str, MeasuredChart],
+def _uneven_light_notes(capture: SceneCapture, charts: Mapping[str, MeasuredChart],
                   irradiance: np.ndarray) -> tuple[str, ...]:
     """Chart photos whose light changes by more than lamp and chart in their places explain."""
     return tuple(

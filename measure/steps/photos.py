@@ -68,7 +68,7 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
         outlines = outlines_in(capture, view, registrations.get(view.name))
         if outlines:
             regions[view.name] = sample_regions(photo, outlines, without_clipped=several)
-            notes += _uneven_notes(regions[view.name])
+            notes += _uneven_region_notes(regions[view.name])
         photos[view.name] = thumbnail(photo, THUMBNAIL_WIDTH)
         if view.filter is not None and np.array_equal(photos[view.name].signal,
                                                       photos[""].signal):
@@ -181,7 +181,7 @@ def outlines_in(capture: FlatCapture, view: View, registration: Registration | N
             for name, region in capture.regions_in(view).items()}
 
 
-def _uneven_notes(samples: RegionSamples) -> tuple[str, ...]:
+def _uneven_region_notes(samples: RegionSamples) -> tuple[str, ...]:
     return tuple(
         f"region {name!r} is uneven: its pixels scatter by {scatter:.0%} beyond noise and even "
         "light, and its spectrum is the mean of what lies in it; outline a smaller part for one "

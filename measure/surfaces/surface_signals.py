@@ -57,9 +57,7 @@ def scene_signals(joint: JointReconstruction,
 
 def with_errors(signals: SurfaceSignals, causes: dict[str, np.ndarray]) -> SurfaceSignals:
     """The signals with the covariances (M, J, J) of their errors by cause."""
-    return SurfaceSignals(signals.names, signals.known, signals.grid, signals.spectra,
-                          signals.bands, signals.view_of_band, signals.response, signals.signal,
-                          tuple(SignalError(*cause) for cause in causes.items()))
+    return replace(signals, errors=tuple(SignalError(*cause) for cause in causes.items()))
 
 
 def in_bands(signals: SurfaceSignals, bands: np.ndarray) -> SurfaceSignals:

@@ -179,7 +179,7 @@ class Scores:
     rmse_mean: float                  # reflectance, mean of the samples
     # reflectance, the one spectrum of inverse rendering; None of a flat sample
     rmse_inverse_rendering: float | None
-    coverage: float  # share of wavelengths at which the band at the session's level holds the truth
+    coverage: float  # share of wavelengths at which the band at the stated level holds the truth
     coverage_95: float                # the same for the 95 % band
     coverage_bounds: float            # the same for the exact bounds
     band_width: float                 # mean width of the band, reflectance

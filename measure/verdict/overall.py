@@ -3,19 +3,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from spectrabox.measure.verdict.calibration import (
+from spectrabox.measure.verdict.calibration_criteria import (
     calibration_doubts,
     chart_agreement,
-    held_out_patches,
+    held_out_criteria,
     where_of,
 )
-from spectrabox.measure.verdict.criteria import (
+from spectrabox.measure.verdict.criterion import (
     Criterion,
     Status,
     Verdict,
     outcome_criterion,
 )
-from spectrabox.measure.verdict.surfaces import samplers, stated_truths, truth_coverage
+from spectrabox.measure.verdict.surface_criteria import samplers, stated_truths, truth_coverage
 
 if TYPE_CHECKING:
     from spectrabox.measure.results.capture_result import CaptureResult
@@ -25,7 +25,7 @@ def overall_verdict(found: CaptureResult) -> Verdict:
     """Verdict on a measurement: PASS, WARN or FAIL, the worst of its criteria."""
     fits = {"": found.calibration, **found.other_calibrations}
     criteria = (*_processed(found), *found.own_criteria, *calibration_doubts(found),
-                *chart_agreement(found), *held_out_patches(found),
+                *chart_agreement(found), *held_out_criteria(found),
                 found.clipped_criterion(found.photo.clipped_share),
                 *(outcome_criterion(f"Sensitivity fit{where_of(view)}", fit.sensitivity.outcome)
                   for view, fit in fits.items()), *samplers(found), truth_coverage(found),

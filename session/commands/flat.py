@@ -122,11 +122,11 @@ def flat(
     def measured(photo: Path, orientation: int | None = None) -> Answer:
         if tables is None:
             return _show_photo(photo, orientation, chart, layout, reference, corners, not_linear)
-        from spectrabox.session.flat.new_session import session_of, tables_of_photo
+        from spectrabox.session.flat.new_session import new_session, tables_of_photo
         start = time.perf_counter()
         of_photo = tables_of_photo(photo, chart=chart, flat=flat_field, orientation=orientation,
                                    not_linear=not_linear or None)
-        with session_of(of_photo | tables, session) as folder:
+        with new_session(of_photo | tables, session) as folder:
             answer = run_session(folder, device="not needed", quiet=quiet,
                                  words=["spectrabox", "flat", photo.stem])
         return Answer({**answer.facts, "seconds": round(time.perf_counter() - start, 3)},

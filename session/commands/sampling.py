@@ -130,8 +130,8 @@ def sample(
                                 or measured.more):
         raise InputError("a truth and further measurements belong to one surface; give its "
                          "--signal, not --signals")
-    from spectrabox.measure.signals.estimate import columns_of, draws_of
     from spectrabox.measure.signals.sample import sample_signals
+    from spectrabox.measure.signals.signal_estimate import columns_of, draws_of
     from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
     capture = signal_capture(
         measured, signals, srgb, sensitivity or OBSERVER, light or "D65", twice=twice,

@@ -184,11 +184,15 @@ def open_page(
 def _folder_to_open(paths: tuple[Path, ...]) -> Path:
     """The session folder that is named, or that of photos, made where it is missing."""
     from spectrabox.session.config.session_schema import FILE_NAME
-    from spectrabox.session.flat.new_session import folder_beside, session_of, tables_of_photos
+    from spectrabox.session.flat.new_session import (
+        folder_beside,
+        new_session,
+        tables_without_regions,
+    )
     first, *others = paths
     if first.is_file() and first.name != FILE_NAME:
         if not (folder_beside(first) / FILE_NAME).is_file():
-            with session_of(tables_of_photos(*paths), None):
+            with new_session(tables_without_regions(*paths), None):
                 pass
         return folder_beside(first)
     if others:

@@ -63,7 +63,7 @@ class RegionsFile(Table):
 
 
 @contextlib.contextmanager
-def session_of(tables: Tables, folder: Path | None) -> Iterator[Path]:
+def new_session(tables: Tables, folder: Path | None) -> Iterator[Path]:
     """The session folder, written. One that was made for this command vanishes again if it fails.
 
     Parameters
@@ -102,7 +102,7 @@ def session_of(tables: Tables, folder: Path | None) -> Iterator[Path]:
         raise
 
 
-def tables_of_photos(photo: Path, *others: Path) -> Tables:
+def tables_without_regions(photo: Path, *others: Path) -> Tables:
     """What session.toml says of photos of flat samples before anything is outlined on them.
 
     Parameters

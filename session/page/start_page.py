@@ -16,8 +16,8 @@ from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.flat.new_session import (
     folder_beside,
-    session_of,
-    tables_of_photos,
+    new_session,
+    tables_without_regions,
 )
 from spectrabox.session.page.received_files import safe_name, unused_path
 from spectrabox.session.page.session_page import SessionPage
@@ -112,7 +112,7 @@ class StartPage:
             for photo in photos:
                 photo_size(photo)       # refuses what is no photo
             target = unused_path(self.folder / folder_beside(photos[0]).name)
-            with session_of(tables_of_photos(*photos), target):
+            with new_session(tables_without_regions(*photos), target):
                 return self.open(target.name)
         finally:
             shutil.rmtree(folder, ignore_errors=True)

@@ -10,8 +10,8 @@ from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.verdict.calibration import chart_residuals, root_mean_square
-from spectrabox.measure.verdict.criteria import Verdict
+from spectrabox.measure.verdict.calibration_criteria import chart_residuals, root_mean_square
+from spectrabox.measure.verdict.criterion import Verdict
 from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts

@@ -10,7 +10,11 @@ from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.measure.results.chart_words import held_out_sentence
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
-from spectrabox.measure.verdict.calibration import CHART_LIMITS, chart_residuals, root_mean_square
+from spectrabox.measure.verdict.calibration_criteria import (
+    CHART_LIMITS,
+    chart_residuals,
+    root_mean_square,
+)
 from spectrabox.measure.words import OFF
 from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.sampling.prior.family_coverage import certified_sentence

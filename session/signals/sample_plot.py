@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from spectrabox.measure.plots import frame_reflectance
-from spectrabox.measure.signals.estimate import SignalEstimate
+from spectrabox.measure.signals.signal_estimate import SignalEstimate
 from spectrabox.radiometry.files import whole_file
 
 SIZE_IN = (8.0, 4.5)

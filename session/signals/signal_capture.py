@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals.estimate import SignalCapture
 from spectrabox.measure.signals.sample import measurement_of_signal
+from spectrabox.measure.signals.signal_estimate import SignalCapture
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra

@@ -17,10 +17,10 @@ from spectrabox.api.arguments import (
 )
 from spectrabox.api.estimate import SpectrumEstimate
 from spectrabox.api.estimates import SpectrumEstimates
-from spectrabox.measure.signals.estimate import SignalCapture, SignalEstimate
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
+from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEstimate
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spectrabox.measure.regions.white import FAR, LEVEL_DOUBTED
-from spectrabox.measure.verdict.criteria import (
+from spectrabox.measure.verdict.criterion import (
     CLIPPED_LIMITS,
     Criterion,
     Status,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.measure.verdict.criteria import Criterion, Status
+from spectrabox.measure.verdict.criterion import Criterion, Status
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spectrabox.measure.results.chart_words import held_out_sentence, poor_patches
-from spectrabox.measure.verdict.criteria import Criterion, Status, graded, limit_words
+from spectrabox.measure.verdict.criterion import Criterion, Status, graded, limit_words
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.records.calibration import Calibration, CalibrationDoubt, HeldOutPatches
 
@@ -58,7 +58,7 @@ def doubt_sentences(calibration: Calibration, view: str) -> list[str]:
     ----------
     calibration : Calibration
     view : str
-        Name of the first photo that it is of; "" the first of the session.
+        Name of the first photo that it is of; "" the first of the capture.
     """
     return [f"Calibration{where_of(view)}: "
             + next((check for check in calibration.checks if check.startswith(doubt.value)),
@@ -70,7 +70,7 @@ def where_of(view: str) -> str:
     return view and f" in the photo “{view}”"
 
 
-def held_out_patches(found: CaptureResult) -> list[Criterion]:
+def held_out_criteria(found: CaptureResult) -> list[Criterion]:
     """How well each chart patch is predicted by a calibration without it; nothing without a chart.
 
     Parameters

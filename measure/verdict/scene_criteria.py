@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spectrabox.measure.captured import FIRST_PHOTO
-from spectrabox.measure.verdict.calibration import root_mean_square, where_of
-from spectrabox.measure.verdict.criteria import (
+from spectrabox.measure.verdict.calibration_criteria import root_mean_square, where_of
+from spectrabox.measure.verdict.criterion import (
     CLIPPED_LIMITS,
     Criterion,
     Status,
