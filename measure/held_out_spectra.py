@@ -78,7 +78,8 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
         if common.shape[0] > FEW_BANDS:     # of which some are sums of others
             each = [independent_bands((fine / white[..., None]).mean(axis=0), one)
                     for one in covariance]
-            gains, response = np.array([gain for _, gain in each]), common[each[0][0]]
+            gains = np.array([gain for _, gain in each])
+            response = common[each[0][0]]
             signals = np.einsum("irk,ik->ir", gains, signals)
             covariance = gains @ covariance @ gains.transpose(0, 2, 1)
         return summaries(known, response, signals, {"calibration and photo": covariance}, LEVEL)

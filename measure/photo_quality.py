@@ -34,7 +34,9 @@ def judge_photo(image: LinearImage, chart: Chart = CLASSIC) -> tuple[tuple[str, 
         Empty for a good photo.
     chart : bool
     """
-    reasons, clipped, brightest = [], clipped_share(image), brightest_signal(image)
+    reasons = []
+    clipped = clipped_share(image)
+    brightest = brightest_signal(image)
     if max(clipped) > MAX_CLIPPED:
         reasons.append(f"{max(clipped):.1%} of the pixels are clipped; expose "
                        f"{_stops_words(-1.0)}")

@@ -122,7 +122,8 @@ def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, p
     settings, chosen = settings_for(views, settings)
     solutions: tuple[ViewSolution, ...]
     if settings.engine in SINGLE_VIEW:
-        fit, solutions = None, (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
+        fit = None
+        solutions = (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
     else:
         fit, solutions = solve_views(views, settings, progress, checkpoint)
     solutions = tuple(replace(solution, notes=chosen + solution.notes) for solution in solutions)
@@ -213,7 +214,8 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
             scale = LightScale(*solution.scale, None, "materials in common with the other photos")
     renderings = solution.renderings * scale.value
     rendered = renderings.mean(axis=0)
-    names, materials = tuple(view.scene_file.surfaces), view.surface_materials
+    names = tuple(view.scene_file.surfaces)
+    materials = view.surface_materials
     agreement = surface_agreement(names, materials, view.photo, renderings, view.surface, view.used)
     stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
     labels = [f"{material} / {name}" for name, material in zip(names, materials, strict=True)]
@@ -221,7 +223,8 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
     tests = surface_tests(labels, view.measured, rendered, view.surface, view.used, stated_error)
     misfits = surface_misfits(tests, view.bands)
     shift = shift_sentence(view.measured, rendered)
-    spectra, basis = view.spectra(solution.coefficients), view.basis(settings.coefficients)
+    spectra = view.spectra(solution.coefficients)
+    basis = view.basis(settings.coefficients)
     white = white_signal(view.response)
     signal = spectra @ (view.response / white[:, None]).T
     unknown = [material.reflectance is None for material in view.scene_materials]

@@ -78,7 +78,8 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     responses = [photo.response for photo in photos]
     of_photo = first_of_response(responses)
     distinct = sorted(set(of_photo))
-    names, count = tuple(families), len(bands)
+    names = tuple(families)
+    count = len(bands)
     labels = tuple(f"{photos[number].name}: {band}" if len(photos) > 1 else band
                    for number in distinct for band in bands)
     signal = np.full((len(names), len(labels)), np.nan)
@@ -208,7 +209,8 @@ def common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lam
     """
     one_lamp = lamps[:, None] == lamps
     if cause == DISAGREEMENT:
-        common, share = disagreement.common * signal, one_lamp.astype(float)
+        common = disagreement.common * signal
+        share = one_lamp.astype(float)
     else:
         common = np.sqrt(np.diag(covariance))
         share = np.where(one_lamp, *SHARED_BY_PHOTOS.get(cause, (0.0, 0.0)))

@@ -270,7 +270,8 @@ def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
 
 def _with_nodes(samples: RegionSamples, nodes_px: np.ndarray) -> RegionSamples:
     """The regions, and after them points without a signal."""
-    count, bands = len(nodes_px), samples.mean.shape[1]
+    count = len(nodes_px)
+    bands = samples.mean.shape[1]
     empty = np.zeros((count, bands))
     points = np.broadcast_to(nodes_px[:, None], (count, *samples.points_px.shape[1:]))
     return RegionSamples(
@@ -325,8 +326,10 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
         region = white.samples.names.index(name)
         read = np.flatnonzero(~white.clipped(region))
         within = np.ix_(read, read)
-        rows, target = white.jacobian(region)[read], known[name][read]
-        signal, error = white.signal[region][read], (white.noise(region) + errors[name])[within]
+        rows = white.jacobian(region)[read]
+        target = known[name][read]
+        signal = white.signal[region][read]
+        error = (white.noise(region) + errors[name])[within]
         # an error of the level is one of the target's: in proportion to the reading, a difference
         # of colour would take itself for one of level
         expected = white.jacobian(region, known[name])[read]
@@ -411,7 +414,8 @@ def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, fl
         raise InputError(f"{before.source} and {after.source} do not both state how long they "
                          "were exposed, so the samples cannot be compared with the chart; show "
                          "both in one photo, or give files that state it")
-    ratio, drift = exposure_ratio(before, after), photo.drift
+    ratio = exposure_ratio(before, after)
+    drift = photo.drift
     if drift is not None:
         return ratio * drift.level, {DRIFT: drift.level_error / drift.level}
     return ratio, {REPEATABILITY: errors.repeatability,

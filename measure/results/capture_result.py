@@ -241,7 +241,8 @@ def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
 
 
 def _chart_result(capture: Capture, records: CaptureRecords) -> ChartResult | None:
-    fit, chart = records.calibrate.chart, records.chart.charts.get("")
+    fit = records.calibrate.chart
+    chart = records.chart.charts.get("")
     if fit is None or chart is None:
         return None
     return ChartResult(chart.detection, chart.samples, fit.predicted,

@@ -100,7 +100,8 @@ def scene_result(capture: SceneCapture, records: CaptureRecords,
         Where the picture's files lie, as its reader knows it.
     """
     joint, names = records.reconstruct.joint, records.signals.names
-    bands, geometry = capture.band_names(records.photo.bands), records.reconstruct.geometry
+    bands = capture.band_names(records.photo.bands)
+    geometry = records.reconstruct.geometry
     views = tuple(ViewResult(view.name, bands, calibration, reconstruction)
                   for view, calibration, reconstruction
                   in zip(capture.views, records.calibrations(capture.views), joint.views,

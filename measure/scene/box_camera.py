@@ -155,7 +155,8 @@ def box_camera(stated: BoxPhoto) -> BoxCamera:
     CheckError
         As ``box_text``; or if the COLMAP model and the marked corners do not fit.
     """
-    size, place = photo_size(stated.taken.path), stated.camera_place
+    size = photo_size(stated.taken.path)
+    place = stated.camera_place
     if stated.camera.image is not None:
         camera = _camera_of_model(stated, stated.camera.image, size)
     elif stated.camera.corners_px is None:

@@ -94,7 +94,8 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
                         for name in regions.transport.materials])
     products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
     received = regions.transport.coefficients @ products
-    signal, white = received @ response.T, white_signal(response)
+    signal = received @ response.T
+    white = white_signal(response)
     errors = curve_errors(calibration, joint.grid).together_with(
         light_errors(calibration, joint.grid, joint.response))
     of_response = _strongest(np.moveaxis(errors.changes(signal / white, received), 2, 0))

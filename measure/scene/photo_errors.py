@@ -72,12 +72,14 @@ def with_stray_light(joint: JointReconstruction, errors: StatedErrors) -> JointR
     """
     of_glare, of_ambient = np.zeros((2, *joint.signal.shape))
     for number in np.unique(joint.view_of_band):
-        view, bands = joint.views[number], np.flatnonzero(joint.view_of_band == number)
+        view = joint.views[number]
+        bands = np.flatnonzero(joint.view_of_band == number)
         irradiance = _irradiance(view)
         lit = np.isfinite(irradiance)
         brightest = np.percentile(irradiance[lit], BRIGHTEST_PERCENTILE) if lit.any() else 0.0
         for name in view.materials:
-            own, index = _pixels_of(view, name) & lit, joint.materials.index(name)
+            own = _pixels_of(view, name) & lit
+            index = joint.materials.index(name)
             if own.any():
                 shown = view.measured[own].mean(axis=0)
                 of_glare[index, bands] = errors.glare * view.measured.mean(axis=(0, 1)) / shown

@@ -165,7 +165,8 @@ class Replays:
     def scores(self, again: JointReconstruction, number: int, rng: np.random.Generator,
                level: float) -> list[Scores]:
         """Scores of every unknown material of one replay, drawn as a session draws."""
-        scores, signals = [], scene_signals(again, self.calibrations)
+        scores = []
+        signals = scene_signals(again, self.calibrations)
         for name, prior in self.priors.items():
             seen = measurement(signals, again.materials.index(name))
             spectra = solve_posterior(prior, seen).draws(DRAWS, int(rng.integers(1 << 31)))

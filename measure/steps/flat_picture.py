@@ -52,7 +52,8 @@ def flat_picture(capture: FlatCapture, records: CaptureRecords, work: Work) -> P
 def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitPhoto:
     """All photos of the picture, in the pixels of the first, with white and its errors."""
     assert capture.picture is not None
-    views, photos = capture.picture_views, flat_photos(capture, records)
+    views = capture.picture_views
+    photos = flat_photos(capture, records)
     shown: list[PicturePhoto] = []
     for number, view in enumerate(views):
         work.progress(SHARE_OF_TIME * number / len(views), f"reading {view.photo_names[0]}")
@@ -77,7 +78,8 @@ def _in_first(image: LinearImage, motion: Registration | None, crop: Crop) -> Li
     if motion is None:
         return crop_photo(image, crop)
     if motion.still:
-        shown, off_px = crop_photo(image, crop), motion.shift_px / crop.step
+        shown = crop_photo(image, crop)
+        off_px = motion.shift_px / crop.step
     else:
         shown, off_px = resampled(image, motion.matrix, crop.x_px, crop.y_px)
     uncertain = uncertain_edges(shown, np.hypot(off_px, (motion.residual_px or 0) / crop.step))

@@ -91,7 +91,8 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
 def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
                     families: Sequence[str], draws: SpectrumSamples | None,
                     correction: SurfaceCorrection | None) -> SurfaceSpectrum:
-    seen, prior = measurement(signals, index), of_families(load_prior(), families)
+    seen = measurement(signals, index)
+    prior = of_families(load_prior(), families)
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
     if options.method == "prior":

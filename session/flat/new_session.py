@@ -142,7 +142,8 @@ def views_of(photo: Path, further: Iterable[tuple[Path, dict[str, Any]]]) -> Tab
     InputError
         If a photo is given twice, or two have one name.
     """
-    given, views = {_name(photo): photo}, dict[str, Any]()
+    given = {_name(photo): photo}
+    views = dict[str, Any]()
     for path, said in further:
         name = _name(path)
         if (other := given.get(name)) is not None:

@@ -129,7 +129,8 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
 def _used_files(config: SessionConfig, run: FinishedRun) -> tuple[UsedFile, ...]:
     """Every input file once, with its role, hash, size and what is known of it."""
     roles = input_roles(config)
-    hashes, photos = InputFiles(config).digests(*roles), _photos_by_file(run.capture, run.records)
+    hashes = InputFiles(config).digests(*roles)
+    photos = _photos_by_file(run.capture, run.records)
     used = []
     for name, role in roles.items():
         file = (role, name, hashes[name], config.path(name).stat().st_size)

@@ -38,7 +38,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     """
     results = session_results(config, finished,
                               provenance(command_line, config.session.seed, device))
-    report, found = write_report(results), results.found
+    report = write_report(results)
+    found = results.found
     files = [report, report.with_name(NUMBERS_NAME),
              *write_surface_files(found, results.folder, results.name)]
     if isinstance(found, SceneResult):

@@ -139,7 +139,8 @@ def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
 
 def _calibration(found: CaptureResult,
                  truth: tuple[np.ndarray, np.ndarray] | None) -> dict[str, Any]:
-    calibration, residuals = found.calibration, chart_residuals(found)
+    calibration = found.calibration
+    residuals = chart_residuals(found)
     return {
         "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals",
                                "held_out_residuals", "condition_number", "method", "outcome"),

@@ -82,7 +82,8 @@ def write_report(results: SessionResults) -> Path:
     EnvironmentProblem
         If the folder cannot be written; an older report is left as it was.
     """
-    report, folder = render_report(results), results.folder
+    report = render_report(results)
+    folder = results.folder
     with whole_file(folder / NUMBERS_NAME) as numbers, whole_file(folder / PAGE_NAME) as page:
         for path, text in ((numbers, report.numbers + "\n"), (page, report.page)):
             path.write_bytes(text.encode("utf-8", "backslashreplace"))

@@ -261,7 +261,8 @@ def _views(first: PhotoFiles, light: Any, light_words: str, chart_photo: str | P
                           filter=as_filter(through), filter_words=f"{_words(through)}, {file}",
                           filter_known=isinstance(through, Filter) or through != UNKNOWN))
     for file, lamp in also.items():
-        own, name = _photo_files(file), _name(file, views)
+        own = _photo_files(file)
+        name = _name(file, views)
         if lamp == SAME_LAMP or (isinstance(lamp, str | Path) and views[0].light_stated
                                  and str(lamp) == light_words):
             views.append(View(name, own, own if chart_photo is None else {}, light, light_words))
@@ -272,7 +273,8 @@ def _views(first: PhotoFiles, light: Any, light_words: str, chart_photo: str | P
 
 def _name(file: str | Path, views: Sequence[View]) -> str:
     """What a further photo is called: as its file, numbered where there are two of the name."""
-    stem, taken = Path(file).stem, {view.title for view in views} | {FIRST_PHOTO}
+    stem = Path(file).stem
+    taken = {view.title for view in views} | {FIRST_PHOTO}
     return next(name for name in (stem, *(f"{stem} {number}" for number in range(2, 1000)))
                 if name not in taken)
 

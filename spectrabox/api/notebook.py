@@ -63,7 +63,8 @@ def _small_plot(estimate: SpectrumEstimate) -> Markup:
 
 def camera_html(camera: CameraEstimate) -> str:
     """A small plot of the curves, and what was checked."""
-    nm, top = camera.nm, float(camera.curves.max())
+    nm = camera.nm
+    top = float(camera.curves.max())
     x = (nm - nm[0]) / (nm[-1] - nm[0]) * 2 * WIDTH
     step = max(len(nm) // 60, 1)
     lines = Markup("").join(

@@ -84,7 +84,8 @@ class SceneSpectra(MeasuredSpectra):
 
     def __init__(self, capture: SceneCapture, records: CaptureRecords,
                  rehearsal: Rehearsed | None = None) -> None:
-        signals, found = records.signals, scene_result(capture, records, rehearsal)
+        signals = records.signals
+        found = scene_result(capture, records, rehearsal)
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
                              rendered=True) for name in signals.names])

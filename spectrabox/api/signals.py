@@ -97,7 +97,8 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
     ...                     noise=0.003)
     """
     response = relative_response(camera, light)
-    given, bands = np.asarray(signals, dtype=float), len(response)
+    given = np.asarray(signals, dtype=float)
+    bands = len(response)
     rows = np.atleast_2d(given)
     if given.ndim not in (1, 2) or rows.shape[1] != bands:
         raise InputError(f"signals of shape {given.shape} were given and the camera has {bands} "
