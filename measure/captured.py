@@ -36,7 +36,7 @@ from spectrabox.reconstruct.scene.edit_scene import Refinement
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 ONE_PHOTO = ""              # the band under which the files of a colour camera's photo are
-FIRST_PHOTO = "photo"       # title of the first view
+FIRST_PHOTO = "photo"       # title of the first view, whose name is ""; in session.toml too
 
 Outline = tuple[tuple[float, float], ...]       # corners (x, y) in pixels of a photo, going round
 

@@ -106,13 +106,13 @@ def scene_result(capture: SceneCapture, records: CaptureRecords,
                   for view, calibration, reconstruction
                   in zip(capture.views, records.calibrations(capture.views), joint.views,
                          strict=True) if view.name)
-    found = common_findings(capture, records)
+    common = common_findings(capture, records)
     surfaces = [surface_of_records(capture, records, name, joint.spectra[names.index(name)])
                 for name in capture.surfaces if name in names]
     if not views:       # the bands of a single photo are not named after it
         surfaces = [dataclasses.replace(surface, bands=bands) for surface in surfaces]
-        found["signal_bands"] = bands
+        common["signal_bands"] = bands
     return SceneResult(
-        **found, surfaces=tuple(surfaces), reconstruction=joint.views[0],
+        **common, surfaces=tuple(surfaces), reconstruction=joint.views[0],
         views=views, rehearsal=rehearsal, geometry=geometry if geometry.placements else None,
         scale_from_chart=capture.scale_from_chart, picture_folder=picture_folder)

@@ -234,7 +234,7 @@ def _chart(layout: str, reference: str | None, corners: str | None) -> dict[str,
 
 def _light_of(photo: Path, said: str) -> dict[str, Any]:
     """What [views] says of the light of a further photo."""
-    from spectrabox.session.config.session_schema import FIRST_PHOTO
+    from spectrabox.measure.captured import FIRST_PHOTO
     from spectrabox.session.flat.new_session import file_or_word
     kind, _, what = said.partition(":")
     if said == "same":

@@ -191,12 +191,12 @@ def pose(
 @Command
 def box(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
+    from spectrabox.measure.captured import FIRST_PHOTO
     from spectrabox.measure.scene.box_camera import box_camera
     from spectrabox.session.box.box_overlay import box_texts, box_views, write_overlays
     from spectrabox.session.box.camera_facts import camera_facts, camera_text
     from spectrabox.session.box.scenes import box_photo, write_box_scenes
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.config.session_schema import FIRST_PHOTO
     from spectrabox.session.store.locks import outputs_writer
     config = read_session(folder, allow_outside)
     if config.box is None:

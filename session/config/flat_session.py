@@ -4,11 +4,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
+from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.measure.steps.declared_steps import FLAT_STEPS, Step
 from spectrabox.radiometry.records.spectra import MIN_SWATCHES
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
-    FIRST_PHOTO,
     RegionSection,
     SessionConfig,
     ViewSection,

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from spectrabox.measure.captured import FIRST_PHOTO, ONE_PHOTO
 from spectrabox.measure.options import PictureOptions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
@@ -12,8 +13,6 @@ from spectrabox.sampling.prior.families.family_names import unknown_families
 from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
-    FIRST_PHOTO,
-    ONE_PHOTO,
     SessionConfig,
     ViewSection,
     by_band,

@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from spectrabox.measure.captured import FIRST_PHOTO, ONE_PHOTO
 from spectrabox.measure.options import (
     SURFACE_FIELD,
     DriftReferences,
@@ -42,8 +43,6 @@ from spectrabox.session.config.curve_sources import (
 )
 
 FILE_NAME = "session.toml"
-ONE_PHOTO = ""                          # the name under which a photo that is no table is kept
-FIRST_PHOTO = "photo"                   # what the photo of [photos] is called among [views]
 
 # One file, or several of an exposure bracket; or a photo for each filter, by the name of its band.
 Files = str | Annotated[ListOf[str], Field(min_length=1)]

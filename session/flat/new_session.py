@@ -20,6 +20,7 @@ from pydantic import Field
 
 from spectrabox.capture.photo.image_files import require_linear_file
 from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
+from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import (
@@ -32,7 +33,7 @@ from spectrabox.radiometry.files import (
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.words import file_stem
-from spectrabox.session.config.session_schema import FILE_NAME, FIRST_PHOTO
+from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
 
 MARK = "# as 'spectrabox flat' wrote it: "

@@ -8,11 +8,12 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 
 from spectrabox.capture.photo.orientation import AS_READ
+from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.radiometry.checked_tables import ListOf
 from spectrabox.radiometry.system.words import plain
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_file import text_of
-from spectrabox.session.config.session_schema import FIRST_PHOTO, by_band
+from spectrabox.session.config.session_schema import by_band
 
 STATED = ("family", "known", "surface", "truth")    # of a region
 MAX_PX = 1e6            # no photo is as large
