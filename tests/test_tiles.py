@@ -20,7 +20,7 @@ from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.pictures import shared_uplift as tiles
 from spectrabox.session.pictures.row_tasks import RowsTask
 from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
-from spectrabox.session.pictures.uplift import uplift_answer
+from spectrabox.session.pictures.uplift_answer import uplift_answer
 
 pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
 HEIGHT, WIDTH, TASKS = 400, 70, 4

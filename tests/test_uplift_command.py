@@ -22,7 +22,7 @@ from spectrabox.sampling.prior.uplift_table import (
     uplift_signals,
 )
 from spectrabox.session.commands.requests import UpliftRequest
-from spectrabox.session.pictures.uplift import uplift_answer
+from spectrabox.session.pictures.uplift_answer import uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
 
 SIDE = 5

@@ -19,7 +19,7 @@ from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import stated_light
 from spectrabox.radiometry.spectra.spectrum_files import read_curves
-from spectrabox.session.camera.files import read_layout, read_measured_curves
+from spectrabox.session.camera.camera_files import read_layout, read_measured_curves
 from spectrabox.session.commands.requests import CameraPreflightRequest
 from spectrabox.session.signals.plan_answer import exposure_words, read_lamps_at_hand, step_facts
 

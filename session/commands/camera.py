@@ -99,7 +99,7 @@ def fit(
     from spectrabox.measure.camera import measure_camera
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_name
-    from spectrabox.session.camera.files import (
+    from spectrabox.session.camera.camera_files import (
         camera_capture,
         read_layout,
         read_measured_curves,
@@ -224,7 +224,7 @@ def add(
         "CSV; folders of them.")],
 ) -> Answer:
     """Keep further measured cameras by their names, for --sensitivity \"My camera\"."""
-    from spectrabox.session.camera.files import add_cameras
+    from spectrabox.session.camera.camera_files import add_cameras
     kept, skipped, folder = add_cameras(files)
     return Answer({"folder": str(folder), "cameras": kept, "skipped": skipped},
                   "\n".join([f"kept in {folder}: {', '.join(kept) or 'none'}",

@@ -55,7 +55,7 @@ def chart(
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_writers import write_png
-    from spectrabox.session.camera.files import chart_named
+    from spectrabox.session.camera.camera_files import chart_named
     image = _open(photo, encoded)
     try:
         detection, verdict = chart_named(image, layout, reference,

@@ -82,7 +82,7 @@ def _of_charts(without: Path, through: Path, light: str, reference: str | None,
     from spectrabox.radiometry.charts.references import reference_reflectances
     from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.named_spectra import stated_light
-    from spectrabox.session.camera.files import read_layout
+    from spectrabox.session.camera.camera_files import read_layout
 
     chart = read_layout(layout)
     return filter_from_photos(open_photo(without), open_photo(through), chart,

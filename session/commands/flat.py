@@ -252,7 +252,7 @@ def _show_photo(photo: Path, orientation: int | None, chart_photo: Path | None, 
     """Look for the chart, and write a picture to read regions from, with the chart drawn on it."""
     from spectrabox.capture.develop.developed import open_any
     from spectrabox.capture.photo.orientation import photo_orientation, turned
-    from spectrabox.session.camera.files import chart_named
+    from spectrabox.session.camera.camera_files import chart_named
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
     image = turned(open_any(photo, not_linear), orientation or photo_orientation(photo))

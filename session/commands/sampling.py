@@ -171,7 +171,7 @@ def uplift(request: UpliftRequest) -> Answer:
     if out.suffix.lower() in (".exr", ".hdr", ".img"):
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
                                  "which mean and standard deviation go", param_hint="--out")
-    from spectrabox.session.pictures.uplift import uplift_answer
+    from spectrabox.session.pictures.uplift_answer import uplift_answer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
     with progress_display(request.quiet) as progress:
         if request.workers is None and request.cluster is None:

@@ -32,7 +32,7 @@ from spectrabox.radiometry.spectra.formats.zarr_array import (
 )
 from spectrabox.sampling.prior.local_posteriors import LocalPosteriors
 from spectrabox.session.commands.requests import UpliftRequest
-from spectrabox.session.pictures.uplift import image_source, uplift_layout
+from spectrabox.session.pictures.uplift_answer import image_source, uplift_layout
 from spectrabox.session.store.program import program_digest
 
 DONE = "done"           # folder of one empty file a task

@@ -47,7 +47,7 @@ from spectrabox.session.pictures.row_tasks import (
     load_plan,
     store_plan,
 )
-from spectrabox.session.pictures.uplift import image_source, uplift_layout, uplift_summary
+from spectrabox.session.pictures.uplift_answer import image_source, uplift_layout, uplift_summary
 from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint

@@ -35,7 +35,7 @@ def room_digests(rooms: Iterable[str]) -> dict[str, str]:
     Parameters
     ----------
     rooms : iterable of str
-        Folders, such as "sampling" or "session/stages".
+        Folders, such as "sampling".
     """
     return {room: _room_digest(PACKAGE / room) for room in rooms}
 
