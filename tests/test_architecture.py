@@ -266,3 +266,25 @@ def test_records_cannot_be_changed_and_those_of_arrays_are_not_compared():
                     wrong.append(f"{name_of(path)}: {node.name} is @{said}; write "
                                  "@dataclass(frozen=True, eq=False) for a Record, frozen=True else")
     assert not wrong, "\n".join(wrong)
+
+
+def test_a_module_gives_each_name_once():
+    """A second constant or function of a name would silently take the place of the first."""
+    def names(node):
+        if isinstance(node, ast.FunctionDef):
+            overloads = [each for each in node.decorator_list
+                         if isinstance(each, ast.Name) and each.id == "overload"]
+            return [] if overloads else [node.name]
+        if isinstance(node, ast.ClassDef):
+            return [node.name]
+        targets = node.targets if isinstance(node, ast.Assign) else \
+            [node.target] if isinstance(node, ast.AnnAssign) else []
+        return [part.id for target in targets for part in ast.walk(target)
+                if isinstance(part, ast.Name)]
+
+    def twice():
+        for path in modules():
+            given = [name for node in tree_of(path).body for name in names(node)]
+            for name in {name for name in given if given.count(name) > 1}:
+                yield f"{name_of(path)} gives the name {name} twice"
+    none_of(twice())

@@ -16,6 +16,16 @@ SCREENSHOT = os.environ.get("SPECTRABOX_PAGE_PNG")     # a file to write the doc
 MAX_WAIT_MS = 120_000
 
 
+
+def undone(page, path, times):
+    """Undo by the keyboard, each time once the last is written."""
+    for _ in range(times):
+        text = path.read_text(encoding="utf-8")
+        page.wait_for_selector("#undo:not([disabled])")
+        page.keyboard.press("Control+z")
+        wait_for(lambda text=text: path.read_text(encoding="utf-8") != text)
+
+
 @pytest.fixture
 def opened(browser):
     """A function that opens an address; at the end nothing may have complained."""
@@ -109,8 +119,8 @@ def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
     assert reported["status"].upper() in ("PASS", "WARN") and len(reported["says"]) > 20
 
 
-def test_regions_are_drawn_moved_sized_renamed_and_removed(opened, calibrated_flat):
-    session = calibrated_flat
+def test_regions_are_drawn_moved_sized_renamed_and_removed(tmp_path, opened):
+    session = write_flat(tmp_path / "s")
     before = (session / "session.toml").read_text(encoding="utf-8")
     with served(session) as (address, _):
         page = opened(address)
@@ -133,11 +143,8 @@ def test_regions_are_drawn_moved_sized_renamed_and_removed(opened, calibrated_fl
         wait_for(lambda: regions_of(session)["table"]["rect"][0] == pytest.approx(40, abs=1.5))
         page.keyboard.press("Delete")
         wait_for(lambda: "table" not in regions_of(session))
-        for _ in range(6):
-            page.wait_for_selector("#undo:not([disabled])")
-            page.wait_for_timeout(100)
-            page.keyboard.press("Control+z")
-        wait_for(lambda: (session / "session.toml").read_text(encoding="utf-8") == before)
+        undone(page, session / "session.toml", 6)
+        assert (session / "session.toml").read_text(encoding="utf-8") == before
         # with the keyboard alone: a point in the middle of the view, moved by the arrow keys
         page.fill("#mark-name", "second green")
         page.focus("#canvas")
@@ -210,9 +217,9 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         assert page.locator("#comparison .pair").count() == 5
 
 
-def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened, calibrated_flat):
+def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
     """Name, light, picture, a further photo through a filter, a truth; Undo takes each back."""
-    session = calibrated_flat
+    session = write_flat(tmp_path / "s")
     path = session / "session.toml"
     before = path.read_text(encoding="utf-8")
     write_photo(tmp_path / "filtered.dng", 0.5 * picture(), Fraction(1, 30),
@@ -245,11 +252,8 @@ def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened, calibrated_
         page.wait_for_selector("#said:has-text('moonshine')")
         assert "moonshine" not in path.read_text(encoding="utf-8")
         page.focus("#canvas")
-        for _ in range(5):
-            page.wait_for_selector("#undo:not([disabled])")
-            page.wait_for_timeout(100)
-            page.keyboard.press("Control+z")
-        wait_for(lambda: path.read_text(encoding="utf-8") == before)
+        undone(page, path, 5)
+        assert path.read_text(encoding="utf-8") == before
 
 
 def test_a_photo_that_is_dropped_opens_its_session(tmp_path, browser):

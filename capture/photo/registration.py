@@ -268,7 +268,7 @@ def _at_full_resolution(matrix: np.ndarray, step: float) -> np.ndarray:
 # A photo in the pixels of another, by linear interpolation, and where it is uncertain there.
 
 ROWS_AT_ONCE = 64
-TOLERATED = 0.05        # of the signal: what a pixel may err by since it is off its position
+SIGNAL_TOLERATED = 0.05     # of the signal: what a pixel may err by since it is off its position
 
 
 def resampled(photo: LinearImage, matrix: np.ndarray, x_px: np.ndarray,
@@ -333,5 +333,6 @@ def uncertain_edges(image: LinearImage, off_px: np.ndarray | float) -> np.ndarra
     for band in range(image.signal.shape[2]):
         signal = image.signal[..., band]
         slope = np.hypot(*np.gradient(signal))
-        uncertain |= (off_px * slope)**2 > image.variance[..., band] + (TOLERATED * signal)**2
+        tolerated = image.variance[..., band] + (SIGNAL_TOLERATED * signal)**2
+        uncertain |= (off_px * slope)**2 > tolerated
     return uncertain
