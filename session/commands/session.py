@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from spectrabox.session.kept_stages import FinishedRun
     from spectrabox.session.terminal.progress_display import StageProgress
 
-STAGE_NAMES = "chart, photo, calibrate, reconstruct, sample"
+STAGE_NAMES = "chart, photo, calibrate, signals (of a scene reconstruct), sample, picture"
 
 
 def register(app: typer.Typer) -> None:
