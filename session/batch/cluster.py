@@ -48,6 +48,7 @@ def open_cluster(address: str, workers: int) -> Iterator[Workers]:
     try:
         import dask
         from distributed import Client, KilledWorker, LocalCluster
+        from distributed.client import ClosedClientError
     except ImportError:
         raise EnvironmentProblem("--cluster needs Dask: pip install 'spectrabox[cluster]', or "
                                  "leave it out to use processes of this machine") from None
@@ -72,7 +73,13 @@ def open_cluster(address: str, workers: int) -> Iterator[Workers]:
                                      f"({type(error).__name__}); start a scheduler and workers: "
                                      "dask scheduler, dask worker ADDRESS --nthreads 1") from None
         executor = client.get_executor(pure=False)
-        stack.callback(executor.shutdown, wait=False)
+
+        @stack.callback
+        def end() -> None:
+            # what still runs cannot be called off through a scheduler that is gone
+            with contextlib.suppress(ClosedClientError):
+                executor.shutdown(wait=False)
+
         yield Workers(f"dashboard: {client.dashboard_link}", lambda: _capacity(client, memory),
                       lambda count: executor, (KilledWorker,))
 

@@ -42,12 +42,14 @@ const get = async (path) => (await ask(path)).json();
 let sending = Promise.resolve(), changes = 0;
 function send(path, body) { return sending = sending.then(() => sendNow(path, body)); }
 async function sendNow(path, body) {
-  changes += 1;
-  try {
-    update(await (await ask(path, { method: "POST", body: JSON.stringify({ digest: state.digest, ...body }) })).json());
-    return true;
-  } catch (error) { say(error.message); await refresh(); return false; }
+  let answer = null;
+  changes += 1;                   // odd while one is on its way
+  try { answer = await (await ask(path, { method: "POST", body: JSON.stringify({ digest: state.digest, ...body }) })).json(); }
+  catch (error) { say(error.message); }
   finally { changes += 1; }       // news that were asked for meanwhile may be older
+  if (answer === null) { await refresh(); return false; }
+  update(answer);
+  return true;
 }
 const mark = (marked) => send("/api/mark", { mark: marked });
 const say = (text) => { $("said").textContent = text; };
@@ -408,7 +410,7 @@ async function refresh() {
   const before = changes;
   try {
     const fresh = await get("/api/state");
-    if (changes === before) update(fresh);         // else it may be older than what a change has answered
+    if (changes === before && changes % 2 === 0) update(fresh);    // else what a change answers says it
     if (!role) { const first = state.photos.find(({ there }) => there); if (first) await open(first.role); } }
   catch (error) { say(`no answer: ${error.message}`); }
   finally { asking = false; }
