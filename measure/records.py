@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Protocol, TypeVar
 
 import numpy as np
@@ -165,7 +166,7 @@ class PictureRecords(Record):
 
     def facts(self, folder: str) -> dict[str, Any]:
         """What is known of it, as plain numbers; its files are named as they lie in the folder."""
-        return {"files": [f"{folder}/{name}" for name in self.files],
+        return {"files": [PurePosixPath(folder, name).as_posix() for name in self.files],
                 "size_px": list(self.size_px), "masked": self.masked,
                 "masked_because": {words: share for words, _, share in self.reasons},
                 "beyond_white": self.beyond_white, "unlike": self.novel,

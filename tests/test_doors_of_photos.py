@@ -3,6 +3,7 @@ find the same spectra and verdicts. What a session does besides lays out its rep
 """
 import json
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,6 +155,9 @@ def test_a_photo_taken_again_and_a_picture_of_every_pixel(tmp_path):
     for name in PAINTS:
         np.testing.assert_array_equal(session[name].mean, result[name].mean)
     assert session.spectra.picture.files == result.picture.files
+    assert all(Path(name).is_file() for name in result.facts()["picture"]["files"])
+    assert all((folder / name).is_file() for name in session.spectra.facts()["picture"]["files"])
+    assert f"files in {tmp_path / 'picture'}" in result.text()
     for name in result.picture.files:
         assert (folder / "results" / "picture" / name).read_bytes() \
             == (tmp_path / "picture" / name).read_bytes()

@@ -99,13 +99,13 @@ def session_results(config: SessionConfig, run: FinishedRun,
         As of ``store.program.provenance``.
     """
     capture, records, folder = run.capture, run.records, config.results_folder
-    pictures = folder / "picture"
+    pictures = config.folder / picture_folder(config)
     maps = () if records.picture is None else tuple(
         (title, pictures / name) for title, name
         in zip(records.picture.titles, records.picture.previews, strict=True))
     return SessionResults(
         found=result_of(capture, records, stored_rehearsal(config),
-                        pictures.relative_to(config.folder).as_posix()),
+                        picture_folder(config)),
         folder=config.folder, name=config.session.name, operator=config.session.operator,
         notes=config.session.notes, inputs=_used_files(config, run),
         stages=tuple(StageRun(name, stage.seconds, run.states[name])
@@ -115,6 +115,11 @@ def session_results(config: SessionConfig, run: FinishedRun,
                   for view in capture.views},
         chart_overlay=folder / "chart" / "overlay.png", provenance=provenance,
         input_digests=run.input_digests(config), picture_maps=maps)
+
+
+def picture_folder(config: SessionConfig) -> str:
+    """Where a picture of spectra lies, relative to the session folder."""
+    return (config.results_folder / "picture").relative_to(config.folder).as_posix()
 
 
 def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] | None:

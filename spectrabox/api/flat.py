@@ -84,9 +84,10 @@ class FlatSpectra(MeasuredSpectra):
     >>> result.to_csv("spectra.csv")
     """
 
-    def __init__(self, capture: FlatCapture, records: CaptureRecords) -> None:
+    def __init__(self, capture: FlatCapture, records: CaptureRecords,
+                 picture_folder: str = "") -> None:
         signals = records.signals
-        found = flat_result(capture, records)
+        found = flat_result(capture, records, picture_folder)
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
                              rendered=False) for name in signals.names])
@@ -235,7 +236,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
     with progress_steps(progress, "flat") as show:
         keeper = MemoryKeeper(lambda step, share, message: show(_share(step, share), message),
                               pictures=None if picture is None else folder_for_pictures(picture))
-        return FlatSpectra(capture, measure(capture, keeper))
+        return FlatSpectra(capture, measure(capture, keeper),
+                           "" if picture is None else Path(picture).as_posix())
 
 
 def _share(step: str, share: float) -> float:

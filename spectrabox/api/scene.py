@@ -83,9 +83,9 @@ class SceneSpectra(MeasuredSpectra):
     """
 
     def __init__(self, capture: SceneCapture, records: CaptureRecords,
-                 rehearsal: Rehearsed | None = None) -> None:
+                 rehearsal: Rehearsed | None = None, picture_folder: str = "") -> None:
         signals = records.signals
-        found = scene_result(capture, records, rehearsal)
+        found = scene_result(capture, records, rehearsal, picture_folder)
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
                              rendered=True) for name in signals.names])
@@ -245,7 +245,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
             lambda step, share, message: show(share, message),
             kept,
             None if picture is None else folder_for_pictures(picture))
-        return SceneSpectra(capture, measure(capture, keeper, device=device))
+        return SceneSpectra(capture, measure(capture, keeper, device=device),
+                            picture_folder="" if picture is None else Path(picture).as_posix())
 
 
 def _calibration(camera: CameraLike, light: Spectrum, photo: Photo, errors: Repeatability

@@ -14,6 +14,7 @@ from spectrabox.radiometry.errors import CheckError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.outputs.run_outputs import outputs_of_run
+from spectrabox.session.outputs.session_results import picture_folder
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.problems import check_session
 from spectrabox.session.store.locks import only_writer
@@ -115,8 +116,9 @@ class Session(Mapping[str, SpectrumEstimate]):
         """
         run = load_finished(self.config)
         if isinstance(run.capture, FlatCapture):
-            return FlatSpectra(run.capture, run.records)
-        return SceneSpectra(run.capture, run.records, stored_rehearsal(self.config))
+            return FlatSpectra(run.capture, run.records, picture_folder(self.config))
+        return SceneSpectra(run.capture, run.records, stored_rehearsal(self.config),
+                            picture_folder(self.config))
 
     @property
     def verdict(self) -> str:
