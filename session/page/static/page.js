@@ -163,7 +163,8 @@ async function addRect(rect) {
   }
 }
 function moveRegion(name, outline) {
-  const { photo, rect } = state.marks.regions[name];
+  const region = state.marks.regions[name], { photo, rect } = region;
+  region.outline = outline; showMarks();      // where it was put, while the change is on its way
   return mark({ kind: "region", name, points: rect ? [outline[0], outline[2]] : outline, photo: photo ?? "" });
 }
 async function removeRegion(name) { if (await mark({ kind: "region", name, points: [] })) say(`${name} is removed; Undo brings it back`); }
