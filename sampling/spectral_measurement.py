@@ -3,7 +3,7 @@ of it; and what it must be before anything is drawn.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -47,7 +47,25 @@ def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> Meas
         N, of the spline class.
     """
     A = measurement.relative_response @ basis_matrix(measurement.grid.nm, coefficients)
-    return MeasurementOperator(A, measurement.signal, measurement.noise_covariance)
+    whole = without_states(measurement)
+    return MeasurementOperator(A, whole.signal, whole.noise_covariance)
+
+
+def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
+    """The measurement with what the states of its capture add as one Gaussian error, for what knows
+    no states: the signal less its mean, the noise with its covariance.
+
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    """
+    states = measurement.states
+    if states is None:
+        return measurement
+    return replace(
+        measurement, signal=measurement.signal - states.pattern @ states.mean, states=None,
+        noise_covariance=measurement.noise_covariance
+        + states.pattern @ states.covariance @ states.pattern.T)
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -143,7 +161,8 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
             raise InputError(f"the {name} of the measurement holds numbers that are not finite; "
                              "measure it again")
     check_noise(measurement.noise_covariance)
-    check_bands(measurement.relative_response)
+    response = measurement.relative_response
+    check_bands(response if measurement.states is None else np.unique(response, axis=0))
 
 
 def check_bands(response: np.ndarray) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from spectrabox.measure.more_bands.further_photos import DARK, FurtherPhoto, curves_and_light
 from spectrabox.measure.regions.flat_signals import DARK_BAND, SHARED_BY_PHOTOS
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause
+from spectrabox.measure.surfaces.surface_signals import all_errors_by_cause
 from spectrabox.radiometry.covariance import error_patterns, symmetric
 from spectrabox.radiometry.error_model import (
     CAUSES,
@@ -87,7 +87,7 @@ def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
     for index, signal in enumerate(signals):
         causes = {PHOTO_NOISE: before[index]}
         if surfaces is not None:
-            causes = errors_by_cause(surfaces[index].signals, surfaces[index].index)
+            causes = all_errors_by_cause(surfaces[index].signals, surfaces[index].index)
         for cause, covariance in causes.items():
             own = covariance[:bands, :bands]
             if cause in NOISES:

@@ -9,6 +9,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.evaluation.identification import Identification, SpectralLibrary, identify
 from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.spectral_measurement import without_states
 
 LIKELY_NONE = 0.95      # probability from which another surface is called more likely
 MAX_VARIATION = 0.5     # of white
@@ -102,7 +103,7 @@ def match_signal(surface: str, measurement: SpectralMeasurement, library: Spectr
     if evidence_ratio is not None and not 1 < evidence_ratio < np.inf:
         raise InputError(f"an evidence ratio of {evidence_ratio:g} was given; a number above 1 is "
                          "needed, such as 100")
-    identification = identify(measurement, library.spectra, prior,
+    identification = identify(without_states(measurement), library.spectra, prior,
                               standard_error=library.standard_error, variation=variation,
                               evidence_ratio=evidence_ratio)
     fits = identification.indistinguishable

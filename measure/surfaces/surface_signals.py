@@ -1,7 +1,7 @@
 """What the photos say of every surface: the record in which flat samples and scenes end."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from spectrabox.radiometry.error_model import (
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
+from spectrabox.radiometry.records.states import CaptureStates, added_by_cause
 
 FEW_BANDS = 12      # whose signals draws reach one by one
 
@@ -75,11 +76,14 @@ def in_bands(signals: SurfaceSignals, bands: np.ndarray) -> SurfaceSignals:
                    view_of_band=signals.view_of_band[bands], response=signals.response[bands],
                    signal=signals.signal[:, bands], errors=tuple(
                        SignalError(error.cause, error.covariance[:, bands][:, :, bands])
-                       for error in signals.errors))
+                       for error in signals.errors),
+                   states=tuple(states.through(np.eye(len(signals.bands))[bands])
+                                for states in signals.states))
 
 
 def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
-    """Covariance by cause of the signal of ``measurement``; they add up to its noise.
+    """Covariance by cause of the signal of ``measurement``; they add up to its noise, which is
+    without what the states of the capture add.
 
     Parameters
     ----------
@@ -89,6 +93,18 @@ def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray
     _, _, gain = _independent(signals, index)
     return {cause: gain @ covariance @ gain.T
             for cause, covariance in _errors_in_bands(signals, index).items()}
+
+
+def all_errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+    """Covariance by cause of the signal of ``measurement``, that of what the states of the capture
+    add included.
+
+    Parameters
+    ----------
+    index : int
+        Of the surface.
+    """
+    return with_added(errors_by_cause(signals, index), measurement(signals, index).states)
 
 
 def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
@@ -101,8 +117,10 @@ def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
     """
     seen, chosen, gain = _independent(signals, index)
     total = np.sum(list(errors_by_cause(signals, index).values()), axis=0)
+    states = _states_in_bands(signals, index)
     return SpectralMeasurement(signals.grid, signals.response[seen][chosen],
-                               gain @ signals.signal[index][seen], symmetric(total))
+                               gain @ signals.signal[index][seen], symmetric(total),
+                               None if states is None else states.through(gain))
 
 
 def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -112,7 +130,8 @@ def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.nd
     seen = np.flatnonzero(np.isfinite(signals.signal[index]))
     if seen.size <= FEW_BANDS:
         return seen, np.arange(seen.size), np.eye(seen.size)
-    total = np.sum(list(_errors_in_bands(signals, index).values()), axis=0)
+    total = np.sum(list(with_added(_errors_in_bands(signals, index),
+                                   _states_in_bands(signals, index)).values()), axis=0)
     return seen, *independent_bands(signals.response[seen], symmetric(total))
 
 
@@ -120,6 +139,28 @@ def _errors_in_bands(signals: SurfaceSignals, index: int) -> dict[str, np.ndarra
     """Covariance of one surface's signal by cause, in the bands that show it."""
     seen = np.flatnonzero(np.isfinite(signals.signal[index]))
     return {error.cause: error.covariance[index][np.ix_(seen, seen)] for error in signals.errors}
+
+
+def _states_in_bands(signals: SurfaceSignals, index: int) -> CaptureStates | None:
+    """What one surface's capture may have added to its signal, in the bands that show it."""
+    seen = np.isfinite(signals.signal[index])
+    return signals.states[index].through(np.eye(seen.size)[seen]) if signals.states else None
+
+
+def with_added(causes: Mapping[str, np.ndarray],
+               states: CaptureStates | None) -> dict[str, np.ndarray]:
+    """Covariances (K, K) by cause, with those of what the states of the capture add.
+
+    Parameters
+    ----------
+    causes : mapping of (K, K) arrays
+    states : CaptureStates or None
+        Of the same bands.
+    """
+    together = dict(causes)
+    for cause, covariance in ({} if states is None else added_by_cause(states)).items():
+        together[cause] = together.get(cause, 0.0) + covariance
+    return together
 
 
 def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
@@ -131,8 +172,8 @@ def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray
         Of the surface.
     """
     value = signals.signal[index][np.isfinite(signals.signal[index])]
-    return {cause: np.sqrt(np.diag(covariance)) / value
-            for cause, covariance in _errors_in_bands(signals, index).items()}
+    causes = with_added(_errors_in_bands(signals, index), _states_in_bands(signals, index))
+    return {cause: np.sqrt(np.diag(covariance)) / value for cause, covariance in causes.items()}
 
 
 def noise_and_disagreement(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray]:

@@ -22,10 +22,12 @@ from spectrabox.radiometry.records.spectra import (
     SurfaceSpectrum,
     WavelengthGrid,
 )
+from spectrabox.radiometry.records.states import StateEstimate
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.further.learnt_swatches import SwatchCorrection
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.sampling.spectral_measurement import without_states
 from spectrabox.sampling.summary import summarise
 
 MIN_BANDS = 3           # that samples and swatches are compared by
@@ -95,9 +97,10 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
     prior = of_families(load_prior(), families)
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
+    states: StateEstimate | None = None
     if options.method == "prior":
         posterior = solve_posterior(prior, seen)
-        family_shares = posterior.family_shares
+        family_shares, states = posterior.family_shares, posterior.states
         if draws is None:
             variance_shares = posterior.variance_shares(errors_by_cause(signals, index))
             draws = posterior.samples(options.draws, options.seed, options.coefficients)
@@ -112,7 +115,7 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
                              options.coefficients, prior)
     summary = summarise(draws, seen, options.level, describe_conditions(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
-                           family_shares)
+                           family_shares, states)
 
 
 def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
@@ -160,7 +163,7 @@ def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
 def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -> str:
     """What the band rests on, in words."""
     errors = ", ".join(f"{100 * error:.2g}"
-                       for error in np.sqrt(np.diag(measured.noise_covariance)))
+                       for error in np.sqrt(np.diag(without_states(measured).noise_covariance)))
     return (f"Assumes Gaussian signal errors of {errors} % of white, the prior and sampler "
             f"{draws.method}, and, for the exact bounds, splines of "
             f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.sentence}")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
 from spectrabox.radiometry.shaped import Record
 
 # Callback of long work: the share that is done, 0 to 1, and what is being done.
@@ -110,7 +111,7 @@ class SurfaceSignals(Record):
     """What the photos of a session say of M surfaces, in the J bands of all lights.
 
     ``signal = response @ reflectance + errors``, relative to a perfect white in the surface's
-    position. The errors are independent of each other.
+    position. The errors are independent of each other, and of what the states of the capture add.
     """
 
     names: tuple[str, ...]
@@ -122,6 +123,8 @@ class SurfaceSignals(Record):
     response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
     signal: Annotated[np.ndarray, "M J"]            # relative to white; NaN where not photographed
     errors: tuple[SignalError, ...]
+    # of each surface, in the J bands: what its gloss may have added; none where nothing may
+    states: tuple[CaptureStates, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,13 +132,15 @@ class SpectralMeasurement(Record):
     """What the camera said of one surface: ``signal = relative_response @ reflectance + noise``.
 
     ``relative_response`` is sensitivity x light x weight in nm, divided by its sum in each band, so
-    that every row sums to 1 and a reflectance of 1 gives a signal of 1.
+    that every row sums to 1 and a reflectance of 1 gives a signal of 1. The noise is without what
+    the states of the capture add.
     """
 
     grid: WavelengthGrid
     relative_response: Annotated[np.ndarray, "K P"]
     signal: Annotated[np.ndarray, "K"]
     noise_covariance: Annotated[np.ndarray, "K K"]
+    states: CaptureStates | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +157,8 @@ class SpectrumSamples(Record):
     seed: int
     outcome: Outcome
     sentence: str                                   # the outcome in words, with its numbers
+    # of the variables of the capture's states, such as the gloss, that each draw goes with
+    variables: Annotated[np.ndarray, "T V"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,3 +187,5 @@ class SurfaceSpectrum(Record):
     # of the variance of a spectrum, by cause; none of draws of all surfaces at once
     variance_shares: dict[str, float]
     family_shares: dict[str, float]     # that the signal allows; none without the learnt prior
+    # what the signal says of its gloss; None where the learnt prior was not asked
+    states: StateEstimate | None = None

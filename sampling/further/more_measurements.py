@@ -21,7 +21,11 @@ from spectrabox.radiometry.records.spectra import (
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.spectral_measurement import nearest_coefficients, response_on
+from spectrabox.sampling.spectral_measurement import (
+    nearest_coefficients,
+    response_on,
+    without_states,
+)
 
 DOUBT_DRAWS = 400
 
@@ -129,7 +133,8 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
 
 
 def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
-    parts = [(response_on(base, PRIOR_GRID), base.signal, base.noise_covariance),
+    whole = without_states(base)
+    parts = [(response_on(whole, PRIOR_GRID), whole.signal, whole.noise_covariance),
              *(measured_rows(base, further) for further in more)]
     rows, targets = [], []
     for part, values, covariance in parts:
@@ -153,7 +158,7 @@ def measured_rows(base: SpectralMeasurement,
     more : MoreMeasurement
     """
     if more.measurement is not None:
-        photo = more.measurement
+        photo = without_states(more.measurement)
         return response_on(photo, PRIOR_GRID), photo.signal, photo.noise_covariance
     both, bands = condition(base, list(more.readings)), len(base.signal)
     return (response_on(both, PRIOR_GRID)[bands:], both.signal[bands:],
@@ -272,8 +277,8 @@ def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasuremen
     if any(other.grid.nm.shape != measurements[0].grid.nm.shape for other in measurements):
         raise InputError(
             "the measurements are on different wavelengths; put them on one grid first")
-    joined = measurements[0]
-    for other in measurements[1:]:
+    joined, *others = map(without_states, measurements) if len(measurements) > 1 else measurements
+    for other in others:
         if same_bands(other, joined):
             joined = _averaged(joined, other)
         else:
@@ -312,8 +317,11 @@ def _stacked(measurement: SpectralMeasurement, rows: np.ndarray, values: np.ndar
     bands, more = len(measurement.signal), len(values)
     noise = np.zeros((bands + more, bands + more))
     noise[:bands, :bands], noise[bands:, bands:] = measurement.noise_covariance, covariance
+    states = measurement.states
     return SpectralMeasurement(measurement.grid, np.vstack([measurement.relative_response, rows]),
-                               np.r_[measurement.signal, values], noise)
+                               np.r_[measurement.signal, values], noise,
+                               None if states is None else states.through(np.eye(
+                                   bands + more, bands)))
 
 
 # ---- light reflected twice -----------------------------------------------------------------------

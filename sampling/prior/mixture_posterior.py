@@ -186,7 +186,7 @@ def gauss_newton(seen: Observations, rows: np.ndarray, mean: np.ndarray, covaria
     """
     active = rows
     for _ in range(steps):
-        gain_base, Q, residual = _linearised(seen, active, mean, covariance, x)
+        gain_base, Q, residual = linearised(seen, active, mean, covariance, x)
         active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]),
                        tolerance)
         if not active.size:
@@ -220,7 +220,7 @@ def rough_evidence(seen: Observations, mean: np.ndarray, covariance: np.ndarray,
     """
     everyone = np.arange(len(x))
     gauss_newton(seen, everyone, mean, covariance, x, tried - 1)
-    gain_base, Q, residual = _linearised(seen, everyone, mean, covariance, x)
+    gain_base, Q, residual = linearised(seen, everyone, mean, covariance, x)
     solved = np.linalg.solve(Q, residual[..., None])
     _step(x, everyone, mean, gain_base, solved)
     return _log_evidence(Q, residual, solved[..., 0])
@@ -242,7 +242,7 @@ def laplace(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: 
     x : (T, P) array
         Logits at the modes.
     """
-    gain_base, Q, residual = _linearised(seen, rows, mean, covariance, x)
+    gain_base, Q, residual = linearised(seen, rows, mean, covariance, x)
     solved = np.linalg.solve(Q, np.concatenate([gain_base, residual[..., None]], axis=2))
     variance = np.diagonal(_own(covariance, rows, 2), axis1=-2, axis2=-1) \
         - np.einsum("tkp,tkp->tp", gain_base, solved[..., :-1])
@@ -257,8 +257,22 @@ def _log_evidence(Q: np.ndarray, residual: np.ndarray, solved: np.ndarray) -> np
     return np.asarray(-np.einsum("tk,tk->t", residual, solved) / 2 - np.linalg.slogdet(Q)[1] / 2)
 
 
-def _linearised(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
-                x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def linearised(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
+               x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """J S (n, K, P), Q (n, K, K) and the residual (n, K) of some rows at logits x (T, P), as at the
+    top of this file.
+
+    Parameters
+    ----------
+    seen : Observations
+    rows : (n,) int array
+        Of the signals.
+    mean : (P,) or (T, P) array
+        Of the component, or of one for each signal.
+    covariance : (P, P) or (T, P, P) array
+    x : (T, P) array
+        Logits.
+    """
     p, own = reflectance(x[rows]), _own(covariance, rows, 2)
     slope = p * (1 - p)
     jacobian = seen.relative_response * slope[:, None, :]

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError
-from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.polytope.tilted_rejection import noise_columns
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
@@ -48,7 +47,7 @@ class _Component:
 
 
 def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
-                      relative_response: np.ndarray, measurement: SpectralMeasurement,
+                      relative_response: np.ndarray, signal: np.ndarray, noise: np.ndarray,
                       draws: int, seed: int, *, approximate: bool = False) -> np.ndarray:
     """Reflectances (T, 61) drawn from the posterior of one signal.
 
@@ -59,7 +58,9 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
         Of the one signal under this prior.
     relative_response : (K, 61) array
         Of the measurement, on the prior's wavelengths.
-    measurement : SpectralMeasurement
+    signal : (K,) array
+    noise : (K, K) array
+        Its covariance.
     draws, seed : int
         T; the same seed gives the same draws bit for bit.
     approximate : bool
@@ -72,7 +73,7 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
     """
     chosen = np.flatnonzero(mixture.weights[0])
     factor = band_factors(prior, mixture, LEVEL)[0]
-    components = [_component(prior, mixture, relative_response, measurement, factor, int(index))
+    components = [_component(prior, mixture, relative_response, signal, noise, factor, int(index))
                   for index in chosen]
     spectra = np.empty((draws, relative_response.shape[1]))
     blocks = range(0, draws, BLOCK)
@@ -85,8 +86,8 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
             failed = []
             for index, component in enumerate(components):
                 rows = missing[number == index]
-                spectra[rows], reached = _of_component(component, relative_response,
-                                                       measurement.signal, rows.size, rng)
+                spectra[rows], reached = _of_component(component, relative_response, signal,
+                                                       rows.size, rng)
                 failed.append(rows[~reached])
             missing = np.concatenate(failed)
             if not missing.size or approximate:
@@ -99,14 +100,13 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
 
 
 def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response: np.ndarray,
-               measurement: SpectralMeasurement, factor: np.ndarray, index: int) -> _Component:
+               signal: np.ndarray, R: np.ndarray, factor: np.ndarray, index: int) -> _Component:
     centre = mixture.logits[index, 0]
     p = reflectance(centre)
     jacobian = relative_response * (p * (1 - p))
     base = prior.covariances[index] @ jacobian.T
     prior_of_signal = jacobian @ base
-    R = measurement.noise_covariance
-    residual = measurement.signal - relative_response @ p \
+    residual = signal - relative_response @ p \
         + jacobian @ (centre - prior.means[index])
     Q = prior_of_signal + with_floor(R)
     covariance = prior.covariances[index] - base @ np.linalg.solve(Q, base.T)

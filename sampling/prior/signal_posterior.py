@@ -2,7 +2,8 @@
 
 A signal that the learnt prior does not explain is given to the smoothness prior, and the outcome
 says so. Mean, standard deviation and band are those of the distribution that draws follow
-(`calibrated_marginals`), so that they need no draws.
+(`calibrated_marginals`), so that they need no draws. All are over the states in which the capture
+may have been (`state_posteriors`).
 """
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
+from spectrabox.radiometry.records.states import StateEstimate
+from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.polytope.tilt import is_reachable
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, smoothness_prior
@@ -24,10 +26,16 @@ from spectrabox.sampling.prior.mixture_posterior import (
     allowed_misfit,
     central_band,
     mean_and_spread,
-    novelty,
-    posterior,
 )
 from spectrabox.sampling.prior.posterior_draws import draw_reflectances
+from spectrabox.sampling.prior.state_posteriors import (
+    StatePosterior,
+    budget_over_states,
+    draw_variables,
+    estimate_states,
+    merged,
+    solve_in_states,
+)
 from spectrabox.sampling.spectral_measurement import (
     MeasurementOperator,
     check_draw_count,
@@ -48,14 +56,17 @@ class SignalPosterior:
     Attributes
     ----------
     measurement : SpectralMeasurement
-        The signal (K,) with its noise covariance.
+        The signal (K,) with its noise covariance, and the states of its capture.
     relative_response : (K, 61) array
         Of the measurement, on the prior's wavelengths.
     learnt_prior : LogitMixture
         The prior that was asked for: of all families, or of those stated.
-    learnt_mixture : MixturePosterior
-        Of this one signal under it. Families, evidence and shares of variance come from it.
-    prior, mixture : LogitMixture, MixturePosterior
+    learnt : tuple of StatePosterior
+        Of this one signal under it, in every state that the signal allows. Families, evidence and
+        shares of variance come from it.
+    log_evidence : float
+        Log density of the signal under the learnt prior, in nats.
+    prior, parts : LogitMixture, tuple of StatePosterior
         Which mean, band and draws come from: the same, or the smoothness prior's.
     outcome : Outcome
         FAMILIAR, UNFAMILIAR (smoothness prior), or TOO_ROUGH and OUT_OF_REACH, whose draws do not
@@ -65,9 +76,10 @@ class SignalPosterior:
     measurement: SpectralMeasurement
     relative_response: np.ndarray
     learnt_prior: LogitMixture
-    learnt_mixture: MixturePosterior
+    learnt: tuple[StatePosterior, ...]
+    log_evidence: float
     prior: LogitMixture
-    mixture: MixturePosterior
+    parts: tuple[StatePosterior, ...]
     outcome: Outcome
 
     @property
@@ -83,22 +95,29 @@ class SignalPosterior:
     @property
     def family_shares(self) -> dict[str, float]:
         """Posterior probability of each family of surfaces, by name; they sum to 1."""
-        shares = self.learnt_prior.shares(self.learnt_mixture.weights)[0].tolist()
-        return dict(zip(self.learnt_prior.families, shares, strict=True))
+        shares = sum(part.share * self.learnt_prior.shares(part.mixture.weights)[0]
+                     for part in self.learnt)
+        return dict(zip(self.learnt_prior.families, np.asarray(shares).tolist(), strict=True))
 
     @property
-    def log_evidence(self) -> float:
-        """Log density of the signal under the learnt prior, in nats."""
-        return float(self.learnt_mixture.log_evidence[0])
+    def states(self) -> StateEstimate | None:
+        """What the signal says of the states of its capture, such as the surface's gloss; None
+        where the capture has but one.
+        """
+        if self.measurement.states is None:
+            return None
+        return estimate_states(self.prior, self.relative_response, self.measurement,
+                               self.measurement.states, self.parts)
 
     @cached_property
-    def _marginals(self) -> tuple[MixturePosterior, np.ndarray]:
-        return marginal_moments(self.prior, self.relative_response, self.measurement.signal[None],
-                                self.measurement.noise_covariance[None], self.mixture)
+    def _marginals(self) -> MixturePosterior:
+        return merged([marginal_moments(self.prior, part.relative_response, part.signal[None],
+                                        part.noise[None], part.mixture)[0] for part in self.parts],
+                      np.array([[part.share] for part in self.parts]))
 
     @cached_property
     def _mean_and_deviation(self) -> tuple[np.ndarray, np.ndarray]:
-        return mean_and_spread(self._marginals[0])
+        return mean_and_spread(self._marginals)
 
     @property
     def mean(self) -> np.ndarray:
@@ -112,7 +131,7 @@ class SignalPosterior:
 
     def band(self, level: float) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper reflectance (61,) of the calibrated central band of a level, 0 to 1."""
-        lower, upper = central_band(self._marginals[0], level)
+        lower, upper = central_band(self._marginals, level)
         return lower[0], upper[0]
 
     def variances_by_cause(self, causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -121,12 +140,13 @@ class SignalPosterior:
         Parameters
         ----------
         causes : mapping to (K, K) arrays
-            Covariances, whose sum is the measurement's noise covariance, by name.
+            Covariances, whose sum is the measurement's noise covariance, by name; what the states
+            of the capture add comes besides.
 
         Returns
         -------
         dict
-            Metamerism, the causes and the model floor.
+            Metamerism, the causes, those of the capture's states, and the model floor.
 
         Raises
         ------
@@ -138,9 +158,7 @@ class SignalPosterior:
         if np.abs(total - noise).max() > 1e-9 + 1e-6 * np.abs(total).max():
             raise InputError("the covariances by cause do not add up to the noise covariance of "
                              "the measurement")
-        budgets = error_budgets(self.learnt_prior, self.relative_response, self.learnt_mixture,
-                                {name: covariance[None] for name, covariance in causes.items()})
-        return {name: variance[0] for name, variance in budgets.items()}
+        return budget_over_states(self.learnt_prior, self.learnt, self.measurement.states, causes)
 
     def variance_shares(self, causes: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Share of each cause in the mean variance over wavelength; they sum to 1.
@@ -161,10 +179,38 @@ class SignalPosterior:
         ConvergenceError
             If draws do not reach the signal.
         """
+        return self.draws_with_variables(count, seed)[0]
+
+    def draws_with_variables(self, count: int, seed: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """The draws (T, 61), and of the capture's states the variables (T, V), such as the gloss,
+        that each goes with; None where the capture has but one state.
+
+        Raises
+        ------
+        InputError, ConvergenceError
+            As `draws`.
+        """
         check_draw_count(count)
-        return draw_reflectances(self.prior, self.mixture, self.relative_response,
-                                 self.measurement, count, seed,
-                                 approximate=self.outcome in APPROXIMATE)
+        states = self.measurement.states
+        if states is None:
+            return self._draws_in(self.parts[0], count, seed), None
+        own, *seeds = np.random.SeedSequence(seed).generate_state(1 + len(self.parts)).tolist()
+        rng = np.random.default_rng(own)
+        counts = rng.multinomial(count, [part.share for part in self.parts])
+        spectra, variables = [], []
+        for part, some, part_seed in zip(self.parts, counts.tolist(), seeds, strict=True):
+            if some:
+                spectra.append(self._draws_in(part, some, part_seed))
+                variables.append(draw_variables(
+                    states, part.state,
+                    self.measurement.signal - spectra[-1] @ self.relative_response.T,
+                    self.measurement.noise_covariance, rng))
+        order = rng.permutation(count)      # else state after state
+        return np.concatenate(spectra)[order], np.concatenate(variables)[order]
+
+    def _draws_in(self, part: StatePosterior, count: int, seed: int) -> np.ndarray:
+        return draw_reflectances(self.prior, part.mixture, part.relative_response, part.signal,
+                                 part.noise, count, seed, approximate=self.outcome in APPROXIMATE)
 
     def samples(self, count: int, seed: int, coefficients: int) -> SpectrumSamples:
         """The draws as a record, with the splines of N = ``coefficients`` nearest to each; of more
@@ -175,12 +221,12 @@ class SignalPosterior:
         InputError, ConvergenceError
             As `draws`.
         """
-        spectra = self.draws(count, seed)
+        spectra, variables = self.draws_with_variables(count, seed)
         bands = self.measurement.signal.size
         splines = nearest_splines(spectra, basis_matrix(
             PRIOR_GRID.nm, coefficients if coefficients >= bands else bands + SPARE))
         return SpectrumSamples(PRIOR_GRID, spectra, splines, self.method, float(count), seed,
-                               self.outcome, self.sentence)
+                               self.outcome, self.sentence, variables)
 
 
 def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> SignalPosterior:
@@ -197,22 +243,23 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     Raises
     ------
     InputError
-        For numbers that are not finite, a covariance that is none, or bands that respond alike.
+        For numbers that are not finite, a covariance that is none, or bands that respond alike;
+        with states of the capture, photos may repeat bands.
     """
     check_measurement(measurement)
     response = response_on(measurement, PRIOR_GRID)
-    signals, noise = measurement.signal[None], measurement.noise_covariance
-    learnt = posterior(prior, response, signals, noise)
-    if novelty(prior, learnt, noise)[0] <= 1:
-        return SignalPosterior(measurement, response, prior, learnt, prior, learnt,
+    learnt, evidence, novelty = solve_in_states(prior, response, measurement)
+    if novelty <= 1:
+        return SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
                                Outcome.FAMILIAR)
     smooth = smoothness_prior()
-    wider = posterior(smooth, response, signals, noise)
+    wider, _, _ = solve_in_states(smooth, response, measurement)
     outcome = Outcome.UNFAMILIAR
-    if wider.misfit[0] > allowed_misfit(noise):
-        operator = MeasurementOperator(response, measurement.signal, noise)
-        outcome = Outcome.TOO_ROUGH if is_reachable(operator) else Outcome.OUT_OF_REACH
-    return SignalPosterior(measurement, response, prior, learnt, smooth, wider, outcome)
+    if all(part.mixture.misfit[0] > allowed_misfit(part.noise) for part in wider):
+        outcome = Outcome.TOO_ROUGH if any(
+            is_reachable(MeasurementOperator(part.relative_response, part.signal, part.noise))
+            for part in wider) else Outcome.OUT_OF_REACH
+    return SignalPosterior(measurement, response, prior, learnt, evidence, smooth, wider, outcome)
 
 
 def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int = 13,

@@ -32,6 +32,7 @@ from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.further.planner import PlannedStep
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
+from spectrabox.sampling.spectral_measurement import without_states
 from spectrabox.session.commands.requests import PlanRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
@@ -137,7 +138,7 @@ def _known_surface(capture: Capture, records: CaptureRecords, index: int) -> Kno
         surface = Surface(signals, index, calibration, capture.lit_chart.reflectances,
                           float(fit.patch_error[0]))
     return KnownSurface(of_families(load_prior(), capture.surfaces[name].families),
-                        measurement(signals, index),
+                        without_states(measurement(signals, index)),
                         on_grid(draws.grid.nm, draws.spectra, PRIOR_GRID, name), surface)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement, with_added
 from spectrabox.measure.surfaces.swatch_correction import CORRECTED
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
@@ -57,7 +57,8 @@ class SpectrumEstimate:
     measurement : SpectralMeasurement or None
         The signal (K,), relative to white, that the estimate explains.
     errors : mapping of (K, K) arrays
-        Covariance of the signal by cause of error; they add up to that of the measurement.
+        Covariance of the signal by cause of error; they add up to that of the measurement. What
+        the surface's gloss may have added comes besides, among the measurement's states.
     prior : LogitMixture or None
         On reflectances; None where another method than the learnt prior drew.
     samples : SpectrumSamples or None
@@ -260,7 +261,7 @@ class SpectrumEstimate:
         if self.measurement is None:
             return {}
         return {cause: np.sqrt(np.diag(covariance)) / self.measurement.signal
-                for cause, covariance in self.errors.items()}
+                for cause, covariance in with_added(self.errors, self.measurement.states).items()}
 
     @property
     def outcome(self) -> str:

@@ -1,0 +1,324 @@
+"""Posteriors of a signal in every state of its capture, and what they say of the state.
+
+In each state what the capture adds to a signal is Gaussian (`CaptureStates`): the signal less its
+mean, with its covariance among the noise, has a mixture as posterior. The posterior over all states
+is these mixtures, each by its evidence and the state's probability beforehand.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtr
+
+from spectrabox.radiometry.covariance import symmetric, symmetric_root
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
+from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
+from spectrabox.sampling.error_budget import error_budgets
+from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import (
+    NEGLIGIBLE,
+    MixturePosterior,
+    Observations,
+    linearised,
+    mean_and_spread,
+    novelty,
+    posterior,
+    with_floor,
+)
+
+RANK = 1e-10            # relative: directions of a noise of less variance have none
+SAME = 1e-9             # of white: responses closer than this are one
+MAX_REDRAWS = 50        # of a variable that is less than it can be; it then is what it least can be
+
+
+@dataclass(frozen=True, eq=False)
+class StatePosterior:
+    """The posterior of one signal (K,) in one state of its capture, by its r different bands."""
+
+    state: int                      # index; 0 where a capture has but one
+    share: float                    # posterior probability of the state
+    gain: np.ndarray                # (r, K) that estimates the signals of different bands from all
+    relative_response: np.ndarray   # (r, P)
+    signal: np.ndarray              # (r,) less what the state adds
+    noise: np.ndarray               # (r, r) with what the state adds
+    mixture: MixturePosterior       # of this one signal
+
+
+def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+                         covariances: np.ndarray, states: CaptureStates
+                         ) -> tuple[list[MixturePosterior], np.ndarray]:
+    """Posterior of T signals in each of H states, and the states' log evidence (H, T), that of the
+    state beforehand included.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+        On the prior's wavelengths, rows summing to 1.
+    signals : (T, K) array
+    covariances : (T, K, K) or (K, K) array
+        Of the signals' noise without what the states add.
+    states : CaptureStates
+        Of the K bands.
+    """
+    mixtures: list[MixturePosterior] = []
+    for added, covariance in zip(states.added, states.added_covariances, strict=True):
+        mixtures.append(posterior(prior, relative_response, signals - added,
+                                  covariances + covariance, mixtures[-1] if mixtures else None))
+    evidence = np.array([mixture.log_evidence for mixture in mixtures])
+    return mixtures, evidence + np.log(states.weights)[:, None]
+
+
+def state_shares(log_evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Posterior probabilities (H, T) of the states of T signals, and the signals' log evidence
+    (T,); a state that says next to nothing has none.
+
+    Parameters
+    ----------
+    log_evidence : (H, T) array
+        From `posteriors_in_states`.
+    """
+    largest = log_evidence.max(axis=0)
+    shares = np.exp(log_evidence - largest)
+    total = shares.sum(axis=0)
+    shares /= total
+    shares[shares < NEGLIGIBLE] = 0
+    return shares / shares.sum(axis=0), largest + np.log(total)
+
+
+def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
+                    measurement: SpectralMeasurement
+                    ) -> tuple[tuple[StatePosterior, ...], float, float]:
+    """The posterior of one signal in all states that it allows, its log evidence in nats, and its
+    novelty: beyond 1 the prior explains it in no state.
+
+    Bands that several photos repeat are estimated as one, state by state. What their differences
+    say of the state is in its evidence.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+        Of the measurement, on the prior's wavelengths.
+    measurement : SpectralMeasurement
+    """
+    signal, noise, states = measurement.signal, measurement.noise_covariance, measurement.states
+    if states is None:
+        mixture = posterior(prior, relative_response, signal[None], noise)
+        part = StatePosterior(0, 1.0, np.eye(signal.size), relative_response, signal, noise,
+                              mixture)
+        return (part,), float(mixture.log_evidence[0]), float(novelty(prior, mixture, noise)[0])
+    different, repeated = different_bands(relative_response)
+    response = relative_response[different]
+    parts: list[StatePosterior] = []
+    evidence = np.log(states.weights)
+    for state, (added, covariance) in enumerate(zip(states.added, states.added_covariances,
+                                                    strict=True)):
+        own = noise + covariance
+        gain, of_differences = _different(signal - added, own, repeated)
+        seen, own = gain @ (signal - added), symmetric(gain @ own @ gain.T)
+        mixture = posterior(prior, response, seen[None], own,
+                            parts[-1].mixture if parts else None)
+        evidence[state] += of_differences + mixture.log_evidence[0]
+        parts.append(StatePosterior(state, 0.0, gain, response, seen, own, mixture))
+    shares, log_evidence = state_shares(evidence[:, None])
+    return (tuple(replace(part, share=float(share)) for part, share
+                  in zip(parts, shares[:, 0], strict=True) if share > 0), float(log_evidence[0]),
+            float(min(novelty(prior, part.mixture, part.noise)[0] for part in parts)))
+
+
+def different_bands(relative_response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (r,) of bands that are not those of an earlier photo again, and which of them (K, r)
+    each band is: 1, else 0.
+
+    Parameters
+    ----------
+    relative_response : (K, P) array
+    """
+    first = np.array([next(other for other in range(band + 1)
+                           if np.allclose(relative_response[other], own, rtol=0, atol=SAME))
+                      for band, own in enumerate(relative_response)])
+    different = np.unique(first)
+    return different, (first[:, None] == different).astype(float)
+
+
+def _different(signal: np.ndarray, noise: np.ndarray,
+               repeated: np.ndarray) -> tuple[np.ndarray, float]:
+    """The gain (r, K) that estimates the signals of different bands from all (K,) by generalised
+    least squares, and the log density of what then is left: differences between repeated bands.
+    """
+    bands, count = repeated.shape
+    if bands == count:
+        return np.eye(bands), 0.0
+    own = noise + np.eye(bands) * (RANK * np.trace(noise) + np.finfo(float).tiny)
+    weighted = np.linalg.solve(own, repeated)
+    gain = np.linalg.solve(repeated.T @ weighted, weighted.T)
+    contrasts = np.linalg.svd(repeated.T)[2][count:]            # (K - r, K), of no different bands
+    spread, off = contrasts @ own @ contrasts.T, contrasts @ signal
+    return gain, float(-(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
+                         + off.size * np.log(2 * np.pi)) / 2)
+
+
+def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixturePosterior:
+    """One mixture (T signals) of the components of all, each mixture by its shares (H, T).
+
+    Parameters
+    ----------
+    mixtures : sequence of H MixturePosterior
+    shares : (H, T) array
+    """
+    if len(mixtures) == 1:
+        return mixtures[0]
+    skews = [mixture.skews for mixture in mixtures if mixture.skews is not None]
+    return MixturePosterior(
+        np.hstack([share[:, None] * mixture.weights
+                   for share, mixture in zip(shares, mixtures, strict=True)]),
+        np.concatenate([mixture.logits for mixture in mixtures]),
+        np.concatenate([mixture.variances for mixture in mixtures]),
+        np.sum([share * mixture.misfit
+                for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
+        np.min([mixture.surprise for mixture in mixtures], axis=0),
+        np.sum([share * mixture.log_evidence
+                for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
+        np.concatenate(skews) if skews else None)
+
+
+def budget_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
+                       states: CaptureStates | None,
+                       causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Variance (P,) of the reflectance by cause: within the states, and by what differs between
+    them.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+        Whose posterior the parts are.
+    parts : sequence of StatePosterior
+    states : CaptureStates or None
+    causes : mapping to (K, K) arrays
+        Covariances of the noise without what the states add, by name.
+    """
+    budgets: dict[str, np.ndarray] = {}
+    for part in parts:
+        own = dict(causes)
+        if states is not None:
+            for cause in dict.fromkeys(states.causes):
+                pattern = states.of_cause(cause)
+                own[cause] = own.get(cause, 0.0) \
+                    + pattern @ states.covariances[part.state] @ pattern.T
+        own = {name: (part.gain @ covariance @ part.gain.T)[None]
+               for name, covariance in own.items()}
+        for name, variance in error_budgets(prior, part.relative_response, part.mixture,
+                                            own).items():
+            budgets[name] = budgets.get(name, 0.0) + part.share * variance[0]
+    if states is None or len(parts) == 1:
+        return budgets
+    share = np.array([part.share for part in parts])
+    means = np.array([mean_and_spread(part.mixture)[0][0] for part in parts])
+    between = share @ (means - share @ means)**2
+    added = {cause: states.means[[part.state for part in parts]] @ states.of_cause(cause).T
+             for cause in dict.fromkeys(states.causes)}         # (H, K)
+    spread = {cause: float((share @ (each - share @ each)**2).sum())
+              for cause, each in added.items()}
+    total = sum(spread.values())
+    for cause, part_of in spread.items():
+        if part_of > 0:
+            budgets[cause] = budgets[cause] + between * part_of / total
+    return budgets
+
+
+# ---- what a signal says of the variables ---------------------------------------------------------
+
+def estimate_states(prior: LogitMixture, relative_response: np.ndarray,
+                    measurement: SpectralMeasurement, states: CaptureStates,
+                    parts: Sequence[StatePosterior]) -> StateEstimate:
+    """Mean and standard deviation of the variables, and the probability of each kind of state.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+        Whose posterior the parts are.
+    relative_response : (K, P) array
+        Of the measurement.
+    measurement : SpectralMeasurement
+    states : CaptureStates
+        Of the measurement.
+    parts : sequence of StatePosterior
+    """
+    first, second = np.zeros((2, len(states.names)))
+    for part in parts:
+        weights = part.mixture.weights[0]
+        chosen = np.flatnonzero(weights)
+        means, deviation = _given_components(prior, relative_response, measurement, states, part,
+                                             chosen)
+        own, spread = _not_less(means, deviation, states.least)
+        share = part.share * weights[chosen]
+        first += share @ own
+        second += share @ (own**2 + spread**2)
+    shares = dict.fromkeys(states.kinds, 0.0)
+    for part in parts:
+        shares[states.kinds[part.state]] += part.share
+    return StateEstimate(states.names, first, np.sqrt(np.maximum(second - first**2, 0)), shares)
+
+
+def _given_components(prior: LogitMixture, relative_response: np.ndarray,
+                      measurement: SpectralMeasurement, states: CaptureStates,
+                      part: StatePosterior, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation (c, V) of the variables under each chosen component, linearised
+    at its mode.
+    """
+    count, state = chosen.size, part.state
+    noise = with_floor(measurement.noise_covariance + states.added_covariances[state])
+    seen = Observations(relative_response,
+                        np.repeat((measurement.signal - states.added[state])[None], count, axis=0),
+                        np.repeat(noise[None], count, axis=0))
+    _, Q, residual = linearised(seen, np.arange(count), prior.means[chosen],
+                                prior.covariances[chosen], part.mixture.logits[chosen, 0])
+    added = states.pattern @ states.covariances[state]          # (K, V) with the signal
+    gain = np.linalg.solve(Q, np.broadcast_to(added, (count, *added.shape)))
+    means = states.means[state] + np.einsum("ckv,ck->cv", gain, residual)
+    variance = np.diag(states.covariances[state]) - np.einsum("ckv,kv->cv", gain, added)
+    return means, np.sqrt(np.maximum(variance, 0))
+
+
+def _not_less(mean: np.ndarray, deviation: np.ndarray,
+              least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of normal variables that are known not to be less than that."""
+    certain = deviation < 1e-12
+    scale = np.where(certain, 1.0, deviation)
+    below = np.where(np.isinf(least), -40.0, np.clip((least - mean) / scale, -40, 8))
+    ratio = np.exp(-below**2 / 2) / np.sqrt(2 * np.pi) / ndtr(-below)
+    moved = mean + scale * ratio
+    spread = scale * np.sqrt(np.maximum(1 + below * ratio - ratio**2, 0))
+    return (np.where(certain, np.maximum(mean, least), np.maximum(moved, least)),
+            np.where(certain, 0.0, spread))
+
+
+def draw_variables(states: CaptureStates, state: int, left: np.ndarray, noise: np.ndarray,
+                   rng: np.random.Generator) -> np.ndarray:
+    """Variables (T, V) that go with spectra drawn in one state, none less than it can be.
+
+    Parameters
+    ----------
+    states : CaptureStates
+    state : int
+    left : (T, K) array
+        Of the signal, once those of the spectra are taken off.
+    noise : (K, K) array
+        Without what the states add.
+    rng : numpy Generator
+    """
+    covariance = states.covariances[state]
+    gain = covariance @ states.pattern.T @ np.linalg.pinv(
+        noise + states.added_covariances[state], rcond=RANK, hermitian=True)
+    means = states.means[state] + (left - states.added[state]) @ gain.T
+    root = symmetric_root(covariance - gain @ states.pattern @ covariance)
+    variables = means + rng.standard_normal(means.shape) @ root
+    for _ in range(MAX_REDRAWS):
+        less = np.flatnonzero((variables < states.least).any(axis=1))
+        if not less.size:
+            break
+        variables[less] = means[less] + rng.standard_normal((less.size, means.shape[1])) @ root
+    return np.maximum(variables, states.least)
