@@ -16,6 +16,7 @@ from spectrabox.radiometry.appearance import tristimulus_weights
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.published_tables import (
     CHARTS,
+    COPIES,
     published_colours,
     published_curves,
 )
@@ -35,6 +36,17 @@ REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
 
 # The Classic as it is made since, of which its maker publishes colours alone.
 AFTER_2014 = "ColorChecker after November 2014"
+
+# What a copy of either edition is like: geometric means of published tables and measured copies,
+# each with its weight, the first one's level. The copy of which no edition is stated is in both.
+COPIES_SINCE_2014 = "ColorChecker copies since November 2014"
+COPIES_BEFORE_2014 = "ColorChecker copies before November 2014"
+MEANS_OF_COPIES = {
+    COPIES_SINCE_2014: {AFTER_2014: 2, "copy of August 2016": 1, "used copy": 1,
+                        "ColorChecker N Ohta": 1},
+    COPIES_BEFORE_2014: {"BabelColor Average": 2, "used copy": 1, "ColorChecker N Ohta": 1}}
+GREYS = slice(19, 23)       # neutral 8 to 3.5: copies are compared at their level, from 430 nm on
+GREYS_FROM_NM = 430.0
 
 # Peak and standard deviation (nm) of the bands of an ordinary colour camera, to know a chart when
 # one is seen.
@@ -145,8 +157,8 @@ CLASSIC = dataclasses.replace(
     card=np.array([29.0, 20.3]), fiducial_names=("dark skin", "bluish green", "black", "white"),
     other_names=(tuple(f"{row}{column}" for row in "ABCD" for column in range(1, 7)),
                  tuple(f"{column}{row}" for row in range(1, 5) for column in "ABCDEF")),
-    references=(*REFERENCES, AFTER_2014), generations=(REFERENCES[0], AFTER_2014), detectable=True,
-    black_frame=True)
+    references=(*REFERENCES, AFTER_2014, COPIES_SINCE_2014, COPIES_BEFORE_2014),
+    generations=(REFERENCES[0], AFTER_2014), detectable=True, black_frame=True)
 
 
 def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLASSIC) -> np.ndarray:
@@ -154,7 +166,7 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
 
     ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped
     by colour-science. ``ColorChecker after November 2014`` is that average, changed smoothly as the
-    maker's colours have changed.
+    maker's colours have changed. ``MEANS_OF_COPIES`` says what the means of copies are.
 
     Parameters
     ----------
@@ -176,10 +188,29 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
     if reference not in chart.references:
         raise InputError(f"chart reference {reference!r} is not known; known are "
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")
-    if reference == AFTER_2014:
-        return later_generation(chart_reflectances(REFERENCES[0], grid, chart), grid)
-    nm, patches = published_curves(CHARTS, reference)
-    return on_grid(nm, patches, grid, reference)
+    if reference in MEANS_OF_COPIES:
+        tables, weights = zip(*MEANS_OF_COPIES[reference].items(), strict=True)
+        logs = np.log([table_of_classic(table, grid) for table in tables])
+        greys = logs[:, GREYS, grid.nm >= GREYS_FROM_NM].mean(axis=(1, 2))
+        level = greys - greys[0]
+        return np.asarray(np.exp(np.average(logs - level[:, None, None], axis=0, weights=weights)))
+    return table_of_classic(reference, grid)
+
+
+def table_of_classic(name: str, grid: WavelengthGrid) -> np.ndarray:
+    """Reflectances (24, P) of one edition or one measured copy of the ColorChecker Classic.
+
+    Parameters
+    ----------
+    name : str
+        One of ``REFERENCES``, ``AFTER_2014``, or a measured copy of ``MEANS_OF_COPIES``.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    if name == AFTER_2014:
+        return later_generation(table_of_classic(REFERENCES[0], grid), grid)
+    nm, patches = published_curves(CHARTS if name in REFERENCES else COPIES, name)
+    return on_grid(nm, patches, grid, name)
 
 
 def plane_centres(chart: Chart = CLASSIC) -> np.ndarray:

@@ -1,10 +1,12 @@
-"""Copies the published tables from colour-science, and measured cameras from a folder.
+"""Copies the published tables from colour-science, and measured cameras and charts from folders.
 
 ``python -m spectrabox.radiometry.published.make_tables [FOLDER]``; the folder holds the cameras of
-rawtoaces-data. The same sources give the same files, byte for byte.
+rawtoaces-data, or the measured charts ``spectra_averaged.csv`` and ``beyondrgb_cc_classic.csv``.
+The same sources give the same files, byte for byte.
 """
 from __future__ import annotations
 
+import csv
 import json
 import sys
 from pathlib import Path
@@ -16,6 +18,8 @@ from spectrabox.radiometry.published.published_tables import (
     CAMERAS_FILE,
     CHARTS,
     COLOURS,
+    COPIES,
+    COPIES_FILE,
     FILE,
     LIGHTS,
     OBSERVERS,
@@ -25,6 +29,10 @@ ALIASES = ("babel_average", "cc_ohta")  # second names of charts
 # charts of which colours alone are published, and one whose colours others are compared with
 COLOURED = ("ColorCheckerSG - After November 2014", "ColorChecker24 - Before November 2014",
             "ColorChecker24 - After November 2014")
+# measured copies of the ColorChecker Classic, and the files of them
+COPIES_OF_CLASSIC = {"copy of August 2016": "spectra_averaged.csv",
+                     "used copy": "beyondrgb_cc_classic.csv"}
+KEPT_NM = (380.0, 730.0)
 LEFT_OUT = ("Nikon D5100",)     # colour-science has its curves, and the demos photograph with them
 
 
@@ -61,8 +69,29 @@ def tables_of_rawtoaces(folder: Path) -> dict[str, np.ndarray]:
     return tables
 
 
+def tables_of_copies(folder: Path) -> dict[str, np.ndarray]:
+    """Every measured copy of a chart by kind and name: (1 + I, P), wavelengths in nm first.
+
+    Parameters
+    ----------
+    folder : Path
+        That holds the files of ``COPIES_OF_CLASSIC``; patches from the column "dark skin" on.
+    """
+    tables = {}
+    for name, file in COPIES_OF_CLASSIC.items():
+        with (folder / file).open(encoding="utf-8", newline="") as stored:
+            header, *rows = csv.reader(stored)
+        first = header.index("dark skin")
+        values = np.array(rows, float)
+        kept = values[(values[:, 0] >= KEPT_NM[0]) & (values[:, 0] <= KEPT_NM[1])]
+        tables[f"{COPIES}/{name}"] = np.column_stack([kept[:, 0], kept[:, first:first + 24]]).T
+    return tables
+
+
 if __name__ == "__main__":
-    if sys.argv[1:]:
+    if sys.argv[1:] and (Path(sys.argv[1]) / COPIES_OF_CLASSIC["used copy"]).is_file():
+        np.savez_compressed(COPIES_FILE, **tables_of_copies(Path(sys.argv[1])))  # type: ignore[arg-type]
+    elif sys.argv[1:]:
         np.savez_compressed(CAMERAS_FILE, **tables_of_rawtoaces(Path(sys.argv[1])))  # type: ignore[arg-type]
     else:
         np.savez_compressed(FILE, **tables_of_colour_science())  # type: ignore[arg-type]

@@ -2,7 +2,8 @@
 
 Importing colour-science takes longer than most commands. ``make_tables`` copied the tables that
 operators name from there, value by value; a test compares them with the installed colour-science.
-Measured cameras lie in a file of their own, described in ``measured_cameras.txt``.
+Measured cameras and copies of charts lie in files of their own, described in
+``measured_cameras.txt`` and ``measured_charts.txt``.
 """
 from __future__ import annotations
 
@@ -14,9 +15,10 @@ from spectrabox.radiometry.errors import InputError
 
 FILE = Path(__file__).parent / "published_spectra.npz"
 OBSERVERS, LIGHTS, CHARTS = "observers and cameras", "lights", "charts"
-COLOURS, CAMERAS = "chart colours", "measured cameras"
+COLOURS, CAMERAS, COPIES = "chart colours", "measured cameras", "measured charts"
 CAMERAS_FILE = FILE.with_name("measured_cameras.npz")
-FILES = {CAMERAS: CAMERAS_FILE}      # of the kinds that are not in FILE
+COPIES_FILE = FILE.with_name("measured_charts.npz")
+FILES = {CAMERAS: CAMERAS_FILE, COPIES: COPIES_FILE}    # of the kinds that are not in FILE
 
 
 def published_names(kind: str) -> list[str]:
