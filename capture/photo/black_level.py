@@ -1,9 +1,10 @@
 """Colour and black level at each position of the repeating tile of a sensor.
 
 LibRaw lists black levels by colour (R, G1, B, G2), drops their fractions, and mixes them up where
-the active area begins at an odd row or column. The DNG tag lists them by position from the first
-active pixel and is exact; pixels that no light reaches are better still, because they were read out
-with this very photo.
+the active area begins at an odd row or column, and reports 0 for a camera that it does not know.
+The DNG tag lists them by position from the first active pixel and is exact; pixels that no light
+reaches are better still, because they were read out with this very photo: those that a DNG names,
+else the margins about the visible pixels, where they prove to be dark.
 """
 from __future__ import annotations
 
@@ -18,6 +19,11 @@ COLOUR_INDEX = {"R": 0, "G": 1, "B": 2}
 MIN_MASKED = 256             # samples of each position: an error of 0.06 of the read noise
 OUTLIER_SIGMA = 4.0          # of masked pixels: hot pixels and light that leaks in at the edge
 SIGMA_PER_MAD = 1.4826       # of a normal distribution
+NEXT_TO_LIGHT = 4            # pixels of a margin beside the visible ones: light leaks in
+MIN_MARGIN = 8               # pixels, of what is left: some cameras pad their rows by a few
+DARKEST = 0.1                # per cent of the visible pixels
+MARGIN_SIGMA = 4.0           # of read noise: a margin above the darkest pixels or off what is known
+SHARE_OF_WHITE = 0.002       # by which black drifts between what a camera states and what it read
 
 
 def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
@@ -47,12 +53,14 @@ def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
     if masked is not None:
         return cfa, masked
     stated = _stated_black(metadata, origin, shape)
-    if stated is None:
-        return cfa, by_libraw
     # The tag may belong to another picture in the file: LibRaw must give the same levels, but for
     # the fraction.
-    same = np.all(np.abs(np.sort(stated, axis=None) - np.sort(by_libraw, axis=None)) < 1)
-    return cfa, stated if same or metadata.masked_areas else by_libraw
+    same = stated is not None and np.all(np.abs(np.sort(stated, axis=None)
+                                                - np.sort(by_libraw, axis=None)) < 1)
+    known = stated if stated is not None and (same or metadata.masked_areas) else by_libraw
+    margins = dark_margins(raw.raw_image, (*origin, raw.sizes.height, raw.sizes.width), shape,
+                           known, float(raw.white_level))
+    return cfa, known if margins is None else margins
 
 
 def full_colour_black(raw: Any, metadata: PhotoMetadata) -> np.ndarray:
@@ -104,6 +112,56 @@ def masked_black(whole: np.ndarray, areas: tuple[tuple[int, ...], ...], origin: 
         sigma = max(SIGMA_PER_MAD * float(np.median(deviation)), 0.5)
         means.append(values[deviation <= OUTLIER_SIGMA * sigma].mean())
     return np.array(means).reshape(shape)
+
+
+def dark_margins(whole: np.ndarray, visible: tuple[int, int, int, int], shape: tuple[int, ...],
+                 known: np.ndarray, white: float) -> np.ndarray | None:
+    """Mean (a, b) of the margins about the visible pixels at each position of the tile, of those
+    margins that are dark; None where none is.
+
+    Some cameras light their margins, pad them with zeros or keep other numbers there: a margin
+    counts where it lies no higher than the darkest visible pixels and agrees with the level that
+    is known otherwise. A level of 0 is what LibRaw says of a camera that it does not know: nothing
+    has to agree with it, and a margin that reads 0 as well says nothing.
+
+    Parameters
+    ----------
+    whole : (H, W) array
+        DN, the whole mosaic with its margins.
+    visible : (top, left, height, width)
+        Of the visible pixels.
+    shape : (a, b)
+        Of the tile, which starts at the first of them.
+    known : (a, b) array
+        DN, black level as the file or LibRaw states it.
+    white : float
+        DN.
+    """
+    top, left, height, width = visible
+    rows, columns = whole.shape
+    strips = [(0, 0, top - NEXT_TO_LIGHT, columns),
+              (top + height + NEXT_TO_LIGHT, 0, rows, columns),
+              (top, 0, top + height, left - NEXT_TO_LIGHT),
+              (top, left + width + NEXT_TO_LIGHT, top + height, columns)]
+    strips = [strip for strip in strips
+              if min(strip[2] - strip[0], strip[3] - strip[1]) >= MIN_MARGIN]
+    if not strips:
+        return None
+    darkest = np.array([np.percentile(whole[top + y:top + height:shape[0],
+                                            left + x:left + width:shape[1]], DARKEST)
+                        for y, x in np.ndindex(*shape)]).reshape(shape)
+    dark: list[tuple[int, ...]] = []
+    for strip in strips:
+        level = masked_black(whole, (strip,), (top, left), shape)
+        if level is None:
+            continue
+        values = whole[strip[0]:strip[2], strip[1]:strip[3]]
+        noise = SIGMA_PER_MAD * float(np.median(np.abs(values - np.median(values))))
+        near = max(MARGIN_SIGMA * noise, SHARE_OF_WHITE * white)
+        agrees = np.abs(level - known) <= near if known.any() else level > near
+        if np.all(level <= darkest + near) and np.all(agrees):
+            dark.append(strip)
+    return masked_black(whole, tuple(dark), (top, left), shape) if dark else None
 
 
 def _stated_black(metadata: PhotoMetadata, origin: tuple[int, int],

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import rawpy
 
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
@@ -22,6 +23,9 @@ from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFram
 CLIP_FRACTION = 0.98    # of the clip point: above it sensors are no longer linear
 MIN_SIGNAL = -0.03      # of the darkest hundredth of the picture: below, the black level is wrong
 CHECKED_SAMPLES = 200_000
+DARKEST = 0.1           # per cent of the pixels of a band
+MIN_UNKNOWN_BLACK = 0.02    # of the white level, in all of them, with black stated as 0: chart and
+                            # camera hold something darker, and cameras put black at 3 % or more
 ROWS_AT_ONCE = 32       # of tiles
 
 
@@ -90,7 +94,8 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
     Raises
     ------
     InputError
-        If the sensor's tile does not hold every colour, or the black level lies above the picture.
+        If the sensor's tile does not hold every colour, or the black level lies above the picture,
+        or is stated as 0 and far below it.
     """
     step = tile_step(frame.cfa, frame.file)
     bands = int(frame.cfa.max()) + 1
@@ -107,6 +112,8 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
     clips = clip_points(frame)
     saturated = _saturated(frame, positions, signal.shape, clips)
     transfer = noise or photon_transfer(signal, saturated, quantum, frame.file, samples)
+    if dark is None and not frame.black_level.any():
+        _require_black_at_zero(frame, signal, saturated, quantum, samples)
     believed = np.array([clip if piles_up(frame, clip, band, transfer) else frame.white_level
                          for band, clip in enumerate(clips)])
     if np.any(believed != clips):
@@ -260,6 +267,30 @@ def _require_above_black(frame: RawFrame, signal: np.ndarray) -> None:
                          f"{-low:.1%} of full scale below its black level "
                          f"({frame.black_level.max():g} DN); the level or the dark frame is wrong, "
                          "or the file is damaged: copy it from the camera card again")
+
+
+def _require_black_at_zero(frame: RawFrame, signal: np.ndarray, saturated: np.ndarray,
+                           quantum: np.ndarray, samples: np.ndarray) -> None:
+    """Refuse a black level of 0 where the darkest pixels lie far above it, unless their noise is
+    that of so much light.
+
+    The line of the noise, variance = read + gain x (signal - black), ends where the variance is 0,
+    at or below black. Where that lies above half of the darkest signal, light cannot be what the
+    darkest pixels hold.
+    """
+    darkest = np.percentile(signal, DARKEST, axis=(0, 1)).astype(np.float32)
+    if darkest.min() < MIN_UNKNOWN_BLACK:
+        return
+    noise = photon_transfer(signal - darkest, saturated, quantum, frame.file, samples)
+    if np.any((noise.gain > 0) & (noise.read > noise.gain * darkest / 2)):
+        return
+    version = ".".join(map(str, rawpy.libraw_version))
+    raise InputError(f"raw photo {frame.file}: black lies at 0 DN by the file or LibRaw {version}, "
+                     f"but the darkest pixels read {darkest.min() * frame.white_level:.0f} of "
+                     f"{frame.white_level:.0f} DN, with less noise than so much light has: this "
+                     "LibRaw does not know the camera. Subtract a dark frame (lens cap on, same "
+                     "exposure and ISO: photos.dark, or develop --dark), or install a rawpy with "
+                     "a newer LibRaw")
 
 
 def _image(frame: RawFrame | FullColourFrame, signal: np.ndarray, variance: np.ndarray,
