@@ -10,12 +10,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import rawpy
 
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
 from spectrabox.capture.photo.processed_photos import require_no_processed_file
-from spectrabox.capture.photo.raw import FullColourFrame, decode, visible_size
+from spectrabox.capture.photo.raw import (
+    LIBRAW_VERSION,
+    FullColourFrame,
+    decode,
+    visible_size,
+)
 from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFrame
@@ -284,13 +288,12 @@ def _require_black_at_zero(frame: RawFrame, signal: np.ndarray, saturated: np.nd
     noise = photon_transfer(signal - darkest, saturated, quantum, frame.file, samples)
     if np.any((noise.gain > 0) & (noise.read > noise.gain * darkest / 2)):
         return
-    version = ".".join(map(str, rawpy.libraw_version))
-    raise InputError(f"raw photo {frame.file}: black lies at 0 DN by the file or LibRaw {version}, "
-                     f"but the darkest pixels read {darkest.min() * frame.white_level:.0f} of "
-                     f"{frame.white_level:.0f} DN, with less noise than so much light has: this "
-                     "LibRaw does not know the camera. Subtract a dark frame (lens cap on, same "
-                     "exposure and ISO: photos.dark, or develop --dark), or install a rawpy with "
-                     "a newer LibRaw")
+    raise InputError(f"raw photo {frame.file}: black lies at 0 DN by the file or LibRaw "
+                     f"{LIBRAW_VERSION}, but the darkest pixels read "
+                     f"{darkest.min() * frame.white_level:.0f} of {frame.white_level:.0f} DN, with "
+                     "less noise than so much light has: this LibRaw does not know the camera. "
+                     "Subtract a dark frame (lens cap on, same exposure and ISO: photos.dark, or "
+                     "develop --dark), or install a rawpy with a newer LibRaw")
 
 
 def _image(frame: RawFrame | FullColourFrame, signal: np.ndarray, variance: np.ndarray,

@@ -27,6 +27,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
 from spectrabox.radiometry.records.photos import RawFrame
 
+LIBRAW_VERSION = ".".join(map(str, rawpy.libraw_version))
 # orientation as EXIF numbers it, by the bits of LibRaw's flip: 1 left and right exchanged, 2 top
 # and bottom, 4 first rows and columns
 ORIENTATIONS = (1, 2, 4, 3, 5, 8, 6, 7)
@@ -165,8 +166,7 @@ def _open(path: Path, unpack: bool = True) -> Iterator[rawpy.RawPy]:
             if unpack:
                 raw.unpack()
     except rawpy.LibRawFileUnsupportedError as error:
-        version = ".".join(map(str, rawpy.libraw_version))
-        raise InputError(f"photo {path.name} is no camera raw that LibRaw {version} knows; "
+        raise InputError(f"photo {path.name} is no camera raw that LibRaw {LIBRAW_VERSION} knows; "
                          "give a raw file, a DNG, or a linear EXR or TIFF") from error
     except (rawpy.LibRawError, rawpy.NotSupportedError) as error:
         reason = error.args[0] if error.args else ""
@@ -220,9 +220,8 @@ def _require_known_compression(metadata: PhotoMetadata, path: Path) -> None:
                          "values passed a tone curve and are rounded to 8 bits; give the camera's "
                          "own raw file, or convert that without lossy compression")
     if metadata.is_dng and metadata.compression == JPEG_XL:
-        version = ".".join(map(str, rawpy.libraw_version))
         raise InputError(f"raw photo {path.name} is a DNG compressed as JPEG XL, which LibRaw "
-                         f"{version} does not read; choose lossless JPEG in the camera (iPhone: "
+                         f"{LIBRAW_VERSION} does not read; choose lossless JPEG in the camera (iPhone: "
                          "Settings > Camera > Formats > Pro Default > JPEG Lossless), or convert "
                          "it with Adobe DNG Converter for an older version of DNG")
 
