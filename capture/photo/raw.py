@@ -221,9 +221,9 @@ def _require_known_compression(metadata: PhotoMetadata, path: Path) -> None:
                          "own raw file, or convert that without lossy compression")
     if metadata.is_dng and metadata.compression == JPEG_XL:
         raise InputError(f"raw photo {path.name} is a DNG compressed as JPEG XL, which LibRaw "
-                         f"{LIBRAW_VERSION} does not read; choose lossless JPEG in the camera (iPhone: "
-                         "Settings > Camera > Formats > Pro Default > JPEG Lossless), or convert "
-                         "it with Adobe DNG Converter for an older version of DNG")
+                         f"{LIBRAW_VERSION} does not read; choose lossless JPEG in the camera "
+                         "(iPhone: Settings > Camera > Formats > Pro Default > JPEG Lossless), or "
+                         "convert it with Adobe DNG Converter for an older version of DNG")
 
 
 def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path) -> None:
