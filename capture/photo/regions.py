@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.capture.chart.patches import image_from_sensor, pixels_inside
+from spectrabox.capture.photo.region_edges import region_edge
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
-from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
+from spectrabox.radiometry.records.photos import LinearImage, RegionEdge, RegionSamples
 
 MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region
@@ -24,7 +25,7 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, Outline], *,
 
     The mean is that of every pixel inside, whatever is painted there; its covariance is that of the
     pixels' noise. What the pixels scatter beyond noise and beyond a plane, as of light that falls
-    off, is kept as unevenness.
+    off, is kept as unevenness; an edge across it is told by itself.
 
     Parameters
     ----------
@@ -44,12 +45,17 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, Outline], *,
         If more than 1 % of a region is saturated, in all bands where some may be.
     """
     without_clipped |= image.signal.shape[2] > COLOURS
-    one_by_one = [_one_region(image, np.array(corners, dtype=float),
-                              f"photo {image.source}: region {name!r}", without_clipped)
-                  for name, corners in outlines.items()]
+    one_by_one, edges = [], {}
+    for name, corners in outlines.items():
+        statistics, edge = _one_region(image, np.array(corners, dtype=float),
+                                       f"photo {image.source}: region {name!r}", without_clipped)
+        one_by_one.append(statistics)
+        if edge is not None:
+            edges[name] = edge
     mean, covariance, pixels, scatter, points, clipped = (np.array(column)
                                                  for column in zip(*one_by_one, strict=True))
-    return RegionSamples(tuple(outlines), mean, covariance, pixels, scatter, points, clipped)
+    return RegionSamples(tuple(outlines), mean, covariance, pixels, scatter, points, clipped,
+                         edges)
 
 
 def pixels_in_polygon(corners: np.ndarray, height: int,
@@ -181,7 +187,7 @@ def _require_readable(saturated: np.ndarray, sensor_step: float, corners_px: np.
 
 
 def _one_region(image: LinearImage, corners_px: np.ndarray, name: str,
-                without_clipped: bool) -> tuple[np.ndarray, ...]:
+                without_clipped: bool) -> tuple[tuple[np.ndarray, ...], RegionEdge | None]:
     saturated = image.saturated
     y, x = pixels_in_polygon(image_from_sensor(corners_px, image.sensor_step),
                              *saturated.shape[:2])
@@ -197,8 +203,9 @@ def _one_region(image: LinearImage, corners_px: np.ndarray, name: str,
     plane = terms @ (np.linalg.pinv(terms.T @ terms, hermitian=True) @ (terms.T @ signal))
     beyond = np.maximum(((signal - plane) ** 2).mean(axis=0) - variance, 0)
     scatter = np.sqrt(beyond) / np.maximum(np.abs(mean), np.finfo(np.float32).tiny)
-    points = _points(corners_px)
-    return mean, np.diag(variance / y.size), np.array(y.size), scatter, points, clipped
+    edge = region_edge(np.where(clipped, np.nan, signal), variance, x, y, image.sensor_step)
+    return (mean, np.diag(variance / y.size), np.array(y.size), scatter, _points(corners_px),
+            clipped), edge
 
 
 def _points(corners_px: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records.photos import RegionSamples
+from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
@@ -248,6 +248,7 @@ class RegionSignal:
     signals: SurfaceSignals         # of the region alone
     light: tuple[float, float]      # relative to the chart's mean, and its relative standard error
     scatter: float                  # of pixels beyond noise and even light, in the worst band
+    edge: RegionEdge | None         # across its pixels, in the first photo that shows one
 
     def posterior(self, families: Sequence[str]) -> SignalPosterior:
         """Every spectrum behind it in closed form, for a surface that is said to be of families."""
@@ -291,4 +292,6 @@ def signal_of_region(photos: Sequence[FlatPhoto], samples: Sequence[RegionSample
     name = first.samples.names[0]
     signals = flat_signals(photos, whites, {name: families}, {}, bands, errors)
     return RegionSignal(signals, (float(np.exp(first.log_field[0])), float(first.field_error[0])),
-                        float(first.samples.scatter[0].max()))
+                        float(first.samples.scatter[0].max()),
+                        next((white.samples.edges[name] for white in whites
+                              if white is not None and name in white.samples.edges), None))

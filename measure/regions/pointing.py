@@ -155,4 +155,4 @@ def joined_samples(own: RegionSamples | None, known: RegionSamples | None
         np.concatenate([getattr(own, name), getattr(known, name)])
         for name in ("mean", "covariance_of_mean", "pixels", "scatter", "points_px"))
     return RegionSamples((*own.names, *known.names), mean, covariance, pixels, scatter, points,
-                         clipped)
+                         clipped, own.edges)

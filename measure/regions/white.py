@@ -280,7 +280,8 @@ def _with_nodes(samples: RegionSamples, nodes_px: np.ndarray) -> RegionSamples:
         np.concatenate([samples.covariance_of_mean, np.zeros((count, bands, bands))]),
         np.r_[samples.pixels, np.ones(count, samples.pixels.dtype)],
         np.vstack([samples.scatter, empty]), np.concatenate([samples.points_px, points]),
-        None if samples.clipped is None else np.vstack([samples.clipped, empty.astype(bool)]))
+        None if samples.clipped is None else np.vstack([samples.clipped, empty.astype(bool)]),
+        samples.edges)
 
 
 def light_map(photo: FlatPhoto, known: Mapping[str, np.ndarray],

@@ -36,6 +36,7 @@ from spectrabox.radiometry.records.photos import (
     LinearImage,
     PatchSamples,
     PhotoKind,
+    RegionEdge,
 )
 from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
@@ -214,7 +215,8 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
 def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
                      inverse_rendering: np.ndarray | None = None,
                      light: tuple[float, float] | None = None,
-                     scatter: float | None = None) -> SurfaceResult:
+                     scatter: float | None = None,
+                     edge: RegionEdge | None = None) -> SurfaceResult:
     """What the records of all steps say of one surface.
 
     Parameters
@@ -224,20 +226,21 @@ def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
         Of all steps.
     name : str
         Of the surface.
-    inverse_rendering, light, scatter
+    inverse_rendering, light, scatter, edge
         As of `surface_result`.
     """
     signals, stated = records.signals, capture.surfaces[name]
     index = signals.names.index(name)
     if signals.known[index]:
-        return surface_result(signals, index, None, stated.truth, None, (), light, scatter)
+        return surface_result(signals, index, None, stated.truth, None, (), light, scatter,
+                              edge)
     spectrum = records.sample.spectra[name]
     families: tuple[FamilyCoverage, ...] = ()
     if spectrum.family_shares and spectrum.samples.outcome in VALID_OUTCOMES:
         prior = of_families(load_prior(), stated.families)
         families = family_coverages(spectrum.family_shares, prior.stated, prior.certificates)
     return surface_result(signals, index, spectrum, stated.truth, inverse_rendering, families,
-                          light, scatter)
+                          light, scatter, edge)
 
 
 def _chart_result(capture: Capture, records: CaptureRecords) -> ChartResult | None:

@@ -16,7 +16,7 @@ from spectrabox.measure.results.capture_result import (
 from spectrabox.measure.results.methods import flat_methods
 from spectrabox.measure.verdict.criterion import Criterion
 from spectrabox.measure.verdict.flat_criteria import clipped_photo, flat_conditions, flat_criteria
-from spectrabox.radiometry.records.photos import RegionSamples
+from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 
 
@@ -32,6 +32,7 @@ class PhotoOfRegions:
     level_misfits: dict[str, float]
     # of each region: relative scatter of its pixels beyond noise and a plane, in the worst band
     scatter: dict[str, float]
+    edges: dict[str, RegionEdge]        # of the regions across which one runs
     size_px: tuple[int, int]            # width and height of the photo itself
     outlines: dict[str, np.ndarray]     # (C, 2) corners of each region in its pixels
     chart_px: np.ndarray | None         # (I, 4, 2) patches, where the chart lies in this photo
@@ -124,12 +125,14 @@ def flat_result(capture: FlatCapture, records: CaptureRecords,
     photos = tuple(_photo_of_regions(capture, records, view) for view in capture.views)
     light: dict[str, tuple[float, float]] = {}
     scatter: dict[str, float] = {}
+    edges: dict[str, RegionEdge] = {}
     for photo in photos:
         light = photo.light | light
+        edges = photo.edges | edges
         for name, value in photo.scatter.items():
             scatter[name] = max(value, scatter.get(name, value))
     surfaces = tuple(surface_of_records(capture, records, name, None, light.get(name),
-                                      scatter.get(name))
+                                      scatter.get(name), edges.get(name))
                      for name in capture.surfaces if name in records.signals.names)
     return FlatResult(**common_findings(capture, records), surfaces=surfaces, photos=photos,
                       picture_folder=picture_folder)
@@ -148,16 +151,17 @@ def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
     held = records.calibrate.other_charts.get(view.name)
     if not view.name and records.calibrate.chart is not None:
         held = records.calibrate.chart.left_out
-    levels, misfits, scatter = {}, {}, {}
+    levels, misfits, scatter, edges = {}, {}, {}, {}
     if light is not None:
         levels = dict(zip(shown, zip(light.level.tolist(), light.error.tolist(), strict=True),
                           strict=True))
         misfits = dict(zip(known, light.level_misfits.tolist(), strict=True))
     if samples is not None:
         scatter = dict(zip(samples.names, samples.scatter.max(axis=1).tolist(), strict=True))
+        edges = dict(samples.edges)
     return PhotoOfRegions(
         name=view.title, view=view.name, light=levels, level_misfits=misfits, scatter=scatter,
-        size_px=(round(width * photo.sensor_step), round(height * photo.sensor_step)),
+        edges=edges, size_px=(round(width * photo.sensor_step), round(height * photo.sensor_step)),
         outlines={name: np.array(region.outline) for name, region in shown.items()},
         chart_px=None if chart is None or not view.shows_chart else chart.detection.corners_px,
         light_map=None if light is None else light.over_photo, lamp=_lamp_words(view),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.regions.edge_words import edge_facts
 from spectrabox.measure.results.facts import Fact, known_facts
 from spectrabox.measure.surfaces.metamers import MetamerPair, metamer_pair
 from spectrabox.measure.surfaces.surface_signals import noise_and_disagreement, relative_errors
@@ -14,6 +15,7 @@ from spectrabox.measure.surfaces.surface_spectra import Scores, score
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
+from spectrabox.radiometry.records.photos import RegionEdge
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     Spectrum,
@@ -60,6 +62,7 @@ class SurfaceResult:
     light: tuple[float, float] | None = None
     # of a region: relative scatter of its pixels beyond noise and a plane, in the worst band
     scatter: float | None = None
+    edge: RegionEdge | None = None      # across a region, in the first photo that shows one
 
     @property
     def known(self) -> bool:
@@ -131,7 +134,7 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
                    truth: Spectrum | None = None, inverse_rendering: np.ndarray | None = None,
                    families: tuple[FamilyCoverage, ...] = (),
                    light: tuple[float, float] | None = None,
-                   scatter: float | None = None) -> SurfaceResult:
+                   scatter: float | None = None, edge: RegionEdge | None = None) -> SurfaceResult:
     """What was found of one surface.
 
     Parameters
@@ -147,14 +150,15 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
         The one spectrum of inverse rendering.
     families : tuple of FamilyCoverage
         That the surface may be of.
-    light, scatter
+    light, scatter, edge
         Of a region, as of `SurfaceResult`.
     """
     noise, disagreement = noise_and_disagreement(signals, index)
     common: dict[str, Any] = {
         "name": signals.names[index], "grid": signals.grid, "bands": signals.bands,
         "signal": signals.signal[index], "signal_covariance": noise,
-        "model_covariance": disagreement, "truth": truth, "light": light, "scatter": scatter}
+        "model_covariance": disagreement, "truth": truth, "light": light, "scatter": scatter,
+        "edge": edge}
     if spectrum is None:
         return SurfaceResult(**common, spectrum=signals.spectra[index])
     scores = None
@@ -207,6 +211,10 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
          lambda surface: surface.light and surface.light[1], "light known to", percent),
     Fact("scatter", "of the region's pixels beyond noise and a plane, relative",
          lambda surface: surface.scatter),
+    Fact("edge", "across the region: `kind` (shadow or fold, two paints, or either), the `step` of "
+         "the smaller part against the larger in each band of the photo, relative, the ends "
+         "`line_px` of its line, and a rectangle `larger_part_px` on its larger side",
+         lambda surface: surface.edge and edge_facts(surface.edge)),
     _of_scores("coverage_95", "share of wavelengths at which the 95 % band holds the truth",
                "95 % band holds", percent),
     _of_scores("rmse_mean", "root mean square error of the mean against the truth, reflectance",

@@ -1,10 +1,11 @@
-"""Criteria and conditions of flat samples: light, known levels, uneven regions."""
+"""Criteria and conditions of flat samples: light, known levels, uneven regions, edges."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.white import FAR, LEVEL_DOUBTED
 from spectrabox.measure.verdict.criterion import (
     CLIPPED_LIMITS,
@@ -25,8 +26,8 @@ ONE_PAINT = 0.25
 
 
 def flat_criteria(found: FlatResult) -> list[Criterion]:
-    """Light on the regions, levels of known ones, scatter of their pixels."""
-    return [*_light(found), *_known_levels(found), *_uneven_regions(found)]
+    """Light on the regions, levels of known ones, scatter of their pixels, edges across them."""
+    return [*_light(found), *_known_levels(found), *_uneven_regions(found), *_edges(found)]
 
 
 def _light(found: FlatResult) -> list[Criterion]:
@@ -82,6 +83,24 @@ def _uneven_regions(found: FlatResult) -> list[Criterion]:
         + (", more than one paint does: its spectrum is the mean of several; outline a part of one "
            "paint." if several else "."),
         tuple(name for name, value in scatter.items() if value > ONE_PAINT))]
+
+
+def _edges(found: FlatResult) -> list[Criterion]:
+    """Whether a shadow's edge, a fold or two paints lie in a region."""
+    edges = {name: (edge, photo) for photo in reversed(found.photos)
+             for name, edge in photo.edges.items()}
+    shown = sum(len(photo.scatter) for photo in found.photos)
+    if not shown:
+        return []
+    said = ["no region holds one"]
+    if edges:
+        several = len(found.photos) > 1
+        said = [f"“{name}”" + (f", photo {photo.name}" if several else "")
+                + f": {edge_sentence(edge)}" for name, (edge, photo) in edges.items()]
+    return [Criterion("Edges inside regions", float(len(edges)),
+                      f"{len(edges)} of {len(found.light)}", "none",
+                      Status.WARN if edges else Status.PASS,
+                      f"Edges inside regions: {'; '.join(said)}.", tuple(edges))]
 
 
 def clipped_photo(share: float) -> Criterion:

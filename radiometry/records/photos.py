@@ -1,7 +1,7 @@
 """Photos, the patches and regions in them, and the motion of one against another."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated
 
@@ -101,6 +101,26 @@ class PatchSamples(Record):
         return np.sqrt(np.diagonal(self.covariance_of_mean, axis1=1, axis2=2))
 
 
+class EdgeKind(Enum):
+    """What an edge inside a region can be, by how the bands step across it."""
+
+    SHADOW = "shadow or fold"               # all bands by one ratio: two greys do, too
+    PAINTS = "two paints"                   # each band by its own
+    ONE_BAND = "shadow, fold or two paints"     # only one band tells
+
+
+@dataclass(frozen=True, eq=False)
+class RegionEdge(Record):
+    """A step of the signal across a line inside a region."""
+
+    kind: EdgeKind
+    # of the smaller part against the larger, relative; NaN where a band tells nothing
+    step: Annotated[np.ndarray, "K"]
+    line_px: Annotated[np.ndarray, "2 2"]       # ends of the line, full resolution
+    # x0, y0, x1, y1: the largest rectangle on the larger side; None: too small for one
+    larger_part_px: Annotated[np.ndarray, "4"] | None
+
+
 @dataclass(frozen=True, eq=False)
 class RegionSamples(Record):
     """Statistics of R outlined regions of one photo."""
@@ -113,6 +133,7 @@ class RegionSamples(Record):
     points_px: Annotated[np.ndarray, "R Q 2"]       # spread over each region, full resolution
     # bool: bands of which the mean says nothing, being saturated; None: none is
     clipped: Annotated[np.ndarray, "R K"] | None = None
+    edges: dict[str, RegionEdge] = field(default_factory=dict)  # of the regions that have one
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.records import ChartRecords
 from spectrabox.measure.regions.colour_comparison import compare_colours
+from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
 from spectrabox.measure.steps.photos import UNEVEN
@@ -86,7 +87,9 @@ def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: 
     """What an estimate adds to its spectrum: band, error of the colour from draws (T, 3), causes.
     """
     notes = []
-    if signal.scatter > UNEVEN:
+    if signal.edge is not None:
+        notes.append(edge_sentence(signal.edge))
+    elif signal.scatter > UNEVEN:
         notes.append(f"uneven: its pixels differ by {signal.scatter:.0%}; outline one colour")
     return {"lower": _rounded(lower), "upper": _rounded(upper),
             "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),

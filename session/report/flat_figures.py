@@ -17,12 +17,13 @@ from spectrabox.session.report.svg import Plot, nice_ticks, plain_line, tick_lab
 
 WIDTH, MAP = 446.0, 216.0           # in points, of the photo and of the map of the light
 BAR, BAR_SHADES = 9.0, 64           # width in points of the bar of colours, and its shades
-CHART, REGION, RIM = "#ffffff", "#ffd34d", "#000"
+CHART, REGION, EDGE, RIM = "#ffffff", "#ffd34d", "#ff5a3c", "#000"
 CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 
 def photo_figure(name: str, photo: PhotoOfRegions, preview: Path) -> Markup:
-    """The photo with its chart and regions outlined; the axes count pixels.
+    """The photo with its chart and regions outlined, edges across these and the larger part beside
+    them in red; the axes count pixels.
 
     Parameters
     ----------
@@ -36,13 +37,20 @@ def photo_figure(name: str, photo: PhotoOfRegions, preview: Path) -> Markup:
     plot = _over_photo(name, photo, WIDTH, (40, 9, 31, 9))
     plot.picture(_corners(photo), picture_data_uri(preview), smooth=True)
     _outlines(plot, photo)
+    plot.lines([edge.line_px for edge in photo.edges.values()], EDGE, 1.6, dash="4 2")
+    for edge in photo.edges.values():
+        if edge.larger_part_px is not None:
+            x0, y0, x1, y1 = edge.larger_part_px
+            plot.outline(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), EDGE, 0.7)
     for region, corners in photo.outlines.items():
         plot.words(corners[:, 0].mean(), corners[:, 1].min() - 0.008 * height,
                    plain_line(region, 24), 7, REGION, rim=RIM)
     plot.x_axis("pixel", nice_ticks(0, width, 8), grid=False)
     plot.y_axis("pixel", nice_ticks(0, height, 8))
     return plot.drawn(f"Photo {plain_line(photo.name)}",
-                      "The photo with the patches of the chart and the measured regions outlined.")
+                      "The photo with the patches of the chart and the measured regions outlined"
+                      + (", in red the edges across regions and the part that is free of them."
+                         if photo.edges else "."))
 
 
 def light_figure(name: str, photo: PhotoOfRegions) -> Markup | None:
