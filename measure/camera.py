@@ -68,7 +68,7 @@ def chart_signals(chart: Chart, reflectances: np.ndarray | None,
         On ``grid``; None for a chart whose published colours are known.
     grid : WavelengthGrid
     """
-    if chart.references:
+    if chart.references == CLASSIC.references:
         return TYPICAL_SIGNALS
     return (published_signals(chart, grid) if reflectances is None
             else typical_camera_signals(reflectances, grid))

@@ -17,8 +17,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.published_tables import (
     CHARTS,
     COPIES,
+    TRADE,
     published_colours,
     published_curves,
+    published_names,
 )
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
@@ -166,7 +168,8 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
 
     ``BabelColor Average`` is the average of 30 charts that the paper uses [Pascale 2023], shipped
     by colour-science. ``ColorChecker after November 2014`` is that average, changed smoothly as the
-    maker's colours have changed. ``MEANS_OF_COPIES`` says what the means of copies are.
+    maker's colours have changed. ``MEANS_OF_COPIES`` says what the means of copies are. Of other
+    charts there is one measured copy.
 
     Parameters
     ----------
@@ -194,6 +197,8 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
         greys = logs[:, GREYS, grid.nm >= GREYS_FROM_NM].mean(axis=(1, 2))
         level = greys - greys[0]
         return np.asarray(np.exp(np.average(logs - level[:, None, None], axis=0, weights=weights)))
+    if reference in published_names(TRADE):
+        return on_grid(*published_curves(TRADE, reference), grid, reference)
     return table_of_classic(reference, grid)
 
 

@@ -22,7 +22,8 @@ from spectrabox.radiometry.spectra.spectrum_files import table_text
 
 GRID = visible_grid(10.0)
 COUNTS = {"ColorChecker Classic": 24, "ColorChecker Passport": 24, "ColorChecker Nano": 24,
-          "ColorChecker Digital SG": 140, "SpyderCheckr 24": 24, "SpyderCheckr 48": 48}
+          "ColorChecker Digital SG": 140, "SpyderCheckr 24": 24, "SpyderCheckr 48": 48,
+          "Next Generation Target": 130, "Artist Paint Target": 24}
 
 
 @pytest.mark.parametrize("name", COUNTS)
@@ -72,7 +73,7 @@ def test_a_chart_is_known_however_its_name_is_spaced(written, name):
 
 def test_an_unknown_chart_is_answered_with_the_known():
     with pytest.raises(InputError, match=r"'QPcard' is not known; known are ColorChecker Classic,"
-                                         r".*SpyderCheckr 48, or a layout of your own"):
+                                         r".*Artist Paint Target, or a layout of your own"):
         chart_layout("QPcard")
 
 
@@ -206,7 +207,10 @@ def test_a_chart_without_published_spectra_asks_for_a_file():
                                          r"may ship with spectrabox; measure its 48 patches, or"):
         reference_reflectances(None, LAYOUTS["SpyderCheckr 48"], GRID)
     with pytest.raises(InputError, match=r"'BabelColor Average' is of another chart than the "
-                                         r"ColorChecker Digital SG; give a file of its 140"):
+                                         r"SpyderCheckr 48; give a file of its 48"):
+        reference_reflectances("BabelColor Average", LAYOUTS["SpyderCheckr 48"], GRID)
+    with pytest.raises(InputError, match=r"'BabelColor Average' is not known; known are BeyondRGB "
+                                         r"Digital SG, or a CSV"):
         reference_reflectances("BabelColor Average", LAYOUTS["ColorChecker Digital SG"], GRID)
 
 

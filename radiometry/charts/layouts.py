@@ -19,12 +19,17 @@ from spectrabox.radiometry.errors import InputError
 
 LAYOUT_SUFFIX = ".toml"
 LAYOUT_NAMES = ("ColorChecker Classic", "ColorChecker Passport", "ColorChecker Nano",
-                "ColorChecker Digital SG", "SpyderCheckr 24", "SpyderCheckr 48")
+                "ColorChecker Digital SG", "SpyderCheckr 24", "SpyderCheckr 48",
+                "Next Generation Target", "Artist Paint Target")
+SHORT_NAMES = {"NGT": "Next Generation Target", "APT": "Artist Paint Target"}
 
 # The twelve steps from white to black in the middle of the Digital SG, and the last row of a
 # Classic's greys in the fifth column of both SpyderCheckrs.
 SG_NEUTRALS = ("E5", "J6", "F5", "I6", "K6", "G5", "H6", "H5", "G6", "I5", "F6", "J5")
 SPYDER_NEUTRALS = ("E1", "E2", "E3", "E4", "E5", "E6")
+# by their measured spectra
+NGT_NEUTRALS = ("D7", "E7", "F7", "G7", "H7", "I7")
+APT_NEUTRALS = ("A1", "F1", "B1", "E1", "D1", "C1")
 
 
 def is_layout_file(layout: str) -> bool:
@@ -38,7 +43,7 @@ def layout_name(written: str) -> str:
     Parameters
     ----------
     written : str
-        In any case, with or without the first word of a ColorChecker.
+        In any case, with or without the first word of a ColorChecker; or one of ``SHORT_NAMES``.
 
     Raises
     ------
@@ -48,6 +53,7 @@ def layout_name(written: str) -> str:
     known = {_plain(name): name for name in LAYOUT_NAMES}
     short = {_plain(name.partition(" ")[2]): name for name in LAYOUT_NAMES
              if name.startswith("ColorChecker")}
+    short |= {_plain(word): name for word, name in SHORT_NAMES.items()}
     name = (short | known).get(_plain(written))
     if name is None:
         raise InputError(f"chart layout {written!r} is not known; known are "
@@ -80,7 +86,7 @@ NANO = _small_classic("ColorChecker Nano", 4.1, (5.0, 5.0))
 DIGITAL_SG = dataclasses.replace(
     grid_chart("ColorChecker Digital SG", 10, 14, _named("ABCDEFGHIJKLMN", 10), (12.675, 12.75),
                (15.175, 15.25), neutrals=SG_NEUTRALS), detectable=True,
-    colours="ColorCheckerSG - After November 2014")
+    colours="ColorCheckerSG - After November 2014", references=("BeyondRGB Digital SG",))
 SPYDERCHECKR_24 = dataclasses.replace(
     grid_chart("SpyderCheckr 24", 6, 4, _named("EFGH", 6), (88.5, 88.5), (102.0, 102.0),
                neutrals=SPYDER_NEUTRALS), other_names=(_named("ABCD", 6),))
@@ -89,9 +95,17 @@ SPYDERCHECKR_48 = outlined_chart(
     np.stack(np.meshgrid([-205.0, -156.0, -107.0, -58.0, 58.0, 107.0, 156.0, 205.0],
                          50.0 * (np.arange(6) - 2.5)), axis=-1).reshape(48, 2),
     np.full((48, 2), 42.0), SPYDER_NEUTRALS)
+# Of these no drawing is published: rows, columns and the order of patches are those of BeyondRGB's
+# reference data, gaps are taken to be a seventh of the pitch.
+NEXT_GENERATION = dataclasses.replace(
+    grid_chart("Next Generation Target", 10, 13, _named("ABCDEFGHIJKLM", 10), (6.0, 6.0),
+               (7.0, 7.0), neutrals=NGT_NEUTRALS), references=("BeyondRGB NGT",))
+ARTIST_PAINT = dataclasses.replace(
+    grid_chart("Artist Paint Target", 4, 6, _named("ABCDEF", 4), (6.0, 6.0), (7.0, 7.0),
+               neutrals=APT_NEUTRALS), references=("BeyondRGB APT",))
 
 LAYOUTS = {chart.name: chart for chart in (CLASSIC, PASSPORT, NANO, DIGITAL_SG, SPYDERCHECKR_24,
-                                           SPYDERCHECKR_48)}
+                                           SPYDERCHECKR_48, NEXT_GENERATION, ARTIST_PAINT)}
 
 
 def chart_layout(layout: str) -> Chart:

@@ -1,8 +1,9 @@
 """Copies the published tables from colour-science, and measured cameras and charts from folders.
 
-``python -m spectrabox.radiometry.published.make_tables [FOLDER]``; the folder holds the cameras of
-rawtoaces-data, or the measured charts ``spectra_averaged.csv`` and ``beyondrgb_cc_classic.csv``.
-The same sources give the same files, byte for byte.
+``python -m spectrabox.radiometry.published.make_tables [cameras | copies | trade FOLDER]``; the
+folders hold the cameras of rawtoaces-data; the measured copies of the Classic,
+``spectra_averaged.csv`` and ``beyondrgb_cc_classic.csv``; and BeyondRGB's other reference data. The
+same sources give the same files, byte for byte.
 """
 from __future__ import annotations
 
@@ -23,6 +24,8 @@ from spectrabox.radiometry.published.published_tables import (
     FILE,
     LIGHTS,
     OBSERVERS,
+    TRADE,
+    TRADE_FILE,
 )
 
 ALIASES = ("babel_average", "cc_ohta")  # second names of charts
@@ -33,6 +36,8 @@ COLOURED = ("ColorCheckerSG - After November 2014", "ColorChecker24 - Before Nov
 COPIES_OF_CLASSIC = {"copy of August 2016": "spectra_averaged.csv",
                      "used copy": "beyondrgb_cc_classic.csv"}
 KEPT_NM = (380.0, 730.0)
+# Charts of BeyondRGB by the names of its files: what its references are called here
+TRADE_NAMES = {"CCSG": "BeyondRGB Digital SG", "NGT": "BeyondRGB NGT", "APT": "BeyondRGB APT"}
 LEFT_OUT = ("Nikon D5100",)     # colour-science has its curves, and the demos photograph with them
 
 
@@ -88,10 +93,26 @@ def tables_of_copies(folder: Path) -> dict[str, np.ndarray]:
     return tables
 
 
+def tables_of_beyondrgb(folder: Path) -> dict[str, np.ndarray]:
+    """Every chart of a folder by kind and name: (1 + I, P), wavelengths in nm first, then the
+    patches row by row; in the files, a letter for the column comes before the number of the row.
+    """
+    tables = {}
+    for short, name in TRADE_NAMES.items():
+        path = next(folder.glob(f"*{short}_Reflectance_Data.csv"))
+        (_, *names), *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+        values = np.array([[float(value) for value in row[:len(names) + 1]] for row in rows]).T
+        row_by_row = sorted(range(len(names)), key=lambda index: (
+            int(names[index].partition(":")[2]), names[index]))
+        tables[f"{TRADE}/{name}"] = np.vstack([values[0], values[1:][row_by_row]])
+    return tables
+
+
 if __name__ == "__main__":
-    if sys.argv[1:] and (Path(sys.argv[1]) / COPIES_OF_CLASSIC["used copy"]).is_file():
-        np.savez_compressed(COPIES_FILE, **tables_of_copies(Path(sys.argv[1])))  # type: ignore[arg-type]
-    elif sys.argv[1:]:
-        np.savez_compressed(CAMERAS_FILE, **tables_of_rawtoaces(Path(sys.argv[1])))  # type: ignore[arg-type]
+    if sys.argv[1:]:
+        file, tables_of = {"cameras": (CAMERAS_FILE, tables_of_rawtoaces),
+                           "copies": (COPIES_FILE, tables_of_copies),
+                           "trade": (TRADE_FILE, tables_of_beyondrgb)}[sys.argv[1]]
+        np.savez_compressed(file, **tables_of(Path(sys.argv[2])))  # type: ignore[arg-type]
     else:
         np.savez_compressed(FILE, **tables_of_colour_science())  # type: ignore[arg-type]

@@ -2,8 +2,7 @@
 
 Importing colour-science takes longer than most commands. ``make_tables`` copied the tables that
 operators name from there, value by value; a test compares them with the installed colour-science.
-Measured cameras and copies of charts lie in files of their own, described in
-``measured_cameras.txt`` and ``measured_charts.txt``.
+Measured cameras and charts lie in files of their own, described in the texts beside them.
 """
 from __future__ import annotations
 
@@ -16,9 +15,12 @@ from spectrabox.radiometry.errors import InputError
 FILE = Path(__file__).parent / "published_spectra.npz"
 OBSERVERS, LIGHTS, CHARTS = "observers and cameras", "lights", "charts"
 COLOURS, CAMERAS, COPIES = "chart colours", "measured cameras", "measured charts"
+TRADE = "charts of the trade"    # one measured copy each, of which no average is published
 CAMERAS_FILE = FILE.with_name("measured_cameras.npz")
 COPIES_FILE = FILE.with_name("measured_charts.npz")
-FILES = {CAMERAS: CAMERAS_FILE, COPIES: COPIES_FILE}    # of the kinds that are not in FILE
+TRADE_FILE = FILE.with_name("trade_charts.npz")
+# of the kinds that are not in FILE
+FILES = {CAMERAS: CAMERAS_FILE, COPIES: COPIES_FILE, TRADE: TRADE_FILE}
 
 
 def published_names(kind: str) -> list[str]:
@@ -38,7 +40,7 @@ def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    kind : {"observers and cameras", "measured cameras", "lights", "charts"}
+    kind : {"observers and cameras", "measured cameras", "lights", "charts", "charts of the trade"}
     name : str
         One of ``published_names(kind)``.
 

@@ -29,7 +29,7 @@ Json = Annotated[bool, typer.Option("--json",
                                     help="One machine-readable object on standard output.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 ChartLayout = Annotated[str, typer.Option("--chart-layout", metavar="NAME|FILE", show_default=False,
-                                          help="The chart: \"Digital SG\", \"SpyderCheckr 24\", a "
+                                          help="The chart: \"Digital SG\", NGT, APT, a "
                                           "layout of your own, ...; a ColorChecker Classic by "
                                           "default.")]
 CORNERS = "X,Y,X,Y,X,Y,X,Y"     # pixels of the photo
