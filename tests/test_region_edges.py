@@ -1,80 +1,17 @@
-"""Edges inside regions: hard ones are named, even surfaces and textures are not.
-
-The regions are simulated apart from how edges are looked for: a near lamp, pixels of one surface
-with texture (grain, weave, blotches) and the noise of photons, and a line across that is as sharp
-as a lens is.
-"""
+"""Edges inside regions: hard ones are named, even surfaces and textures are not."""
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flat_example import PAINTS, picture, rect_of, write_spectra
-from scipy.ndimage import gaussian_filter
 
 import spectrabox as sb
-from spectrabox.capture.photo.region_edges import region_edge
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.radiometry.records.photos import EdgeKind
+from spectrabox.session.page.pointed_answers import described
 
-STEP_PX = 2.0       # of the sensor, a side of one pixel
-
-
-def grain(rng, shape, blur):
-    """A texture (h, w) of rms 1, of one pixel or blurred over several."""
-    pad = int(4 * blur) + 1
-    noise = rng.standard_normal((shape[0] + 2 * pad, shape[1] + 2 * pad))
-    smooth = (gaussian_filter(noise, blur) if blur else noise)[pad:-pad, pad:-pad]
-    return smooth / smooth.std()
-
-
-def canvas(rng, x, y):
-    """A weave of threads of two to nine pixels that wander a little, of rms 1."""
-    turn, pitch = rng.uniform(0, 0.3), rng.uniform(2.2, 9.0)
-    wander = 0.3 * grain(rng, x.shape, 2.0)
-    along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
-    return sum(np.sin(2 * np.pi * axis / pitch + rng.uniform(0, 6) + wander)
-               for axis in (along, across))
-
-
-TEXTURES = {
-    "even": lambda rng, x, y: np.zeros(x.shape),
-    "grain": lambda rng, x, y: rng.uniform(0.01, 0.04) * grain(rng, x.shape, 0),
-    "coarse grain": lambda rng, x, y: rng.uniform(0.005, 0.02) * grain(rng, x.shape,
-                                                                       rng.uniform(0.5, 2)),
-    "canvas": lambda rng, x, y: rng.uniform(0.01, 0.05) * canvas(rng, x, y),
-    "blotches": lambda rng, x, y: rng.uniform(0.003, 0.01) * grain(
-        rng, x.shape, rng.uniform(0.05, 0.15) * max(x.shape))}
-
-
-def region(rng, texture, step=None, bands=3):
-    """Signal (h, w, K) of one region and its pixels' variance (K,); across a line in its middle
-    three fifths the bands step by factors (K,).
-    """
-    long = int(np.exp(rng.uniform(np.log(36), np.log(160))))
-    height, width = rng.permutation([long, int(long / rng.uniform(1, 2))])
-    y, x = np.mgrid[:height, :width].astype(float)
-    distance, (lamp_x, lamp_y) = rng.uniform(0.8, 4) * long, rng.uniform(-1, 2, 2) * long
-    light = (1 + ((x - lamp_x) ** 2 + (y - lamp_y) ** 2) / distance**2) ** -1.5
-    surface = np.exp(TEXTURES[texture](rng, x, y))
-    signal = ((light / light.mean() * surface)[..., None]
-              * np.exp(rng.uniform(np.log(0.05), np.log(0.9), bands)))
-    if step is not None:
-        share = 0.0
-        while not 0.2 < share < 0.8:
-            angle = rng.uniform(0, np.pi)
-            along = x * np.cos(angle) + y * np.sin(angle)
-            beyond = along - rng.uniform(along.min(), along.max())
-            share = np.mean(beyond > 0)
-        signal *= np.asarray(step) ** np.clip(beyond / rng.uniform(0.5, 2) + 0.5, 0, 1)[..., None]
-    electrons = np.exp(rng.uniform(np.log(4e3), np.log(4e4)))
-    variance = signal.mean(axis=(0, 1)) / electrons + 1e-7
-    return rng.normal(signal, np.sqrt(signal / electrons + 1e-7)), variance
-
-
-def edge_of(signal, variance):
-    y, x = np.mgrid[:signal.shape[0], :signal.shape[1]]
-    return region_edge(signal.reshape(-1, signal.shape[2]), variance, x.ravel(), y.ravel(),
-                       STEP_PX)
+from benchmarks.bench_region_edges import TEXTURES, edge_of, region
 
 
 @pytest.mark.parametrize("texture", TEXTURES)
@@ -139,3 +76,14 @@ def test_a_shadow_across_a_region_is_said_by_the_surface_and_the_verdict(tmp_pat
     assert found.verdict == "warn"
     assert any("“cube”: an edge runs across it" in reason and "shadow's edge or a fold" in reason
                and "outline its larger part, rect [" in reason for reason in found.reasons)
+
+
+def test_the_page_says_an_edge_in_place_of_unevenness():
+    rng = np.random.default_rng(5)
+    edge = edge_of(*region(rng, "grain", 3 * [0.8]))
+    shown = {"scatter": 0.3, "light": (1.0, 0.03)}
+    for found, words in ((edge, "an edge runs across it from ("), (None, "uneven: its pixels")):
+        told = described(SimpleNamespace(edge=found, **shown), np.zeros(3), np.ones(3),
+                         np.zeros((2, 3)), {}, {})
+        note, = told["notes"]
+        assert note.startswith(words)
