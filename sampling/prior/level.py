@@ -28,6 +28,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 GRID = np.linspace(-8, 8, 801)      # mean logits
+# reflectances of 0.004 and 0.996: levels beyond grow rare as in the tail of a standard normal logit
+OUTERMOST = 5.5
 SMOOTHED = 0.4                      # logits: w tells no finer how frequent a level is
 # of the variance of a component's level, at most this share of what would make it endless
 MOST_OF_CURVATURE = 0.9
@@ -71,8 +73,11 @@ def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray
     share = np.exp(terms - known[:, None])
     slope = -(share * away).sum(axis=1)
     bend = (share * (away**2 - 1 / wide)).sum(axis=1) - slope**2
-    uniform = -2 * np.log(np.cosh(GRID / 2))    # log density of the logit of a uniform reflectance
-    return LevelWeight(np.array([uniform - known, -slope, -bend]), mean, variance, with_level)
+    beyond = GRID - np.clip(GRID, -OUTERMOST, OUTERMOST)
+    # log density of the logit of a uniform reflectance
+    uniform = -2 * np.log(np.cosh(GRID / 2)) - beyond**2 / 2
+    return LevelWeight(np.array([uniform - known, -slope - beyond, -bend - (beyond != 0)]),
+                       mean, variance, with_level)
 
 
 def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray) -> Tilt:
