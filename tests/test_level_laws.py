@@ -10,8 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import truncnorm
 
-from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.level import GRID, level_weight, levels_of, tilt
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,

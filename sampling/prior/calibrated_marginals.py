@@ -150,7 +150,8 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     for index in range(len(prior.weights)):
         rows = component == index
         base[rows] = jacobian[rows] @ prior.covariances[index]
-    with_level, stretch = prior.level_weight.with_level[component], mixture.stretch[signal, component]
+    with_level = prior.level_weight.with_level[component]
+    stretch = mixture.stretch[signal, component]
     base = with_stretch(base, jacobian, with_level, stretch)
     means = prior.means[component] + mixture.shift[signal, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
@@ -169,8 +170,9 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
         step = (np.linalg.solve(slopes, missing).transpose(0, 2, 1) @ base)[:, 0]
         length = np.abs(step).max(axis=1, keepdims=True)
         centre += step * np.minimum(1, MAX_STEP / np.maximum(length, MAX_STEP))
-    return _Pairs(signal, component, mixture.weights[signal, component], with_level, stretch, factor,
-                  base,                  np.linalg.solve(of_signal + with_floor(R), base), R - shrink @ R, centre)
+    return _Pairs(signal, component, mixture.weights[signal, component], with_level, stretch,
+                  factor, base, np.linalg.solve(of_signal + with_floor(R), base), R - shrink @ R,
+                  centre)
 
 
 def _moved(prior: LogitMixture, relative_response: np.ndarray, pairs: _Pairs,

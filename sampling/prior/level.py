@@ -12,7 +12,7 @@ reflectance, not in the logit, so the mode is sought in reflectance: the first d
 evidence alone, and only the second moves the mode.
 
 About a level l0 a component of mean mu and covariance S, its level of mean m and variance s, stays
-normal. With b and c the first and second derivatives of the logarithm of what moves the mode, at l0,
+normal. With b and c the first and second derivatives of the logarithm of what moves the mode,
 
     1 / s' = 1 / s - c,     m' = s' (m / s + b - c l0),
 
@@ -28,7 +28,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 GRID = np.linspace(-8, 8, 801)      # mean logits
-# reflectances of 0.004 and 0.996: levels beyond grow rare as in the tail of a standard normal logit
+# reflectances of 0.004 and 0.996: levels beyond grow rare as in the tail of a normal logit
 OUTERMOST = 5.5
 SMOOTHED = 0.4                      # logits: w tells no finer how frequent a level is
 # of the variance of a component's level, at most this share of what would make it endless
@@ -74,8 +74,8 @@ def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray
     slope = -(share * away).sum(axis=1)
     bend = (share * (away**2 - 1 / wide)).sum(axis=1) - slope**2
     beyond = GRID - np.clip(GRID, -OUTERMOST, OUTERMOST)
-    # log density of the logit of a uniform reflectance
-    uniform = -2 * np.log(np.cosh(GRID / 2)) - beyond**2 / 2
+    # log density of the logit of a reflectance that is uniform between 0 and 1
+    uniform = -np.log(4) - 2 * np.log(np.cosh(GRID / 2)) - beyond**2 / 2
     return LevelWeight(np.array([uniform - known, -slope - beyond, -bend - (beyond != 0)]),
                        mean, variance, with_level)
 
@@ -139,7 +139,8 @@ def levels_of(weight: LevelWeight, weights: np.ndarray) -> np.ndarray:
         Of the components.
     """
     away = (GRID - weight.mean[:, None])**2 / weight.variance[:, None]
-    density = (weights / np.sqrt(weight.variance))[:, None] * np.exp(weight.log_weight[0] - away / 2)
+    density = np.exp(weight.log_weight[0] - away / 2) \
+        * (weights / np.sqrt(weight.variance))[:, None]
     return np.asarray(density / density.sum())
 
 
