@@ -66,7 +66,7 @@ class MixturePosterior(Record):
 
 
 @dataclass(frozen=True)
-class _Pairs:
+class Pairs:
     """Some pairs of a component and a signal, as n rows."""
 
     index: tuple[int | slice, int | slice]      # of the rows in arrays (C, T)
@@ -83,7 +83,7 @@ class _Pairs:
 
 
 @dataclass(frozen=True)
-class _Linearised:
+class Linearised:
     """A component and the signals at logits x: what a step and the evidence are made of."""
 
     mean: np.ndarray            # (n, P) of the component at the level of x
@@ -146,18 +146,18 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
 
 
 def _components_of_signals(relative_response: np.ndarray, signals: np.ndarray, noise: np.ndarray,
-                           logits: np.ndarray) -> Iterator[_Pairs]:
+                           logits: np.ndarray) -> Iterator[Pairs]:
     """All pairs of a component and a signal: a part for each component, its rows the signals; or,
     for one signal, one part whose rows are the components.
     """
     components = len(logits)
     if len(signals) == 1:
-        yield _Pairs((slice(None), 0), np.arange(components), relative_response,
+        yield Pairs((slice(None), 0), np.arange(components), relative_response,
                      np.repeat(signals, components, axis=0),
                      np.repeat(noise, components, axis=0), logits[:, 0])
         return
     for index in range(components):
-        yield _Pairs((index, slice(None)), index, relative_response, signals, noise,
+        yield Pairs((index, slice(None)), index, relative_response, signals, noise,
                      logits[index])
 
 
@@ -172,14 +172,14 @@ def with_floor(covariance: np.ndarray) -> np.ndarray:
     return covariance + SIGNAL_FLOOR**2 * np.eye(covariance.shape[-1])
 
 
-def gauss_newton(prior: LogitMixture, pairs: _Pairs, rows: np.ndarray, steps: int,
+def gauss_newton(prior: LogitMixture, pairs: Pairs, rows: np.ndarray, steps: int,
                  tolerance: float = TOLERANCE, level: np.ndarray | None = None) -> None:
     """Move logits of some rows of pairs towards the modes, in place.
 
     Parameters
     ----------
     prior : LogitMixture
-    pairs : _Pairs
+    pairs : Pairs
     rows : (n,) int array
         Of the pairs to move.
     steps : int
@@ -191,12 +191,12 @@ def gauss_newton(prior: LogitMixture, pairs: _Pairs, rows: np.ndarray, steps: in
     """
     active = rows
     for _ in range(steps):
-        active = _step(pairs, active, _linearised(prior, pairs, active, level), tolerance)
+        active = _step(pairs, active, linearised(prior, pairs, active, level), tolerance)
         if not active.size:
             break
 
 
-def _step(pairs: _Pairs, active: np.ndarray, here: _Linearised,
+def _step(pairs: Pairs, active: np.ndarray, here: Linearised,
           tolerance: float = TOLERANCE) -> np.ndarray:
     """Move logits of the active rows one step; those (n,) that have not converged."""
     solved = np.linalg.solve(here.Q, here.residual[..., None])
@@ -206,36 +206,36 @@ def _step(pairs: _Pairs, active: np.ndarray, here: _Linearised,
     return active[length > tolerance]
 
 
-def rough_evidence(prior: LogitMixture, pairs: _Pairs, tried: int = TRIED) -> np.ndarray:
+def rough_evidence(prior: LogitMixture, pairs: Pairs, tried: int = TRIED) -> np.ndarray:
     """Move logits of all pairs a few steps towards the modes, in place; log evidence (n,) where the
     last step began. Components are tilted at the level of the signal.
 
     Parameters
     ----------
     prior : LogitMixture
-    pairs : _Pairs
+    pairs : Pairs
     tried : int
         Number of steps.
     """
     everyone = np.arange(len(pairs.logits))
     level = logit(pairs.signals.mean(axis=1))
     gauss_newton(prior, pairs, everyone, tried - 1, level=level)
-    here = _linearised(prior, pairs, everyone, level)
+    here = linearised(prior, pairs, everyone, level)
     _step(pairs, everyone, here)
     return _log_evidence(here, np.linalg.solve(here.Q, here.residual[..., None])[..., 0])
 
 
-def laplace(prior: LogitMixture, pairs: _Pairs, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+def laplace(prior: LogitMixture, pairs: Pairs, rows: np.ndarray) -> tuple[np.ndarray, ...]:
     """Variances (n, P), log evidence (n,), largest misfit (n,), r' Q^-1 r (n,), and shift and
     stretch (n,) of the component, of some rows of pairs at their modes.
 
     Parameters
     ----------
     prior : LogitMixture
-    pairs : _Pairs
+    pairs : Pairs
     rows : (n,) int array
     """
-    here = _linearised(prior, pairs, rows)
+    here = linearised(prior, pairs, rows)
     solved = np.linalg.solve(here.Q, np.concatenate([here.gain_base, here.residual[..., None]],
                                                     axis=2))
     own = pairs.of(np.diagonal(prior.covariances, axis1=1, axis2=2), rows)
@@ -249,13 +249,23 @@ def laplace(prior: LogitMixture, pairs: _Pairs, rows: np.ndarray) -> tuple[np.nd
             here.tilt.shift, here.tilt.stretch)
 
 
-def _log_evidence(here: _Linearised, solved: np.ndarray) -> np.ndarray:
+def _log_evidence(here: Linearised, solved: np.ndarray) -> np.ndarray:
     return np.asarray(here.tilt.log_weight - np.einsum("tk,tk->t", here.residual, solved) / 2
                       - np.linalg.slogdet(here.Q)[1] / 2)
 
 
-def _linearised(prior: LogitMixture, pairs: _Pairs, rows: np.ndarray,
-                level: np.ndarray | None = None) -> _Linearised:
+def linearised(prior: LogitMixture, pairs: Pairs, rows: np.ndarray,
+               level: np.ndarray | None = None) -> Linearised:
+    """J S, Q and the residual of some rows of pairs at their logits, as at the top of this file.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    pairs : Pairs
+    rows : (n,) int array
+    level : (n,) array, optional
+        At which components are tilted; by default that of the logits.
+    """
     x = pairs.logits[rows]
     p, own = reflectance(x), pairs.of(prior.covariances, rows)
     tilted = tilt(prior.level_weight, pairs.of(np.arange(len(prior.means)), rows),
@@ -269,7 +279,7 @@ def _linearised(prior: LogitMixture, pairs: _Pairs, rows: np.ndarray,
     gain_base = with_stretch(gain_base, jacobian, with_level, tilted.stretch)
     Q = gain_base @ jacobian.transpose(0, 2, 1) + pairs.noise[rows]
     residual = pairs.signals[rows] + (slope * (x - mean) - p) @ pairs.relative_response.T
-    return _Linearised(mean, gain_base, Q, residual, tilted)
+    return Linearised(mean, gain_base, Q, residual, tilted)
 
 
 def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:
