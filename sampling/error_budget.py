@@ -31,8 +31,10 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, mixture: M
     causes : dict of (T, K, K) arrays
     """
     index = np.argmax(mixture.weights, axis=1)
-    S = prior.covariances[index]
-    p = reflectance(mixture.logits[index, np.arange(index.size)])
+    row, with_level = np.arange(index.size), prior.level_weight.with_level[index]
+    S = prior.covariances[index] + mixture.stretch[row, index, None, None] \
+        * with_level[:, :, None] * with_level[:, None, :]
+    p = reflectance(mixture.logits[index, row])
     slope = p * (1 - p)
     floor = np.broadcast_to(SIGNAL_FLOOR**2 * np.eye(len(relative_response)),
                             (index.size, *np.eye(len(relative_response)).shape))

@@ -176,8 +176,8 @@ def test_the_best_scale_leaves_the_least_squares():
 @pytest.mark.parametrize("skewness", [-0.2, 0.05, 0.3])
 def test_a_skewed_component_has_the_moments_that_were_asked_for(skewness):
     mean, variance = np.array([[0.3, -1.2]]), np.array([[0.04, 0.5]])
-    plain = MixturePosterior(np.ones((1, 1)), np.zeros((1, 1, 2)), np.ones((1, 1, 2)), np.zeros(1),
-                             np.zeros(1), np.zeros(1))
+    plain = MixturePosterior(np.ones((1, 1)), np.zeros((1, 1, 2)), np.ones((1, 1, 2)),
+                             np.zeros((1, 1)), np.zeros((1, 1)), *np.zeros((3, 1)))
     found = _skewed(plain, SimpleNamespace(component=np.array([0]), signal=np.array([0])), mean,
                     variance, skewness * variance**1.5)
     z, weights = np.polynomial.hermite_e.hermegauss(40)

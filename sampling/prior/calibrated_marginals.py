@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
+from spectrabox.sampling.prior.level import with_stretch
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     LEVEL,
@@ -49,6 +50,8 @@ class _Pairs:
     signal: np.ndarray          # (n,) row
     component: np.ndarray       # (n,)
     weight: np.ndarray          # (n,)
+    with_level: np.ndarray      # (n, P), and
+    stretch: np.ndarray         # (n,) of the covariance of the component (level.py)
     factor: np.ndarray          # (n, P)
     base: np.ndarray            # (n, K, P) J S at the mode
     seen: np.ndarray            # (n, K, P) Q^-1 J S: S less base' seen is the covariance of dz
@@ -147,9 +150,13 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     for index in range(len(prior.weights)):
         rows = component == index
         base[rows] = jacobian[rows] @ prior.covariances[index]
+    with_level = prior.level_weight.with_level[component]
+    stretch = mixture.stretch[signal, component]
+    base = with_stretch(base, jacobian, with_level, stretch)
+    means = prior.means[component] + mixture.shift[signal, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
     residual = signals[signal] - p @ relative_response.T \
-        + (slope * (mode - prior.means[component])) @ relative_response.T
+        + (slope * (mode - means)) @ relative_response.T
     # As `posterior_draws._component` has them.
     shrink = R @ np.linalg.inv(of_signal + R + 1e-12 * np.eye(R.shape[1]))
     wanted = signals[signal] - (shrink @ residual[..., None])[..., 0]
@@ -163,8 +170,9 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
         step = (np.linalg.solve(slopes, missing).transpose(0, 2, 1) @ base)[:, 0]
         length = np.abs(step).max(axis=1, keepdims=True)
         centre += step * np.minimum(1, MAX_STEP / np.maximum(length, MAX_STEP))
-    return _Pairs(signal, component, mixture.weights[signal, component], factor, base,
-                  np.linalg.solve(of_signal + with_floor(R), base), R - shrink @ R, centre)
+    return _Pairs(signal, component, mixture.weights[signal, component], with_level, stretch,
+                  factor, base, np.linalg.solve(of_signal + with_floor(R), base), R - shrink @ R,
+                  centre)
 
 
 def _moved(prior: LogitMixture, relative_response: np.ndarray, pairs: _Pairs,
@@ -178,12 +186,14 @@ def _moved(prior: LogitMixture, relative_response: np.ndarray, pairs: _Pairs,
     for index in range(len(prior.weights)):
         rows = pairs.component == index
         seen[rows] = scaled[rows] @ prior.covariances[index]
+    seen = with_stretch(seen, scaled, pairs.with_level, pairs.stretch)
     seen -= (scaled @ turned) @ pairs.seen
     seen *= pairs.factor[:, None, :]
     # (1 - K J) F S F (1 - K J)' + K N K', multiplied out
     half = gain @ (0.5 * (jacobian @ seen.transpose(0, 2, 1) + pairs.noise)) \
         - seen.transpose(0, 2, 1)
     own = np.diagonal(prior.covariances, axis1=1, axis2=2)[pairs.component] \
+        + pairs.stretch[:, None] * pairs.with_level**2 \
         - np.einsum("nkp,nkp->np", pairs.base, pairs.seen)
     return (np.maximum(pairs.factor**2 * own + 2 * np.einsum("npk,npk->np", half, gain),
                        MIN_VARIANCE), half, gain)
@@ -198,8 +208,10 @@ def _covariances(S: np.ndarray, pairs: _Pairs, half: np.ndarray, gain: np.ndarra
     single = factor.astype(np.float32)
     C = S * single
     C *= single[:, COARSE, 0][:, None]
-    left = np.concatenate([-factor * turned, half[rows], gain[rows]], axis=2, dtype=np.float32)
-    right = np.concatenate([factor * pairs.seen[rows].transpose(0, 2, 1), gain[rows], half[rows]],
-                           axis=2, dtype=np.float32)[:, COARSE]
+    level = factor * pairs.with_level[rows, :, None]
+    left = np.concatenate([-factor * turned, half[rows], gain[rows],
+                           pairs.stretch[rows, None, None] * level], axis=2, dtype=np.float32)
+    right = np.concatenate([factor * pairs.seen[rows].transpose(0, 2, 1), gain[rows], half[rows],
+                            level], axis=2, dtype=np.float32)[:, COARSE]
     C += left @ right.transpose(0, 2, 1)
     return C

@@ -21,6 +21,7 @@ from scipy.linalg import qr
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, MIN_VARIANCE, marginal_moments
+from spectrabox.sampling.prior.level import with_stretch
 from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import (
     HERMITE_NODES,
@@ -216,8 +217,11 @@ def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndar
     for index in np.unique(component):
         rows = component == index
         base[rows] = jacobian[rows] @ prior.covariances[index]
+    with_level = prior.level_weight.with_level[component]
+    base = with_stretch(base, jacobian, with_level, mixture.stretch[centre, component])
+    means = prior.means[component] + mixture.shift[centre, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
-    residual = signals[centre] + (slope * (mode - prior.means[component]) - p) \
+    residual = signals[centre] + (slope * (mode - means) - p) \
         @ relative_response.T
     root = np.linalg.inv(np.linalg.cholesky(of_signal + with_floor(covariance)[centre])) \
         .transpose(0, 2, 1)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +25,14 @@ from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 from spectrabox.sampling.prior.families.family_names import WORDS, unknown_families
 from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
+from spectrabox.sampling.prior.level import (
+    GRID,
+    LevelWeight,
+    level_weight,
+    levels_of,
+    moved_to_level,
+    no_weight,
+)
 
 PRIOR_GRID = visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
@@ -32,8 +40,8 @@ EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 befor
 MOMENT_DRAWS = 20000
 SINGLE = 1e-6           # round-off of covariances kept in single precision, with room for products
 STATED = "stated_"              # before the names of their arrays
-FORMAT = "spectrabox prior 4"
-PREVIOUS_FORMAT = "spectrabox prior 3"   # without mixtures of stated families; otherwise the same
+FORMAT = "spectrabox prior 5"
+PREVIOUS_FORMATS = ("spectrabox prior 3", "spectrabox prior 4")     # with the families' own levels
 SCALARS = ("curve_factor", "familiar_surprise", "width_power")
 COMPONENTS = ("weights", "means", "covariances", "family")
 ARRAYS = ("nm", *COMPONENTS, "levels", "band_factors", "stated_factors", *SCALARS)
@@ -74,9 +82,16 @@ class LogitMixture(Record):
     certificates: Mapping[str, FamilyCertificate] = field(default_factory=dict)     # by family
     # of the families that have other ones where they are stated
     where_stated: Components | None = None
+    uniform_level: bool = False         # in place of the components' own (level.py)
 
     def __repr__(self) -> str:
         return f"<LogitMixture of {', '.join(self.families)}>"
+
+    @cached_property
+    def level_weight(self) -> LevelWeight:
+        """By which the mixture is multiplied at every level."""
+        weight = level_weight(self.weights, self.means, self.covariances)
+        return weight if self.uniform_level else no_weight(weight)
 
     def band_factor(self, level: float, weights: np.ndarray) -> np.ndarray:
         """Factors (T, P) by which central bands of ``level`` are widened, for weights (T, C)."""
@@ -125,7 +140,8 @@ def of_families(prior: LogitMixture, stated: Sequence[str]) -> LogitMixture:
                    family=np.searchsorted(kept, mine.family),
                    band_factors=prior.stated_factors[kept],
                    stated_factors=prior.stated_factors[kept],
-                   stated=tuple(prior.families[index] for index in kept), where_stated=None)
+                   stated=tuple(prior.families[index] for index in kept), where_stated=None,
+                   uniform_level=False)
 
 
 def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Components:
@@ -207,10 +223,16 @@ def drawn_reflectances(prior: LogitMixture, draws: int) -> np.ndarray:
         T.
     """
     rng = np.random.default_rng(0)
-    counts = rng.multinomial(draws, prior.weights / prior.weights.sum())
+    levels = levels_of(prior.level_weight, prior.weights) if prior.uniform_level else None
+    shares = prior.weights / prior.weights.sum() if levels is None else levels.sum(axis=1)
+    counts = rng.multinomial(draws, shares)
     logits = [rng.multivariate_normal(mean, covariance.astype(float), count)
               for mean, covariance, count in zip(prior.means, prior.covariances, counts,
                                                  strict=True)]
+    if levels is not None:
+        logits = [moved_to_level(prior.level_weight, index, one,
+                                 rng.choice(GRID, len(one), p=levels[index] / shares[index]))
+                  for index, one in enumerate(logits)]
     return reflectance(np.vstack(logits))
 
 
@@ -232,6 +254,7 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
     # opened here: NumPy would add .npz to a name without it
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
+                            uniform_level=np.array(prior.uniform_level),
                             families=np.array(prior.families),
                             certificates=np.array(json.dumps(
                                 {name: asdict(one) for name, one in prior.certificates.items()})),
@@ -263,12 +286,13 @@ def _shipped() -> LogitMixture:
 def _read_prior(path: Path) -> LogitMixture:
     try:
         with opened_npz(path) as stored:
-            if "format" not in stored or str(stored["format"]) not in (FORMAT, PREVIOUS_FORMAT):
+            if "format" not in stored or str(stored["format"]) not in (FORMAT, *PREVIOUS_FORMATS):
                 raise InputError(f"{path.name} is not a prior of this program; train one with "
                                  "'spectrabox prior train'")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
             other = {name: np.asarray(stored[STATED + name], dtype=float) for name in COMPONENTS
                      if STATED + name in stored}
+            uniform = "uniform_level" in stored and bool(stored["uniform_level"])
             source, families = str(stored["source"]), tuple(stored["families"].tolist())
             certificates = {
                 name: FamilyCertificate(**row | {kind: BandCertificate(**row[kind])
@@ -282,6 +306,7 @@ def _read_prior(path: Path) -> LogitMixture:
     scalars = {name: float(numbers.pop(name)) for name in SCALARS}
     try:
         prior = LogitMixture(source=source, families=families, certificates=certificates,
+                             uniform_level=uniform,
                              where_stated=Components(**other) if other else None,
                              **numbers, **scalars)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:

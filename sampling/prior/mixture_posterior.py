@@ -21,7 +21,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from spectrabox.radiometry.shaped import Record
-from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
+from spectrabox.sampling.prior.level import Tilt, tilt, with_stretch
+from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance
 from spectrabox.sampling.prior.quantiles import quantiles, stretched
 
 # of the filter; the largest change of a logit at which it has converged
@@ -52,6 +53,9 @@ class MixturePosterior(Record):
     weights: Annotated[np.ndarray, "T C"]
     logits: Annotated[np.ndarray, "C T P"]
     variances: Annotated[np.ndarray, "C T P"]
+    # of the components' means and covariances at the levels of the signals (level.py)
+    shift: Annotated[np.ndarray, "T C"]
+    stretch: Annotated[np.ndarray, "T C"]
     misfit: Annotated[np.ndarray, "T"]  # largest |signal - M p|, averaged over the components
     # least r' Q^-1 r over the components: chi-square with K degrees
     surprise: Annotated[np.ndarray, "T"]
@@ -62,23 +66,31 @@ class MixturePosterior(Record):
 
 
 @dataclass(frozen=True)
-class Observations:
-    """What was measured: response (K, P), signals (T, K), noise (T, K, K) with its floor."""
-
-    relative_response: np.ndarray
-    signals: np.ndarray
-    noise: np.ndarray
-
-
-@dataclass(frozen=True)
-class _Pairs:
+class Pairs:
     """Some pairs of a component and a signal, as n rows."""
 
     index: tuple[int | slice, int | slice]      # of the rows in arrays (C, T)
-    seen: Observations                                 # a signal for each row
-    mean: np.ndarray                            # (P,), or (n, P): one for each row
-    covariance: np.ndarray                      # (P, P), or (n, P, P)
+    component: int | np.ndarray                 # one for all rows, or (n,): one for each
+    relative_response: np.ndarray               # (K, P)
+    signals: np.ndarray                         # (n, K)
+    noise: np.ndarray                           # (n, K, K) with its floor
     logits: np.ndarray                          # (n, P), a view
+
+    def of(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Values (C, ...) of the component of all rows, or (n, ...) of each row's own."""
+        return np.asarray(values[self.component if isinstance(self.component, int)
+                                 else self.component[rows]])
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A component and the signals at logits x: what a step and the evidence are made of."""
+
+    mean: np.ndarray            # (n, P) of the component at the level of x
+    gain_base: np.ndarray       # (n, K, P) J S
+    Q: np.ndarray               # (n, K, K)
+    residual: np.ndarray        # (n, K)
+    tilt: Tilt                  # (n,)
 
 
 def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
@@ -101,27 +113,24 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
         Change of a logit at which the mode is reached.
     """
     noise = np.broadcast_to(with_floor(covariance), (len(signals), *covariance.shape[-2:]))
-    seen = Observations(relative_response, signals, noise)
     shape = (len(prior.means), len(signals))
     logits = np.repeat(prior.means[:, None], len(signals), axis=1) if start is None \
         else start.logits.copy()
     variances = np.repeat(np.diagonal(prior.covariances, axis1=1, axis2=2)[:, None], len(signals),
                           axis=1)
     log_weights = np.log(prior.weights)
-    parts = list(_components_of_signals(prior, seen, logits))
+    parts = list(_components_of_signals(relative_response, signals, noise, logits))
     tried = TRIED if start is None else 1
-    rough = log_weights[:, None] + np.reshape([rough_evidence(part.seen, part.mean, part.covariance,
-                                                              part.logits, tried)
+    rough = log_weights[:, None] + np.reshape([rough_evidence(prior, part, tried)
                                                for part in parts], shape)
     plain, misfit, surprise = np.full(shape, -np.inf), np.zeros(shape), np.full(shape, np.inf)
+    shift, stretch = np.zeros(shape), np.zeros(shape)
     close = rough > rough.max(axis=0) - EVIDENCE_CUTOFF
     for part in parts:
         near = np.flatnonzero(close[part.index])
-        gauss_newton(part.seen, near, part.mean, part.covariance, part.logits, STEPS, tolerance)
-        variance, evidence, off, strange = laplace(part.seen, near, part.mean, part.covariance,
-                                                   part.logits)
-        for target, values in ((variances, variance), (plain, evidence), (misfit, off),
-                              (surprise, strange)):
+        gauss_newton(prior, part, near, STEPS, tolerance)
+        for target, values in zip((variances, plain, misfit, surprise, shift, stretch),
+                                  laplace(prior, part, near), strict=True):
             target[part.index][near] = values
     plain += log_weights[:, None]
     score = plain - PENALTY * np.maximum(misfit - allowed_misfit(noise), 0)
@@ -132,25 +141,24 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     largest = plain.max(axis=0)             # kept apart: exponentials of evidences underflow
     log_evidence = largest + np.log(np.exp(plain - largest).sum(axis=0)) \
         - signals.shape[1] / 2 * np.log(2 * np.pi)
-    return MixturePosterior(weights.T, logits, variances, (weights * misfit).sum(axis=0),
-                            surprise.min(axis=0), log_evidence)
+    return MixturePosterior(weights.T, logits, variances, shift.T, stretch.T,
+                            (weights * misfit).sum(axis=0), surprise.min(axis=0), log_evidence)
 
 
-def _components_of_signals(prior: LogitMixture, seen: Observations,
-                           logits: np.ndarray) -> Iterator[_Pairs]:
+def _components_of_signals(relative_response: np.ndarray, signals: np.ndarray, noise: np.ndarray,
+                           logits: np.ndarray) -> Iterator[Pairs]:
     """All pairs of a component and a signal: a part for each component, its rows the signals; or,
     for one signal, one part whose rows are the components.
     """
-    components = len(prior.means)
-    if len(seen.signals) == 1:
-        yield _Pairs((slice(None), 0), Observations(seen.relative_response,
-                                            np.repeat(seen.signals, components, axis=0),
-                                            np.repeat(seen.noise, components, axis=0)),
-                    prior.means, prior.covariances, logits[:, 0])
+    components = len(logits)
+    if len(signals) == 1:
+        yield Pairs((slice(None), 0), np.arange(components), relative_response,
+                     np.repeat(signals, components, axis=0),
+                     np.repeat(noise, components, axis=0), logits[:, 0])
         return
     for index in range(components):
-        yield _Pairs((index, slice(None)), seen, prior.means[index], prior.covariances[index],
-                    logits[index])
+        yield Pairs((index, slice(None)), index, relative_response, signals, noise,
+                     logits[index])
 
 
 def with_floor(covariance: np.ndarray) -> np.ndarray:
@@ -164,129 +172,114 @@ def with_floor(covariance: np.ndarray) -> np.ndarray:
     return covariance + SIGNAL_FLOOR**2 * np.eye(covariance.shape[-1])
 
 
-def gauss_newton(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
-                 x: np.ndarray, steps: int, tolerance: float = TOLERANCE) -> None:
-    """Move logits x (T, P) of some rows towards the mode of one component, or each of its own, in
-    place.
+def gauss_newton(prior: LogitMixture, pairs: Pairs, rows: np.ndarray, steps: int,
+                 tolerance: float = TOLERANCE, level: np.ndarray | None = None) -> None:
+    """Move logits of some rows of pairs towards the modes, in place.
 
     Parameters
     ----------
-    seen : Observations
+    prior : LogitMixture
+    pairs : Pairs
     rows : (n,) int array
-        Of the signals to move.
-    mean : (P,) or (T, P) array
-        Of the component, or of one for each signal.
-    covariance : (P, P) or (T, P, P) array
-    x : (T, P) array
-        Logits; changed in place.
+        Of the pairs to move.
     steps : int
         At most.
     tolerance : float
         Largest change of a logit at which it has converged.
+    level : (n,) array, optional
+        At which components are tilted; by default that of the logits.
     """
     active = rows
     for _ in range(steps):
-        gain_base, Q, residual = linearised(seen, active, mean, covariance, x)
-        active = _step(x, active, mean, gain_base, np.linalg.solve(Q, residual[..., None]),
-                       tolerance)
+        active = _step(pairs, active, linearised(prior, pairs, active, level), tolerance)
         if not active.size:
             break
 
 
-def _step(x: np.ndarray, active: np.ndarray, mean: np.ndarray, gain_base: np.ndarray,
-          solved: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-    """Move logits x (T, P) of the active rows one step; those (n,) that have not converged."""
-    step = _own(mean, active, 1) + (solved.transpose(0, 2, 1) @ gain_base)[:, 0] - x[active]
+def _step(pairs: Pairs, active: np.ndarray, here: Linearised,
+          tolerance: float = TOLERANCE) -> np.ndarray:
+    """Move logits of the active rows one step; those (n,) that have not converged."""
+    solved = np.linalg.solve(here.Q, here.residual[..., None])
+    step = here.mean + (solved.transpose(0, 2, 1) @ here.gain_base)[:, 0] - pairs.logits[active]
     length = np.abs(step).max(axis=1)
-    x[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, TOLERANCE))[:, None]
+    pairs.logits[active] += step * np.minimum(1, MAX_STEP / np.maximum(length, TOLERANCE))[:, None]
     return active[length > tolerance]
 
 
-def rough_evidence(seen: Observations, mean: np.ndarray, covariance: np.ndarray,
-                   x: np.ndarray, tried: int = TRIED) -> np.ndarray:
-    """Move logits x (T, P) of all rows a few steps towards one component's mode, in place; log
-    evidence (T,) where the last step began.
+def rough_evidence(prior: LogitMixture, pairs: Pairs, tried: int = TRIED) -> np.ndarray:
+    """Move logits of all pairs a few steps towards the modes, in place; log evidence (n,) where the
+    last step began. Components are tilted at the level of the signal.
 
     Parameters
     ----------
-    seen : Observations
-    mean : (P,) or (T, P) array
-        Of the component, or of one for each signal.
-    covariance : (P, P) or (T, P, P) array
-    x : (T, P) array
-        Logits; changed in place.
+    prior : LogitMixture
+    pairs : Pairs
     tried : int
         Number of steps.
     """
-    everyone = np.arange(len(x))
-    gauss_newton(seen, everyone, mean, covariance, x, tried - 1)
-    gain_base, Q, residual = linearised(seen, everyone, mean, covariance, x)
-    solved = np.linalg.solve(Q, residual[..., None])
-    _step(x, everyone, mean, gain_base, solved)
-    return _log_evidence(Q, residual, solved[..., 0])
+    everyone = np.arange(len(pairs.logits))
+    level = logit(pairs.signals.mean(axis=1))
+    gauss_newton(prior, pairs, everyone, tried - 1, level=level)
+    here = linearised(prior, pairs, everyone, level)
+    _step(pairs, everyone, here)
+    return _log_evidence(here, np.linalg.solve(here.Q, here.residual[..., None])[..., 0])
 
 
-def laplace(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
-            x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Variances (n, P), log evidence (n,), largest misfit (n,) and r' Q^-1 r (n,) of some rows at
-    the modes among x (T, P).
-
-    Parameters
-    ----------
-    seen : Observations
-    rows : (n,) int array
-        Of the signals.
-    mean : (P,) or (T, P) array
-        Of the component, or of one for each signal.
-    covariance : (P, P) or (T, P, P) array
-    x : (T, P) array
-        Logits at the modes.
-    """
-    gain_base, Q, residual = linearised(seen, rows, mean, covariance, x)
-    solved = np.linalg.solve(Q, np.concatenate([gain_base, residual[..., None]], axis=2))
-    variance = np.diagonal(_own(covariance, rows, 2), axis1=-2, axis2=-1) \
-        - np.einsum("tkp,tkp->tp", gain_base, solved[..., :-1])
-    surprise = np.einsum("tk,tk->t", residual, solved[..., -1])
-    misfit = np.abs(seen.signals[rows]
-                    - reflectance(x[rows]) @ seen.relative_response.T).max(axis=1)
-    return (np.maximum(variance, 1e-8), _log_evidence(Q, residual, solved[..., -1]), misfit,
-            surprise)
-
-
-def _log_evidence(Q: np.ndarray, residual: np.ndarray, solved: np.ndarray) -> np.ndarray:
-    return np.asarray(-np.einsum("tk,tk->t", residual, solved) / 2 - np.linalg.slogdet(Q)[1] / 2)
-
-
-def linearised(seen: Observations, rows: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
-               x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """J S (n, K, P), Q (n, K, K) and the residual (n, K) of some rows at logits x (T, P), as at the
-    top of this file.
+def laplace(prior: LogitMixture, pairs: Pairs, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Variances (n, P), log evidence (n,), largest misfit (n,), r' Q^-1 r (n,), and shift and
+    stretch (n,) of the component, of some rows of pairs at their modes.
 
     Parameters
     ----------
-    seen : Observations
+    prior : LogitMixture
+    pairs : Pairs
     rows : (n,) int array
-        Of the signals.
-    mean : (P,) or (T, P) array
-        Of the component, or of one for each signal.
-    covariance : (P, P) or (T, P, P) array
-    x : (T, P) array
-        Logits.
     """
-    p, own = reflectance(x[rows]), _own(covariance, rows, 2)
+    here = linearised(prior, pairs, rows)
+    solved = np.linalg.solve(here.Q, np.concatenate([here.gain_base, here.residual[..., None]],
+                                                    axis=2))
+    own = pairs.of(np.diagonal(prior.covariances, axis1=1, axis2=2), rows)
+    with_level = pairs.of(prior.level_weight.with_level, rows)
+    variance = own + here.tilt.stretch[:, None] * with_level**2 \
+        - np.einsum("tkp,tkp->tp", here.gain_base, solved[..., :-1])
+    surprise = np.einsum("tk,tk->t", here.residual, solved[..., -1])
+    misfit = np.abs(pairs.signals[rows]
+                    - reflectance(pairs.logits[rows]) @ pairs.relative_response.T).max(axis=1)
+    return (np.maximum(variance, 1e-8), _log_evidence(here, solved[..., -1]), misfit, surprise,
+            here.tilt.shift, here.tilt.stretch)
+
+
+def _log_evidence(here: Linearised, solved: np.ndarray) -> np.ndarray:
+    return np.asarray(here.tilt.log_weight - np.einsum("tk,tk->t", here.residual, solved) / 2
+                      - np.linalg.slogdet(here.Q)[1] / 2)
+
+
+def linearised(prior: LogitMixture, pairs: Pairs, rows: np.ndarray,
+               level: np.ndarray | None = None) -> Linearised:
+    """J S, Q and the residual of some rows of pairs at their logits, as at the top of this file.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    pairs : Pairs
+    rows : (n,) int array
+    level : (n,) array, optional
+        At which components are tilted; by default that of the logits.
+    """
+    x = pairs.logits[rows]
+    p, own = reflectance(x), pairs.of(prior.covariances, rows)
+    tilted = tilt(prior.level_weight, pairs.of(np.arange(len(prior.means)), rows),
+                  x.mean(axis=1) if level is None else level[rows])
+    with_level = pairs.of(prior.level_weight.with_level, rows)
+    mean = pairs.of(prior.means, rows) + tilted.shift[:, None] * with_level
     slope = p * (1 - p)
-    jacobian = seen.relative_response * slope[:, None, :]
+    jacobian = pairs.relative_response * slope[:, None, :]
     gain_base = jacobian @ own if own.ndim > 2 else \
         (jacobian.reshape(-1, x.shape[1]) @ own).reshape(jacobian.shape)
-    Q = gain_base @ jacobian.transpose(0, 2, 1) + seen.noise[rows]
-    residual = seen.signals[rows] - p @ seen.relative_response.T \
-        + (slope * (x[rows] - _own(mean, rows, 1))) @ seen.relative_response.T
-    return gain_base, Q, residual
-
-
-def _own(values: np.ndarray, rows: np.ndarray, dimensions: int) -> np.ndarray:
-    """Of each row where there is one for each, else that of all."""
-    return values[rows] if values.ndim > dimensions else values
+    gain_base = with_stretch(gain_base, jacobian, with_level, tilted.stretch)
+    Q = gain_base @ jacobian.transpose(0, 2, 1) + pairs.noise[rows]
+    residual = pairs.signals[rows] + (slope * (x - mean) - p) @ pairs.relative_response.T
+    return Linearised(mean, gain_base, Q, residual, tilted)
 
 
 def mean_and_spread(mixture: MixturePosterior) -> tuple[np.ndarray, np.ndarray]:

@@ -104,12 +104,14 @@ def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response
     centre = mixture.logits[index, 0]
     p = reflectance(centre)
     jacobian = relative_response * (p * (1 - p))
-    base = prior.covariances[index] @ jacobian.T
+    with_level, stretch = prior.level_weight.with_level[index], mixture.stretch[0, index]
+    own = prior.covariances[index] + stretch * np.outer(with_level, with_level)
+    base = own @ jacobian.T
     prior_of_signal = jacobian @ base
     residual = signal - relative_response @ p \
-        + jacobian @ (centre - prior.means[index])
+        + jacobian @ (centre - prior.means[index] - mixture.shift[0, index] * with_level)
     Q = prior_of_signal + with_floor(R)
-    covariance = prior.covariances[index] - base @ np.linalg.solve(Q, base.T)
+    covariance = own - base @ np.linalg.solve(Q, base.T)
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     middle = mixture.weights[0] @ mixture.logits[:, 0]
     root = factor[:, None] * vectors * np.sqrt(np.maximum(values, 0))

@@ -20,7 +20,7 @@ from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import (
     NEGLIGIBLE,
     MixturePosterior,
-    Observations,
+    Pairs,
     linearised,
     mean_and_spread,
     novelty,
@@ -177,6 +177,8 @@ def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixtureP
                    for share, mixture in zip(shares, mixtures, strict=True)]),
         np.concatenate([mixture.logits for mixture in mixtures]),
         np.concatenate([mixture.variances for mixture in mixtures]),
+        np.hstack([mixture.shift for mixture in mixtures]),
+        np.hstack([mixture.stretch for mixture in mixtures]),
         np.sum([share * mixture.misfit
                 for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
         np.min([mixture.surprise for mixture in mixtures], axis=0),
@@ -271,14 +273,13 @@ def _given_components(prior: LogitMixture, relative_response: np.ndarray,
     """
     count, state = chosen.size, part.state
     noise = with_floor(measurement.noise_covariance + states.added_covariances[state])
-    seen = Observations(relative_response,
-                        np.repeat((measurement.signal - states.added[state])[None], count, axis=0),
-                        np.repeat(noise[None], count, axis=0))
-    _, Q, residual = linearised(seen, np.arange(count), prior.means[chosen],
-                                prior.covariances[chosen], part.mixture.logits[chosen, 0])
+    pairs = Pairs((slice(None), 0), chosen, relative_response,
+                  np.repeat((measurement.signal - states.added[state])[None], count, axis=0),
+                  np.repeat(noise[None], count, axis=0), part.mixture.logits[chosen, 0])
+    here = linearised(prior, pairs, np.arange(count))
     added = states.pattern @ states.covariances[state]          # (K, V) with the signal
-    gain = np.linalg.solve(Q, np.broadcast_to(added, (count, *added.shape)))
-    means = states.means[state] + np.einsum("ckv,ck->cv", gain, residual)
+    gain = np.linalg.solve(here.Q, np.broadcast_to(added, (count, *added.shape)))
+    means = states.means[state] + np.einsum("ckv,ck->cv", gain, here.residual)
     variance = np.diag(states.covariances[state]) - np.einsum("ckv,kv->cv", gain, added)
     return means, np.sqrt(np.maximum(variance, 0))
 

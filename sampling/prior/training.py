@@ -132,7 +132,7 @@ def joined(fitted: Fitted, families: dict[str, Family], source: str = "") -> Log
     ones = np.ones((len(names), LEVELS.size, PRIOR_GRID.nm.size))
     return LogitMixture(PRIOR_GRID.nm, plain.weights * (shares / shares.sum())[plain.family],
                         plain.means, plain.covariances, names, plain.family, LEVELS, ones, ones,
-                        1.0, np.inf, WIDTH_POWER, source,
+                        1.0, np.inf, WIDTH_POWER, source, uniform_level=True,
                         where_stated=_components(fitted.stated, names) if fitted.stated else None)
 
 

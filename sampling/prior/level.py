@@ -1,0 +1,159 @@
+"""The level of a surface as a variable of its own, uniform in reflectance.
+
+How light a surface is, is not what a library of spectra tells: it holds few whites and blacks
+because nobody measured more of them. Its shapes are what is learnt from it. So where no family is
+stated the families' mixture is multiplied by a function w of the level l, the mean logit over
+wavelength, which makes the level of a surface of any family uniform in reflectance. Shapes and
+families given a level stay as they were. A family that is stated keeps its own level: whoever says
+"skin" says how light it is.
+
+w is that density of the level over the families' own. Errors of a signal's level are normal in
+reflectance, not in the logit, so the mode is sought in reflectance: the first density enters the
+evidence alone, and only the second moves the mode.
+
+About a level l0 a component of mean mu and covariance S, its level of mean m and variance s, stays
+normal. With b and c the first and second derivatives of the logarithm of what moves the mode,
+
+    1 / s' = 1 / s - c,     m' = s' (m / s + b - c l0),
+
+its mean becomes mu + shift S u and its covariance S + stretch S u u' S, u the mean over wavelength,
+shift = (m' - m) / s and stretch = (s' - s) / s^2. A signal tells the level well, so it is enough
+that w is so approximated where the mode lies.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+GRID = np.linspace(-8, 8, 801)      # mean logits
+# reflectances of 0.004 and 0.996: levels beyond grow rare as in the tail of a normal logit
+OUTERMOST = 5.5
+SMOOTHED = 0.4                      # logits: w tells no finer how frequent a level is
+# of the variance of a component's level, at most this share of what would make it endless
+MOST_OF_CURVATURE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class LevelWeight:
+    """log w on GRID, and the levels of the C components."""
+
+    log_weight: np.ndarray      # (3, 801) and the first two derivatives of what moves the mode
+    mean: np.ndarray            # (C,)
+    variance: np.ndarray        # (C,)
+    with_level: np.ndarray      # (C, P) S u
+
+
+@dataclass(frozen=True, eq=False)
+class Tilt:
+    """Of n pairs of a component and a level: how mean and covariance change, and the weight."""
+
+    shift: np.ndarray           # (n,) of the mean, by S u
+    stretch: np.ndarray         # (n,) of the covariance, by S u u' S
+    log_weight: np.ndarray      # (n,) of the component
+
+
+def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> LevelWeight:
+    """The w that makes the level of a mixture uniform in reflectance.
+
+    Parameters
+    ----------
+    weights : (C,) array
+    means : (C, P) array
+        Of logits.
+    covariances : (C, P, P) array
+    """
+    with_level = covariances.mean(axis=2)
+    mean, variance = means.mean(axis=1), with_level.mean(axis=1)
+    wide = variance + SMOOTHED**2
+    away = (GRID[:, None] - mean) / wide
+    terms = np.log(weights / np.sqrt(wide)) - away**2 * wide / 2
+    known = logsumexp(terms, axis=1)
+    share = np.exp(terms - known[:, None])
+    slope = -(share * away).sum(axis=1)
+    bend = (share * (away**2 - 1 / wide)).sum(axis=1) - slope**2
+    beyond = GRID - np.clip(GRID, -OUTERMOST, OUTERMOST)
+    # log density of the logit of a reflectance that is uniform between 0 and 1
+    uniform = -np.log(4) - 2 * np.log(np.cosh(GRID / 2)) - beyond**2 / 2
+    return LevelWeight(np.array([uniform - known, -slope - beyond, -bend - (beyond != 0)]),
+                       mean, variance, with_level)
+
+
+def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray) -> Tilt:
+    """What w makes of components about levels (n,).
+
+    Parameters
+    ----------
+    weight : LevelWeight
+    component : (n,) int array, or int
+    level : (n,) array
+        Mean logits.
+    """
+    at = np.clip(level, GRID[0], GRID[-1])
+    log_weight, slope, bend = (np.interp(at, GRID, values) for values in weight.log_weight)
+    m, s = weight.mean[component], weight.variance[component]
+    bend = np.minimum(bend, MOST_OF_CURVATURE / s)
+    variance = s / (1 - bend * s)
+    mean = variance * (m / s + slope - bend * at)
+    return Tilt((mean - m) / s, (variance - s) / s**2,
+                log_weight - slope * at + bend * at**2 / 2 + np.log(variance / s) / 2
+                + mean**2 / variance / 2 - m**2 / s / 2)
+
+
+def with_stretch(products: np.ndarray, rows: np.ndarray, with_level: np.ndarray,
+                 stretch: np.ndarray) -> np.ndarray:
+    """Products (n, K, P) of rows (n, K, P) and covariances S, with stretch S u u' S added to S.
+
+    Parameters
+    ----------
+    products : (n, K, P) array
+        Rows and S.
+    rows : (n, K, P) array
+    with_level : (P,) or (n, P) array
+        S u.
+    stretch : (n,) array
+    """
+    of_level = (rows @ with_level[..., None])[..., 0] * stretch[:, None]        # (n, K)
+    return np.asarray(products + of_level[..., None] * with_level[..., None, :])
+
+
+def no_weight(weight: LevelWeight) -> LevelWeight:
+    """The weight that leaves a mixture as it is.
+
+    Parameters
+    ----------
+    weight : LevelWeight
+        Of the mixture.
+    """
+    return replace(weight, log_weight=np.zeros_like(weight.log_weight))
+
+
+def levels_of(weight: LevelWeight, weights: np.ndarray) -> np.ndarray:
+    """Probabilities (C, 801) of each component and level of GRID, which sum to 1.
+
+    Parameters
+    ----------
+    weight : LevelWeight
+    weights : (C,) array
+        Of the components.
+    """
+    away = (GRID - weight.mean[:, None])**2 / weight.variance[:, None]
+    density = np.exp(weight.log_weight[0] - away / 2) \
+        * (weights / np.sqrt(weight.variance))[:, None]
+    return np.asarray(density / density.sum())
+
+
+def moved_to_level(weight: LevelWeight, component: int, logits: np.ndarray,
+                   level: np.ndarray) -> np.ndarray:
+    """Draws (n, P) of a component as they are at levels (n,).
+
+    Parameters
+    ----------
+    weight : LevelWeight
+    component : int
+    logits : (n, P) array
+    level : (n,) array
+    """
+    by_level = weight.with_level[component] / weight.variance[component]
+    return logits + (level - logits.mean(axis=1))[:, None] * by_level
