@@ -77,7 +77,7 @@ def _small_classic(name: str, patch: float, pitch: tuple[float, float]) -> Chart
                       neutrals=CLASSIC.names[18:])
     return dataclasses.replace(laid, fiducial_names=CLASSIC.fiducial_names,
                                other_names=CLASSIC.other_names, references=CLASSIC.references,
-                               generations=CLASSIC.generations, detectable=True, black_frame=True)
+                               detectable=True, black_frame=True)
 
 
 PASSPORT = _small_classic("ColorChecker Passport", 12.4, (15.0, 15.0))
