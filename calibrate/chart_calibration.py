@@ -12,8 +12,8 @@ from spectrabox.calibrate.chart_consistency import (
     disagreement_of_bands,
     light_power,
 )
-from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_copy import COPY_ERROR, copy_of_chart, of_edition
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras

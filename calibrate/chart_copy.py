@@ -13,7 +13,7 @@ from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.radiometry.records.calibration import ChartCopy
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 
-COPY_ERROR = 0.03           # relative, of the level of a patch: one copy against the mean of several
+COPY_ERROR = 0.03   # relative, of the level of a patch: one copy against the mean of several
 
 
 def of_edition(photo: ChartPhoto, name: str) -> ChartPhoto:

@@ -1,7 +1,7 @@
 """What the copy of a chart does to the signals of its patches, and what they say of the copy.
 
-A copy departs from the mean of its edition by terms of unit normals (``ChartCopies``), and each band
-of a patch sees a share of them: which wavelengths a band sees, the chart itself tells well enough.
+A copy departs from the mean of its edition by terms of unit normals (``ChartCopies``), and each
+band of a patch sees a share of them: of which wavelengths, the chart itself tells well enough.
 All further errors of the signals being Gaussian too, the terms given the signals are
 
     mean = C^T W r,  covariance = 1 - C^T W C
@@ -51,11 +51,6 @@ class CopyPosterior(Record):
     tint_error: Annotated[np.ndarray, "I"]
     departure: Annotated[np.ndarray, "I P"]         # of log reflectance, mean
     log_odds: Annotated[np.ndarray, "E"]            # evidence for each further mean, nats over this
-
-    @property
-    def patches(self) -> int:
-        """Number I of patches."""
-        return self.level.size
 
 
 def copy_errors(signal: np.ndarray, clipped: np.ndarray, copies: ChartCopies,
@@ -159,7 +154,7 @@ def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
                                                               rows), 0))]
     departure = np.einsum("ipq,iq->ip", copies.own, terms[:patches * own].reshape(patches, own)) \
         + copies.common @ terms[patches * own:]
-    return CopyPosterior(*values, departure, log_odds)
+    return CopyPosterior(values[0], values[1], values[2], values[3], departure, log_odds)
 
 
 def _mean_departure(copies: ChartCopies, chosen: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from session_runs import call, run
 
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals, write_photo
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published
@@ -32,7 +32,7 @@ def write_session(folder):
     for number, centre in enumerate(LAMPS_NM):
         lamp = np.exp(-0.5 * ((NM - centre) / WIDTH_NM) ** 2)
         light = surface_signals(SIZE, camera_sensitivities() * lamp,
-                                chart_truth(np.random.default_rng(1)),
+                                chart_copy(np.random.default_rng(1)),
                                 chart_corners(0.06, 0.08, 0.45), areas, np.full(NM.size, 0.2))
         write_photo(folder / "photos" / f"{centre}.dng", light * light_over(SIZE)[..., None],
                     Fraction(1, 60), np.random.default_rng(number),

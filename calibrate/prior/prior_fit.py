@@ -9,7 +9,6 @@ the prior (the logarithm of the curves) and handed on in the curves.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Annotated, NamedTuple

@@ -1,9 +1,9 @@
 """How copies of a chart differ: what is known beforehand of the one that was photographed.
 
 Editions and measured copies of the ColorChecker Classic differ from their mean by .012 to .017 of
-reflectance, relative to their greys: in the level of a patch by 2 to 3 %, of a white by 3 %; in where
-edges lie and how deep absorptions are, within some 25 nm; and by a yellowing that white and light
-greys share. Logarithms are what varies, each term an independent unit normal.
+reflectance, relative to their greys: in the level of a patch by 2 to 3 %, of a white by 3 %; in
+where edges lie and how deep absorptions are, within some 25 nm; and by a yellowing that white and
+light greys share. Logarithms are what varies, each term an independent unit normal.
 """
 from __future__ import annotations
 
