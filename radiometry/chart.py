@@ -54,6 +54,7 @@ GREYS_FROM_NM = 430.0
 # one is seen.
 TYPICAL_BANDS_NM = ((600.0, 38.0), (535.0, 40.0), (460.0, 30.0))
 
+MATT_PATCHES, GLOSSY_PATCHES = 0.0012, 0.016    # as shares of white; of a glossy SG up to .04
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])    # corners, going round
 
 
@@ -83,6 +84,9 @@ class Chart(Record):
     reference_file: Path | None = None              # measured, of a layout that an operator wrote
     detectable: bool = False                        # OpenCV finds it in a photo
     black_frame: bool = False                       # patches stand apart on black, as the Classic's
+    # Light that its patches mirror, as a share of white: of a Classic, a sphere instrument reads so
+    # much more with the specular part than without
+    gloss: float = MATT_PATCHES
 
     @property
     def centres_uv(self) -> np.ndarray:

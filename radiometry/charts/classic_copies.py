@@ -115,8 +115,12 @@ def editions(chart: Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
     taken_at : str
         When it was photographed, as 2014-10-31 with or without more; empty where that is not known.
     """
-    if COPIES_SINCE_2014 not in chart.references:
+    if not chart.references:
         return ()
+    if COPIES_SINCE_2014 not in chart.references:
+        name = chart.references[0]
+        return (copies_of(name, chart_reflectances(name, FINE_GRID, chart), chart.neutrals,
+                          FINE_GRID, larger=ANOTHER),)
     since, before = _classic_editions()
     if taken_at and taken_at < "2014-11":
         return (before,)

@@ -13,7 +13,13 @@ from string import ascii_uppercase
 import numpy as np
 from pydantic import Field
 
-from spectrabox.radiometry.chart import CLASSIC, Chart, grid_chart, outlined_chart
+from spectrabox.radiometry.chart import (
+    CLASSIC,
+    GLOSSY_PATCHES,
+    Chart,
+    grid_chart,
+    outlined_chart,
+)
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, nearest, read_toml
 from spectrabox.radiometry.errors import InputError
 
@@ -86,7 +92,8 @@ NANO = _small_classic("ColorChecker Nano", 4.1, (5.0, 5.0))
 DIGITAL_SG = dataclasses.replace(
     grid_chart("ColorChecker Digital SG", 10, 14, _named("ABCDEFGHIJKLMN", 10), (12.675, 12.75),
                (15.175, 15.25), neutrals=SG_NEUTRALS), detectable=True,
-    colours="ColorCheckerSG - After November 2014", references=("BeyondRGB Digital SG",))
+    colours="ColorCheckerSG - After November 2014", references=("BeyondRGB Digital SG",),
+    gloss=GLOSSY_PATCHES)
 SPYDERCHECKR_24 = dataclasses.replace(
     grid_chart("SpyderCheckr 24", 6, 4, _named("EFGH", 6), (88.5, 88.5), (102.0, 102.0),
                neutrals=SPYDER_NEUTRALS), other_names=(_named("ABCD", 6),))
