@@ -26,7 +26,7 @@ from spectrabox.radiometry.shaped import Record
 NODES_NM = 20.0             # of the bands as the chart itself shows them
 ROUGHNESS = 0.02            # of them, against relative errors of signals
 DARK_SHARE = 0.03           # of the brightest patch: below it errors are no longer relative
-LEVEL_FROM_NM = 430.0       # the level of a patch is the mean of its departure from here on
+LEVEL_FROM_NM = 430.0       # the level of a patch is what it reflects from here on
 BLUE_NM, RED_NM = (430.0, 490.0), (600.0, 700.0)    # whose difference is a patch's tint
 
 
@@ -158,7 +158,9 @@ def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
 
 
 def _mean_departure(copies: ChartCopies, chosen: np.ndarray) -> np.ndarray:
-    """Mean departure (I, R) of each patch over some wavelengths, by the terms."""
+    """Departure (I, R) of what each patch reflects over some wavelengths, by the terms."""
     patches = len(copies.mean)
-    own = np.einsum("iq,ij->ijq", copies.own[:, chosen].mean(axis=1), np.eye(patches))
-    return np.hstack([own.reshape(patches, -1), copies.common[:, chosen].mean(axis=1)])
+    reflected = copies.mean[:, chosen] / copies.mean[:, chosen].sum(axis=1, keepdims=True)
+    own = np.einsum("ip,ipq,ij->ijq", reflected, copies.own[:, chosen], np.eye(patches))
+    common = np.einsum("ip,ips->is", reflected, copies.common[:, chosen])
+    return np.hstack([own.reshape(patches, -1), common])

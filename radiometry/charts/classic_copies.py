@@ -26,7 +26,7 @@ from spectrabox.radiometry.shaped import Record
 # Standard deviations of the logarithm of reflectance, of editions and measured copies about their
 # mean: level of a coloured patch, of white, of a grey; shape of a coloured patch and of a neutral
 # one, the wavelengths over which it holds, and what dark parts of spectra add in reflectance
-LEVEL, WHITE_LEVEL, GREY_LEVEL = 0.018, 0.026, 0.013
+LEVEL, WHITE_LEVEL, GREY_LEVEL = 0.025, 0.026, 0.013
 SHAPE, SHAPE_NM, NEUTRAL_SHAPE, NEUTRAL_SHAPE_NM = 0.032, 25.0, 0.01, 60.0
 DARK, DARK_NEUTRAL = 0.003, 0.001
 # in common: a yellowing of neutrals, in proportion to their reflectance, at 400 nm, and the
