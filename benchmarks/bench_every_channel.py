@@ -18,7 +18,7 @@ import numpy as np
 from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.develop.bands import DARK_CHANNEL
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.measure.regions.flat_signals import flat_signals
@@ -74,7 +74,7 @@ def row(lamps: int, width_nm: float, every: bool) -> str:
     used = share > DARK_CHANNEL if every else share == 1
     bands = int(used.sum())
     patches = np.array([np.interp(FINE_GRID.nm, NM, each)
-                        for each in chart_truth(np.random.default_rng(SEED))])
+                        for each in chart_copy(np.random.default_rng(SEED))])
     seen, error = photographed(patches * (1 + PATCHES_OFF * rng.standard_normal((24, 1))),
                                response, NOISE_OF_PATCHES, rng)
     sets = test_reflectances(FINE_GRID)
@@ -124,7 +124,7 @@ def flat_s(bands: int) -> tuple[float, float]:
     """Processor seconds of the chart's fit, and of all that ``flat`` computes of four samples."""
     rng, response = np.random.default_rng(SEED), bands_of(bands)
     patches = np.array([np.interp(FINE_GRID.nm, NM, each)
-                        for each in chart_truth(np.random.default_rng(SEED))])
+                        for each in chart_copy(np.random.default_rng(SEED))])
     seen, error = photographed(patches * (1 + PATCHES_OFF * rng.standard_normal((24, 1))),
                                response, NOISE_OF_PATCHES, rng)
     nothing, each = np.zeros((24, bands)), np.eye(bands)

@@ -31,7 +31,7 @@ from spectrabox.fixtures.flat_sample import (
     vignetting,
     write_photo,
 )
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import grid_from_nm
@@ -78,7 +78,7 @@ def photograph(path: Path, curves: np.ndarray, lamp: np.ndarray, surfaces: np.nd
     lamps = [(*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), 1.0),
              (*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), rng.uniform(0, 0.6))]
     light = lamplight(size, lamps, rng.uniform(0, 0.15)) * vignetting(size, rng.uniform(0.85, 1))
-    even = surface_signals(size, curves * lamp, chart_truth(rng), chart_corners(*CHART),
+    even = surface_signals(size, curves * lamp, chart_copy(rng), chart_corners(*CHART),
                            list(zip(places(), surfaces, strict=True)), np.full(NM.size, 0.2))
     write_photo(path, even * light[..., None], Fraction(1, 60), rng)
     return float(light.max() / light.min())

@@ -30,7 +30,7 @@ from spectrabox.fixtures.flat_sample import (
     vignetting,
     write_photo,
 )
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import grid_from_nm
@@ -77,7 +77,7 @@ def photograph(path: Path, fault: str, curves: np.ndarray, lamp: np.ndarray, oth
     draws = np.random.default_rng(rng.integers(2**31))     # of what a fault alone needs
     lamps = [(*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), 1.0),
              (*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), rng.uniform(0, 0.6))]
-    ambient, corner, chart = rng.uniform(0, 0.15), rng.uniform(0.85, 1), chart_truth(rng)
+    ambient, corner, chart = rng.uniform(0, 0.15), rng.uniform(0.85, 1), chart_copy(rng)
     truth = papers(draws) if fault == "brightener" else surfaces
     seen = truth + (float(fault.split()[1]) / 100 if fault.startswith("gloss") else 0.0)
     round_about = draws.uniform(0, 2 * np.pi)

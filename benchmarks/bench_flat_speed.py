@@ -29,7 +29,7 @@ from spectrabox.fixtures.flat_sample import (
     vignetting,
     write_photo,
 )
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 
@@ -49,7 +49,7 @@ def write_colours(path: Path, megapixels: float) -> None:
     surfaces = np.pad(np.clip(np.vstack(list(sets.values())), 0, 1), ((0, 0), (20, 30)), "edge")
     responses = camera_sensitivities() * lamp.radiance(NM)
     chosen = surfaces[rng.integers(len(surfaces), size=2 * FIELDS**2)] @ responses.T
-    picture = surface_signals(size, responses, chart_truth(rng), chart_corners(*CHART), [],
+    picture = surface_signals(size, responses, chart_copy(rng), chart_corners(*CHART), [],
                               np.full(NM.size, 0.2))
     first, second = chosen.astype(np.float32).reshape(2, FIELDS, FIELDS, 3)
     left = round(LEFT * width)

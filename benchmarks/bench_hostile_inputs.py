@@ -41,7 +41,7 @@ from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.demos.demo_session import write_demo_session
 from spectrabox.fixtures.mutations import NUMBERS, WORDS, mutated, rewritten
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.session.cli import app
 from spectrabox.session.cli import main as run_command
 
@@ -78,7 +78,7 @@ def write_inputs(folder: Path) -> None:
         write_rows(folder / library / "a.csv", np.arange(400, 701, 10),
                    *rng.uniform(0.1, 0.9, (40, 31)).cumsum(axis=1) / 31)
     write_rows(folder / "patches.csv", "RGB",
-               *chart_truth(rng) @ (camera_sensitivities() * lamp.radiance(NM)).T)
+               *chart_copy(rng) @ (camera_sensitivities() * lamp.radiance(NM)).T)
     (folder / "white.csv").write_text("nm,white\n400,0.8\n700,0.8\n")
     (folder / "wall.toml").write_text(TYPED["wall"])
     (folder / "sessions").write_text("flat\n")

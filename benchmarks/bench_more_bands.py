@@ -35,7 +35,7 @@ from spectrabox.fixtures.flat_sample import (
     vignetting,
     write_photo,
 )
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError
@@ -86,7 +86,7 @@ def photograph(path: Path, scene: Scene, lamp: int, transmittance: np.ndarray | 
               (*rng.uniform(-0.6, 1.6, 2), rng.uniform(1.6, 3.0), rng.uniform(0, 0.6))]
     light = lamplight(SIZE, lights, rng.uniform(0, 0.15)) * vignetting(SIZE, 0.92)
     even = surface_signals(SIZE, scene.curves * scene.lamps[lamp] * transmittance,
-                           chart_truth(np.random.default_rng([scene.seed, 99])),
+                           chart_copy(np.random.default_rng([scene.seed, 99])),
                            chart_corners(*CHART), list(zip(places(), scene.surfaces, strict=True)),
                            np.full(NM.size, 0.2))
     noise = np.random.default_rng([scene.seed, lamp, int(1e6 * np.mean(transmittance))])

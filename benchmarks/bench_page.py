@@ -34,7 +34,7 @@ from spectrabox.fixtures.flat_sample import (
     write_photo,
 )
 from spectrabox.fixtures.lamp import radiance
-from spectrabox.fixtures.paints import NM, chart_truth, paint
+from spectrabox.fixtures.paints import NM, chart_copy, paint
 
 SIZE, TIMES = (4000, 6000), 20
 PAINT = (0.58, 0.06, 0.74, 0.22)        # left, top, right, bottom, in widths of the picture
@@ -71,7 +71,7 @@ def write_big_photo(path: Path) -> None:
     """A chart and a red paint under one lamp."""
     responses = camera_sensitivities() * radiance(NM)
     light = lamplight(SIZE, [(0.1, 0.2, 1.4, 1.0)])
-    flat = surface_signals(SIZE, responses, chart_truth(np.random.default_rng(1)),
+    flat = surface_signals(SIZE, responses, chart_copy(np.random.default_rng(1)),
                            chart_corners(0.06, 0.08, 0.45), [(box(*PAINT), paint("red_wall")[1])],
                            np.full(NM.size, 0.2))
     write_photo(path, flat * (light / light.max())[..., None], Fraction(1, 60),

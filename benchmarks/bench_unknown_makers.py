@@ -39,6 +39,7 @@ from spectrabox.calibrate.prior.learnt_prior import (
 from spectrabox.calibrate.products.lamps import blackbodies, colour_temperatures
 from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances
+from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.photos import PatchSamples
@@ -81,10 +82,10 @@ def fitted(truth: np.ndarray, names: tuple[str, ...], prior: CameraPrior,
     return judged(photos, prior, truth)
 
 
-def judged(photos: list[ChartPhoto], prior: CameraPrior, truth: np.ndarray,
-           generations: dict[str, np.ndarray] | None = None) -> tuple[float, float, float]:
+def judged(photos: list[ChartPhoto], prior: CameraPrior,
+           truth: np.ndarray) -> tuple[float, float, float]:
     """Error, share that the 90 % band holds and interval score of the fit to photos by (K, P)."""
-    fit = fit_camera(photos, GRID, CalibrationOptions(prior=prior), generations=generations)
+    fit = fit_camera(photos, GRID, CalibrationOptions(prior=prior))
     band, curves = fit.band, fit.sensitivity.curves
     ours, true = curves / curves[1].max(), truth / truth[1].max()
     error = np.sqrt(((ours - true) ** 2).sum(axis=1) / (true**2).sum(axis=1)).mean()
@@ -132,22 +133,20 @@ def real_photo(truth: np.ndarray, surfaces: np.ndarray, name: str,
     signal = field[:, None] * (surfaces @ (truth * power * GRID.weights_nm).T)
     off = own * rng.standard_normal(signal.shape) + common * rng.standard_normal((24, 1))
     signal = signal / signal.max() * (1 + off) + rng.uniform(0, MAX_GLARE)
-    zero = np.zeros(signal.shape)
+    zero, of = np.zeros(signal.shape), editions(CLASSIC)
     return ChartPhoto(PatchSamples(signal, np.zeros((24, 3, 3)), np.ones(24), zero, zero),
-                      chart_reflectances("BabelColor Average", GRID),
-                      spectrum_of_name(stated, GRID))
+                      of[0].mean, spectrum_of_name(stated, GRID), editions=of)
 
 
 def run_real(data: Path, database: CameraDatabase) -> dict[str, np.ndarray]:
     """Error, holds and score (n, 3) by kind of photo, of every second camera."""
-    generations = {name: chart_reflectances(name, GRID) for name in CLASSIC.generations}
     table = read_table(data / "flea3_chart" / "spectra_averaged.csv")
     first = table.names.index("dark skin")
     measured = np.array([np.interp(GRID.nm, table.nm, column)
                          for column in table.values[first:first + 24]])
-    average = generations["BabelColor Average"]
+    average, later = (chart_reflectances(name, GRID) for name in ("BabelColor Average", AFTER_2014))
     kinds = (("daylight", average, False), ("filament", average, False),
-             ("daylight", generations[AFTER_2014], False), ("daylight", measured, False),
+             ("daylight", later, False), ("daylight", measured, False),
              ("daylight", average, True))
     rows: dict[str, list[tuple[float, float, float]]] = {title: [] for title in REAL}
     makers, others = makers_of(database), np.isin(database.names, OTHER_LABORATORIES)
@@ -158,8 +157,7 @@ def run_real(data: Path, database: CameraDatabase) -> dict[str, np.ndarray]:
             left_out = others if laboratory else makers == makers[camera]
             truth = on_grid(database.nm, curves / curves.max(), GRID, database.names[camera])
             photo = real_photo(truth, surfaces, name, np.random.default_rng([camera, 5]))
-            rows[title].append(judged([photo], prior_without(database, left_out), truth,
-                                      generations))
+            rows[title].append(judged([photo], prior_without(database, left_out), truth))
     return {title: np.array(of_kind) for title, of_kind in rows.items()}
 
 

@@ -12,6 +12,7 @@ from spectrabox.calibrate.chart_consistency import (
     disagreement_of_bands,
     light_power,
 )
+from spectrabox.calibrate.chart_copy import COPY_ERROR, copy_of_chart, of_edition
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
 from spectrabox.calibrate.colour_drift import colour_drift
@@ -42,6 +43,7 @@ from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     CalibrationDoubt,
+    ChartCopy,
     ChartWhite,
     LightPosterior,
     LightScale,
@@ -82,7 +84,9 @@ class ChartCalibration(Record):
     excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded, in every band
     cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
+    reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
     departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
+    copy: ChartCopy | None = None                   # None: the reflectances were stated
 
     @property
     def prior_influence(self) -> PriorInfluence | None:
@@ -126,6 +130,15 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         If chart and light do not determine the curves (see ``fit_sensitivities``).
     """
     chosen = CalibrationOptions() if options is None else options
+    made = _calibrated(photos, grid, chosen)
+    if made.copy is None or made.copy.edition == photos[0].editions[0].name:
+        return made
+    return _calibrated([of_edition(photo, made.copy.edition) for photo in photos], grid, chosen)
+
+
+def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+                chosen: CalibrationOptions) -> ChartCalibration:
+    """The calibration by the first edition that the chart may be of, and which it is likely of."""
     first = photos[0]
     _require_usable(photos, chosen)
     light = first.light_on(grid)
@@ -172,7 +185,9 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
                               isinstance(first.light, UnknownLight))
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
-                            first.samples.saturated, fitted.cleaned, fitted.departures)
+                            first.samples.saturated, fitted.cleaned, first.reflectances,
+                            fitted.departures, None if fitted.prior_fit is None else
+                            copy_of_chart(photos, fitted.prior_fit, grid))
 
 
 class _Fitted(NamedTuple):
@@ -299,7 +314,8 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
     patches, bands = samples.mean.shape
 
     def scale_by(chosen: np.ndarray) -> LightScale:
-        return scale_from_signals(samples.mean[chosen], unscaled[chosen], CHART_ERROR,
+        return scale_from_signals(samples.mean[chosen], unscaled[chosen],
+                                  COPY_ERROR if photo.editions else CHART_ERROR,
                                   "chart photo", ~samples.clipped[chosen])
 
     scale = scale_by(used)

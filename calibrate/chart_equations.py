@@ -16,6 +16,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from spectrabox.calibrate.copy_errors import copy_errors
+from spectrabox.radiometry.charts.classic_copies import ChartCopies
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.photos import PatchSamples
@@ -101,6 +103,9 @@ class ChartEquations(Record):
     number: Annotated[np.ndarray, "I"] | None = None
     # bool: signals that say nothing, being clipped; None: none is
     clipped: Annotated[np.ndarray, "I K"] | None = None
+    # by the terms of the chart's copy, each a unit normal and the same in all photos; None: the
+    # reflectances are the chart's own
+    copy_errors: Annotated[np.ndarray, "I K R"] | None = None
     # of the errors of a patch that each band has for itself; None: independent
     band_correlation: Annotated[np.ndarray, "K K"] | None = None
 
@@ -132,7 +137,8 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
                     irradiance: np.ndarray, grid: WavelengthGrid, *,
                     positions: np.ndarray | None = None, rows: int | None = None,
                     light_terms: np.ndarray | None = None,
-                    filter: Filter | None = None) -> ChartEquations:
+                    filter: Filter | None = None,
+                    copies: ChartCopies | None = None) -> ChartEquations:
     """One photo in the form that every fit takes, with an unknown offset in each band.
 
     Parameters
@@ -153,6 +159,8 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
         How the light may differ from what is stated, see ``light_error``; None: it does not.
     filter : Filter or None
         That the photo was taken through.
+    copies : ChartCopies or None
+        Of which the chart is one; None: the reflectances are its own.
     """
     terms = np.zeros((len(samples.mean), 0)) if positions is None else field_terms(positions)
     passed = light if filter is None else light * filter.transmittance
@@ -161,6 +169,9 @@ def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.n
                           light_terms=light_terms, filter=filter,
                           number=np.arange(len(samples.mean)),
                           clipped=samples.clipped if samples.clipped.any() else None,
+                          copy_errors=None if copies is None else copy_errors(
+                              samples.mean, samples.clipped, copies, passed * grid.weights_nm,
+                              grid),
                           band_correlation=_band_correlation(samples))
 
 
@@ -193,7 +204,8 @@ def some_patches(photo: ChartEquations, chosen: np.ndarray) -> ChartEquations:
                    reflectances=photo.reflectances[chosen], irradiance=photo.irradiance[chosen],
                    field_terms=photo.field_terms[chosen], rows=None,
                    number=None if photo.number is None else photo.number[chosen],
-                   clipped=None if photo.clipped is None else photo.clipped[chosen])
+                   clipped=None if photo.clipped is None else photo.clipped[chosen],
+                   copy_errors=None if photo.copy_errors is None else photo.copy_errors[chosen])
 
 
 def field_terms(positions: np.ndarray) -> np.ndarray:
@@ -327,6 +339,8 @@ def noise_covariance(photo: ChartEquations, error: PatchError) -> np.ndarray:
     """
     level = _relative_to(photo)
     covariance = photo.covariance + _model_covariance(error, level, level, photo.band_correlation)
+    if photo.copy_errors is not None:
+        covariance = covariance + photo.copy_errors @ photo.copy_errors.transpose(0, 2, 1)
     if photo.clipped is None:
         return covariance
     return covariance + variance_of_clipped(photo.clipped, photo.signal)
@@ -347,15 +361,19 @@ def variance_of_clipped(clipped: np.ndarray, signal: np.ndarray) -> np.ndarray:
 def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.ndarray:
     """Covariance (Y, Y) of all signals of photos, patch after patch, see ``noise_covariance``.
 
-    A photo through a filter repeats ``REPEATED`` of the model's errors of the same patches.
+    A photo through a filter repeats ``REPEATED`` of the model's errors of the same patches; what a
+    copy of the chart departs from its mean, all photos have in common.
 
     Parameters
     ----------
     photos : sequence of ChartEquations
     error : PatchError
     """
-    covariance = block_diagonal(*(patch for photo in photos
-                                  for patch in noise_covariance(photo, error)))
+    covariance = block_diagonal(*(patch for photo in photos for patch in noise_covariance(
+        replace(photo, copy_errors=None), error)))
+    of_copy = copy_patterns(photos)
+    if of_copy is not None:
+        covariance += of_copy @ of_copy.T
     bands, same = photos[0].signal.shape[1], _same_patches(photos)
     levels = np.concatenate([_relative_to(photo) for photo in photos], axis=1)
     repeated = PatchError(*np.sqrt(REPEATED) * error)
@@ -365,6 +383,17 @@ def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.n
                                   photos[0].band_correlation)
         covariance[rows, columns], covariance[columns, rows] = block, block.T
     return covariance
+
+
+def copy_patterns(photos: Sequence[ChartEquations]) -> np.ndarray | None:
+    """Signals (Y, R) of all photos by the terms of the chart's copy; None where it is no copy.
+
+    Parameters
+    ----------
+    photos : sequence of ChartEquations
+    """
+    parts = [photo.copy_errors for photo in photos if photo.copy_errors is not None]
+    return np.vstack([part.reshape(-1, part.shape[2]) for part in parts]) if parts else None
 
 
 def common_patterns(photos: Sequence[ChartEquations]) -> np.ndarray:
@@ -400,7 +429,7 @@ def _through_filters(photos: Sequence[ChartEquations]) -> bool:
 
 def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:
     """Rows of the signals (Y,) that show one patch of the first photo: in that photo, and if any is
-    through a filter, in all photos, whose errors are its own.
+    through a filter or the chart is a copy, in all photos, whose errors are its own.
 
     Parameters
     ----------
@@ -413,7 +442,8 @@ def rows_of_patch(photos: Sequence[ChartEquations], patch: int) -> np.ndarray:
         bands = photo.signal.shape[1]
         if number == 0:
             mine = np.array([patch])
-        elif not _through_filters(photos) or photo.number is None or first.number is None:
+        elif not (_through_filters(photos) or photo.copy_errors is not None) \
+                or photo.number is None or first.number is None:
             mine = np.zeros(0, int)
         else:
             mine = np.flatnonzero(photo.number == first.number[patch])

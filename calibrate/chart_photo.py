@@ -11,6 +11,7 @@ from spectrabox.calibrate.chart_consistency import light_power
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, some_patches
 from spectrabox.calibrate.light_error import light_terms
 from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.charts.classic_copies import ChartCopies
 from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.records.spectra import (
@@ -36,6 +37,9 @@ class ChartPhoto(Record):
     chart: Chart = CLASSIC
     filter: Filter | None = None        # before the lens or the lamp; never of the first photo
     bands: tuple[str, ...] = ()         # K names; none: those of bands that nobody named
+    # What the chart may be, the likelier first: a copy of the first about its mean, which the
+    # reflectances are. None: they are the chart's own.
+    editions: tuple[ChartCopies, ...] = ()
 
     @property
     def used(self) -> np.ndarray:
@@ -84,7 +88,18 @@ class ChartPhoto(Record):
         terms = light_terms(self.light, grid) if isinstance(self.light, Spectrum) else None
         return chart_equations(self.samples, self.reflectances, power, self.irradiance_or_pi, grid,
                                rows=self.chart.rows, positions=positions, light_terms=terms,
-                               filter=self.filter)
+                               filter=self.filter,
+                               copies=self.editions[0] if self.editions else None)
+
+
+def first_date(shown: Sequence[PatchSamples]) -> str:
+    """When the first of some photos was taken; empty where none says so.
+
+    Parameters
+    ----------
+    shown : sequence of PatchSamples
+    """
+    return min((samples.taken_at for samples in shown if samples.taken_at), default="")
 
 
 def used_and_excluded(photos: Sequence[ChartPhoto], grid: WavelengthGrid

@@ -18,6 +18,7 @@ from spectrabox.calibrate.chart_consistency import (
     unlit,
 )
 from spectrabox.calibrate.chart_equations import ChartEquations, PatchError
+from spectrabox.calibrate.copy_errors import Explained
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, shipped_prior
 from spectrabox.calibrate.prior.curve_posterior import (
@@ -71,6 +72,7 @@ class PriorFit(Record):
     patch_error: PatchError                         # disagreement of patches and model
     chi_square: float                               # per datum, about 1 where everything agrees
     without: PatchesWithout                         # of the first photo, then the excluded
+    explained: Explained                            # what was left of the signals of all photos
 
     @property
     def model_error(self) -> float:
@@ -148,7 +150,8 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: Wavel
     # matrices of 200 rows: more threads wait for each other, ten times as long
     with threadpool_limits(1, "blas"):
         posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
-        held_out, chi_square, without = held_out_signals(photos, prior, grid, posterior, excluded)
+        held_out, chi_square, without, explained = held_out_signals(photos, prior, grid, posterior,
+                                                                    excluded)
         moments = curve_moments(posterior, prior.bands)
         states = photo_states(posterior, relit(posterior, photos), moments)
         alone = camera_alone(posterior, prior.bands)
@@ -159,7 +162,7 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: Wavel
     order = np.argsort(-posterior.families)
     families = tuple((prior.members[index], float(posterior.families[index])) for index in order)
     return PriorFit(fit, posterior, tuple(states), tuple(held_out), shares, families,
-                    posterior.model_error, chi_square, without)
+                    posterior.model_error, chi_square, without, explained)
 
 
 def sensitivity_fit(photo: ChartEquations, posterior: CurvePosterior, moments: CurveMoments,

@@ -6,7 +6,7 @@ callers.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -18,15 +18,16 @@ from spectrabox.calibrate.chart_calibration import (
     ChartCalibration,
     calibrate_chart,
 )
-from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.joint.joint_estimate import log_evidence
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.chart_photo import ChartPhoto, first_date
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.results.chart_words import (
+    chart_copy_notes,
+    copy_facts,
+    edition_sentence,
     held_out_facts,
     held_out_sentence,
     posterior_facts,
@@ -34,9 +35,9 @@ from spectrabox.measure.results.chart_words import (
 from spectrabox.radiometry.chart import (
     CLASSIC,
     Chart,
-    chart_reflectances,
     typical_camera_signals,
 )
+from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.charts.references import published_signals, reference_reflectances
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
@@ -50,9 +51,6 @@ from spectrabox.radiometry.records.spectra import (
     default_band_names,
 )
 
-# nats, for another generation of a chart than the usual: charts that are of neither, and photos of
-# one chart, scatter by 4 to 6 (docs/results/calibration.md)
-DECISIVE = 7.0
 Stated = TypeVar("Stated")
 ERROR_PREFIX = "standard_error"   # before a band's name, of a column of errors
 
@@ -159,8 +157,7 @@ class CameraCapture:
         Of the chart on FINE_GRID, likewise.
     chart : Chart
     measured : bool
-        Whether the reflectances were stated. If not, the photos tell of which generation the chart
-        is.
+        Whether the reflectances were stated. If not, the photos tell which copy of the chart it is.
     excluded : (I,) array of bool, optional
         Patches that no fit uses.
     irradiance : (I,) array, optional
@@ -187,6 +184,8 @@ class CameraCapture:
             If they are of other bands, or two are the same.
         """
         first, photos = self.shown[0], list[ChartPhoto]()
+        of = () if self.measured else editions(
+            self.chart, first_date([one.samples for one in self.shown]))
         for index, one in enumerate(self.shown):
             if any(np.array_equal(one.samples.mean, photo.samples.mean) for photo in photos):
                 raise InputError(f"{one.source} holds the same signals as another of the photos; "
@@ -196,37 +195,16 @@ class CameraCapture:
                 raise InputError(f"{one.source} has the bands {', '.join(one.bands)}, "
                                  f"{first.source} has {', '.join(first.bands)}; all photos must be "
                                  "of one camera, its bands in the same order")
-            photos.append(ChartPhoto(one.samples, own_or_common(self.reflectances, index),
-                                     own_or_common(self.lights, index), self.irradiance,
-                                     self.excluded, self.chart))
+            photos.append(ChartPhoto(
+                one.samples, of[0].mean if of else own_or_common(self.reflectances, index),
+                own_or_common(self.lights, index), self.irradiance, self.excluded, self.chart,
+                editions=of))
         return photos
 
 
 def own_or_common(values: Sequence[Stated], photo: int) -> Stated:
     """What is stated of a photo, one for each or one for all."""
     return values[photo if len(values) > 1 else 0]
-
-
-@dataclass(frozen=True)
-class ChartGeneration:
-    """Which of the generations a chart is of, by the evidence of its photos."""
-
-    reference: str                      # that the fit takes
-    log_evidence: dict[str, float]      # of each, in nats over the first
-
-    @property
-    def words(self) -> str:
-        """One sentence for an operator."""
-        first, *_ = self.log_evidence
-        other = max((name for name in self.log_evidence if name != self.reference),
-                    key=lambda name: self.log_evidence[name])
-        gain = self.log_evidence[self.reference] - self.log_evidence[other]
-        if gain > DECISIVE:
-            return (f"chart reference {self.reference}: explains the chart better than {other}, by "
-                    f"{gain:.0f} nats")
-        return (f"chart reference {first}: the photo does not tell it from {other} "
-                f"({abs(gain):.0f} nats {'for' if gain > 0 else 'against'} it); measure your chart "
-                "and give its file as reference")
 
 
 @dataclass(frozen=True)
@@ -241,15 +219,13 @@ class CameraFit:
     band: CurveBand | None          # None for measured curves
     held_out: HeldOutPatches        # of the first photo, each by a calibration without it
     photos: tuple[ChartPhoto, ...]
-    generation: ChartGeneration | None = None   # of the chart; None where it was stated
     bands: tuple[str, ...] = ()     # K names
     notes: tuple[str, ...] = ()     # on the signals
 
     @property
     def checks(self) -> tuple[str, ...]:
         """What was checked, in sentences: light, chart, colour matrix."""
-        generation = () if self.generation is None else (self.generation.words,)
-        return self.chart.calibration.checks + generation
+        return self.chart.calibration.checks + self._copy_sentences()
 
     @property
     def light(self) -> str:
@@ -277,7 +253,8 @@ class CameraFit:
             "light_scale_standard_error": result.scale.standard_error,
             "method": fit.method, "outcome": fit.outcome, "checks": self._sentences(),
             "left_out": held_out_facts(self.held_out, names),
-            "doubts": result.calibration.doubts, "chart_generation": self.generation,
+            "doubts": result.calibration.doubts, "chart_generation": copy_facts(
+                result.copy, names),
             "stated_lights": [
                 {"light": one.source, "expected": one.expected, "departs": one.size,
                  "standard_error": one.size_error, "spectrum": one.spectrum}
@@ -300,9 +277,12 @@ class CameraFit:
                           self.sensitivity.outcome.value])
 
     def _sentences(self) -> list[str]:
-        generation = [] if self.generation is None else [self.generation.words]
-        return [*self.chart.calibration.checks, held_out_sentence(self.held_out), *generation,
-                *self.notes]
+        return [*self.chart.calibration.checks, held_out_sentence(self.held_out),
+                *self._copy_sentences(), *self.notes]
+
+    def _copy_sentences(self) -> tuple[str, ...]:
+        copy, names = self.chart.copy, self.photos[0].chart.names
+        return () if copy is None else (edition_sentence(copy), *chart_copy_notes(copy, names))
 
     def columns(self) -> dict[str, np.ndarray]:
         """Curves (P,) and their standard errors, as the columns of a table."""
@@ -335,10 +315,7 @@ def measure_camera(capture: CameraCapture, options: CalibrationOptions,
     InputError, CheckError, CalibrationError
         As ``calibrate_chart``, or as the photos of the capture.
     """
-    chart = capture.chart
-    generations = None if capture.measured else {
-        name: chart_reflectances(name, FINE_GRID, chart) for name in chart.generations}
-    fit = fit_camera(capture.photos(), FINE_GRID, options, seed, generations)
+    fit = fit_camera(capture.photos(), FINE_GRID, options, seed)
     calibration = fit.chart.calibration
     if calibration.light_scale is not None and capture.irradiance is not None:
         widened = with_common_error(calibration.light_scale, LAMP_AT_CHART,
@@ -350,8 +327,7 @@ def measure_camera(capture: CameraCapture, options: CalibrationOptions,
 
 
 def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
-               options: CalibrationOptions | None = None, seed: int = 0,
-               generations: Mapping[str, np.ndarray] | None = None) -> CameraFit:
+               options: CalibrationOptions | None = None, seed: int = 0) -> CameraFit:
     """Sensitivities of a camera from chart photos and the spectra of their lights.
 
     Parameters
@@ -364,37 +340,12 @@ def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         None takes the defaults.
     seed : int
         Of the draws of the curves.
-    generations : mapping of (I, P) arrays or None
-        Reflectances that the chart of all photos may have, by name, the usual ones first: those
-        that explain the photos best are taken, with the method ``prior``. None: those of the
-        photos.
 
     Raises
     ------
     InputError, CheckError, CalibrationError
         As ``calibrate_chart``.
     """
-    chosen = CalibrationOptions() if options is None else options
-    generation = None
-    if generations and chosen.method == "prior" and chosen.curves is None:
-        generation = _generation(photos, grid, chosen.prior, generations)
-        photos = _with_reflectances(photos, generations[generation.reference])
     calibrated = calibrate_chart(photos, grid, options)
     return CameraFit(calibrated, camera_curves(calibrated), curve_band(calibrated, seed),
-                     held_out_patches(calibrated, photos[0].reflectances), tuple(photos),
-                     generation)
-
-
-def _generation(photos: Sequence[ChartPhoto], grid: WavelengthGrid, prior: CameraPrior | None,
-                generations: Mapping[str, np.ndarray]) -> ChartGeneration:
-    """The usual one, unless the photos are decisively for another."""
-    evidence = {name: log_evidence(_with_reflectances(photos, reflectances), grid, prior)
-                for name, reflectances in generations.items()}
-    first, *_ = evidence
-    best = max(evidence, key=lambda name: evidence[name])
-    return ChartGeneration(best if evidence[best] - evidence[first] > DECISIVE else first,
-                           {name: value - evidence[first] for name, value in evidence.items()})
-
-
-def _with_reflectances(photos: Sequence[ChartPhoto], reflectances: np.ndarray) -> list[ChartPhoto]:
-    return [replace(photo, reflectances=reflectances) for photo in photos]
+                     held_out_patches(calibrated, calibrated.reflectances), tuple(photos))

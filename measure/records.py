@@ -13,6 +13,7 @@ from spectrabox.measure.captured import View
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
 from spectrabox.radiometry.records.calibration import (
     Calibration,
+    ChartCopy,
     ChartWhite,
     HeldOutPatches,
     LightDrift,
@@ -82,6 +83,7 @@ class ChartFit(Record):
     patch_error: Annotated[np.ndarray, "2"] | None      # a PatchError; None without a prior's fit
     prior: PriorInfluence | None                # None of curves that no prior was used for
     left_out: HeldOutPatches                    # each patch by a calibration without it
+    copy: ChartCopy | None = None               # None: the chart's reflectances were stated
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,6 +54,7 @@ GREYS_FROM_NM = 430.0
 # one is seen.
 TYPICAL_BANDS_NM = ((600.0, 38.0), (535.0, 40.0), (460.0, 30.0))
 
+MATT_PATCHES, GLOSSY_PATCHES = 0.0012, 0.016    # as shares of white; of a glossy SG up to .04
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])    # corners, going round
 
 
@@ -79,11 +80,13 @@ class Chart(Record):
     # Names that other software gives the patches, each tuple in the order of ``names``.
     other_names: tuple[tuple[str, ...], ...] = ()
     references: tuple[str, ...] = ()                # published reflectances, the usual one first
-    generations: tuple[str, ...] = ()               # those of them that one chart may be of
     colours: str | None = None                      # published colours that tell the patches' order
     reference_file: Path | None = None              # measured, of a layout that an operator wrote
     detectable: bool = False                        # OpenCV finds it in a photo
     black_frame: bool = False                       # patches stand apart on black, as the Classic's
+    # Light that its patches mirror, as a share of white: of a Classic, a sphere instrument reads so
+    # much more with the specular part than without
+    gloss: float = MATT_PATCHES
 
     @property
     def centres_uv(self) -> np.ndarray:
@@ -159,8 +162,8 @@ CLASSIC = dataclasses.replace(
     card=np.array([29.0, 20.3]), fiducial_names=("dark skin", "bluish green", "black", "white"),
     other_names=(tuple(f"{row}{column}" for row in "ABCD" for column in range(1, 7)),
                  tuple(f"{column}{row}" for row in range(1, 5) for column in "ABCDEF")),
-    references=(*REFERENCES, AFTER_2014, COPIES_SINCE_2014, COPIES_BEFORE_2014),
-    generations=(REFERENCES[0], AFTER_2014), detectable=True, black_frame=True)
+    references=(COPIES_SINCE_2014, COPIES_BEFORE_2014, *REFERENCES, AFTER_2014), detectable=True,
+    black_frame=True)
 
 
 def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLASSIC) -> np.ndarray:

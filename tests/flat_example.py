@@ -13,7 +13,7 @@ from spectrabox.fixtures.flat_sample import (
     vignetting,
     write_photo,
 )
-from spectrabox.fixtures.paints import NM, chart_truth, paint
+from spectrabox.fixtures.paints import NM, chart_copy, paint
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 
@@ -52,7 +52,7 @@ def picture(size=SIZE, *, chart=CHART, paints=PAINTS, light=None, seed=1, power=
     areas = [(box(left, top, left + SIDE, top + SIDE), paint(name)[1])
              for name, (left, top) in paints.items()]
     corners = None if chart is None else chart_corners(*chart)
-    flat = surface_signals(size, responses, chart_truth(np.random.default_rng(seed)), corners,
+    flat = surface_signals(size, responses, chart_copy(np.random.default_rng(seed)), corners,
                            areas, np.full(NM.size, 0.2))
     return flat * (light_over(size) if light is None else light)[..., None]
 

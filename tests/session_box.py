@@ -11,7 +11,7 @@ from session_photos import rendered_box, shoot, write_table
 
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities, chart_light, vignetting
-from spectrabox.fixtures.paints import NM, chart_truth, paint
+from spectrabox.fixtures.paints import NM, chart_copy, paint
 from spectrabox.radiometry.records.spectra import Quantity
 
 SIZE = (208, 312)
@@ -171,7 +171,7 @@ def write_box(folder):
         shoot(folder / "photos" / f"{name}.dng",
               GAIN * float(exposure) * shown * vignetting(SIZE)[..., None], exposure, rng)
 
-    take("chart", chart_light(chart_truth(np.random.default_rng(3)), light, curves, SIZE), CHART)
+    take("chart", chart_light(chart_copy(np.random.default_rng(3)), light, curves, SIZE), CHART)
     take("box", rendered_box(truth, light, curves, SIZE, seed=5), BOX)
     take("side", rendered_box(truth, light, curves, SIZE, seed=6, changed=(
         block_at(SIDE_TURN_DEG), ('value="37.3"', 'value="40"'),

@@ -40,7 +40,6 @@ dark = ["photos/dark0.dng", "photos/dark1.dng", "photos/dark2.dng", "photos/dark
         "photos/dark4.dng"]
 
 [chart]
-reference = "BabelColor Average"
 leave_out = [3, 11, 20]
 
 [drift]

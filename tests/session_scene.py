@@ -19,7 +19,7 @@ from spectrabox.fixtures.demos.demo_photos import (
     vignetting,
 )
 from spectrabox.fixtures.demos.demo_scenes import box_scene, chart_scene_xml
-from spectrabox.fixtures.paints import NM, chart_truth, paint
+from spectrabox.fixtures.paints import NM, chart_copy, paint
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.records.spectra import Quantity
 
@@ -141,7 +141,7 @@ def write_scene(folder):
     rng, curves, cold, warm = (np.random.default_rng(11), camera_sensitivities(),
                                lamp.radiance(NM), warm_light())
     truth = {name: paint(of)[1] for name, of in PAINTS.items()}
-    chart, lens = chart_truth(np.random.default_rng(2)), vignetting(SIZE)[..., None]
+    chart, lens = chart_copy(np.random.default_rng(2)), vignetting(SIZE)[..., None]
     nm, radiance, error = lamp.measured(rng)
     read = 0.995 * chart * (1 + 0.008 * rng.standard_normal((24, 1)))
     write_table(folder / "spectra" / "light.csv", {"value": radiance, "standard_error": 2 * error},

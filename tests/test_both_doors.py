@@ -24,6 +24,7 @@ SEEN = ("--sensitivity", CAMERA, "--light", LIGHT, "--noise", NOISE)
 WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "light_words", "_cells",
          "_cell", "certificate_page", "condition_on_families", "coverage_facts", "held_out_facts",
          "held_out_sentence", "poor_patches", "posterior_facts", "judgement_text", "rows",
+         "copy_facts", "edition_sentence", "chart_copy_notes", "_copy_sentences",
          "left_out", "parse_wavelengths", "point_region", "_checked"}
 
 

@@ -48,7 +48,7 @@ def run(*words):
 @pytest.mark.parametrize("method", ["prior", "smooth", "nonnegative", "paper"])
 def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     result = run("camera", "fit", "--patches", chart / "patches.csv", "--light",
-                 chart / "light.csv",
+                 chart / "light.csv", "--reference", "BabelColor Average",
                  "--method", method, "--out", tmp_path / "curves.csv", "--json")
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)

@@ -124,7 +124,8 @@ def test_two_photos_through_the_command_line_give_what_python_gives(tmp_path):
     words = [word for path in files
              for word in ("--patches", str(path), "--light",
                           str(path.parent / f"light_{path.name}"))]
-    result = CliRunner().invoke(app, ["camera", "fit", *words, "--json"])
+    result = CliRunner().invoke(app, ["camera", "fit", *words, "--reference",
+                                      "BabelColor Average", "--json"])
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     first, second = (read_patches(path).samples for path in files)

@@ -30,7 +30,7 @@ from spectrabox.fixtures.demos.demo_scenes import (
     chart_scene_xml,
 )
 from spectrabox.fixtures.demos.demo_session import PAINTS, write_demo_session
-from spectrabox.fixtures.paints import FORMULAS, NM, chart_truth, paint
+from spectrabox.fixtures.paints import FORMULAS, NM, chart_copy, paint
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 
@@ -133,7 +133,7 @@ def test_a_patch_reads_what_lamp_paint_and_distance_say(session, patch):
     x, y, w = homography(corners_cm, corners_px) @ np.append(centre_cm[0], 1)
     i, j = round(y / w / 2 - 0.25), round(x / w / 2 - 0.25)
     measured = signal[i - 2:i + 3, j - 2:j + 3].mean(axis=(0, 1))
-    chart = chart_truth(np.random.default_rng(3).spawn(5)[0])
+    chart = chart_copy(np.random.default_rng(3).spawn(5)[0])
     expected = GAIN * exposure_s * light_factor(centre_cm)[0] * seen(chart[patch]
                                                                      * lamp.radiance(NM))
     # Noise of 25 pixels, 4.5 sigma (72 comparisons), and 0.1 % for the patch's own gradient within

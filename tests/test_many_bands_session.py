@@ -10,7 +10,8 @@ from session_runs import call, run
 
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals, write_photo
-from spectrabox.fixtures.paints import NM, chart_truth
+from spectrabox.fixtures.paints import NM, chart_copy
+from spectrabox.radiometry.chart import PATCH_NAMES
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published
@@ -29,10 +30,15 @@ def write_session(folder):
     corners = [(0.56 + 0.11 * (index % 4), 0.04 + 0.2 * (index // 4)) for index in range(12)]
     areas = [(box(x, y, x + 0.09, y + 0.16), colour)
              for (x, y), colour in zip(corners, colours, strict=True)]
+    # samples lie two charts away from theirs, where its patches' own errors would tilt the light:
+    # somebody has measured it
+    chart = chart_copy(np.random.default_rng(1))
+    (folder / "spectra" / "chart.csv").write_text(
+        table_text(NM, dict(zip(PATCH_NAMES, chart, strict=True)), quantity=Quantity.REFLECTANCE,
+                   source="this chart"), encoding="utf-8")
     for number, centre in enumerate(LAMPS_NM):
         lamp = np.exp(-0.5 * ((NM - centre) / WIDTH_NM) ** 2)
-        light = surface_signals(SIZE, camera_sensitivities() * lamp,
-                                chart_truth(np.random.default_rng(1)),
+        light = surface_signals(SIZE, camera_sensitivities() * lamp, chart,
                                 chart_corners(0.06, 0.08, 0.45), areas, np.full(NM.size, 0.2))
         write_photo(folder / "photos" / f"{centre}.dng", light * light_over(SIZE)[..., None],
                     Fraction(1, 60), np.random.default_rng(number),
@@ -42,7 +48,8 @@ def write_session(folder):
         table_text(NM, dict(zip(names, colours, strict=True)), quantity=Quantity.REFLECTANCE,
                    source="CES99"), encoding="utf-8")
     table = ", ".join(f'"{centre}" = "photos/{centre}.dng"' for centre in LAMPS_NM)
-    lines = [f'[photos]\nobject = {{ {table} }}\n[light]\nspectrum = "unknown"\n[sampling]\n'
+    lines = [f'[photos]\nobject = {{ {table} }}\n[chart]\nreference = "spectra/chart.csv"\n'
+             '[light]\nspectrum = "unknown"\n[sampling]\n'
              'draws = 1000\n[picture]\nrect = [275, 30, 300, 100]']
     for name, (x, y) in zip(names, corners, strict=True):
         rect = [round(480 * at) for at in (x + 0.015, y + 0.03, x + 0.075, y + 0.13)]

@@ -18,7 +18,7 @@ from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import box, chart_corners, surface_signals, write_photo
 from spectrabox.fixtures.paints import NM as PAINT_NM
-from spectrabox.fixtures.paints import chart_truth
+from spectrabox.fixtures.paints import chart_copy
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import MIN_SWATCHES, Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -236,7 +236,7 @@ def dyed_photo(tmp_path_factory):
     areas = [(box(x, y, x + 0.075, y + 0.13), np.interp(PAINT_NM, NM, spectrum))
              for (x, y), spectrum in zip(places, truth.values(), strict=True)]
     responses = camera_sensitivities() * lamp.radiance(PAINT_NM)
-    light = surface_signals(SIZE, responses, chart_truth(np.random.default_rng(1)),
+    light = surface_signals(SIZE, responses, chart_copy(np.random.default_rng(1)),
                             chart_corners(*CHART), areas, np.full(PAINT_NM.size, 0.2))
     write_photo(folder / "dyed.dng", light * light_over()[..., None], Fraction(1, 60),
                 np.random.default_rng(3))

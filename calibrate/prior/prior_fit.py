@@ -9,7 +9,6 @@ the prior (the logarithm of the curves) and handed on in the curves.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Annotated, NamedTuple
@@ -30,6 +29,7 @@ from spectrabox.calibrate.chart_equations import (
     rows_of_patch,
     unlit_design,
 )
+from spectrabox.calibrate.copy_errors import Explained
 from spectrabox.calibrate.held_out_patches import (
     PatchesWithout,
     covariance_without,
@@ -38,6 +38,7 @@ from spectrabox.calibrate.held_out_patches import (
     weights_without,
 )
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.evidence import log_densities
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -54,7 +55,6 @@ MAX_ITERATIONS = 10
 CONVERGED = 0.1              # largest change of a signal an iteration, in standard errors
 MAX_LOG_STEP = 1.0           # of the logarithm of a curve an iteration
 MAX_STEP = 0.5               # of a log exposure or field term an iteration: exp() of more runs away
-LARGE = 1e300                # beyond the square of any whitened innovation
 NEGLIGIBLE = 1e-4            # share of a component below which it is left out
 
 
@@ -154,7 +154,7 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
             shared.flags.writeable = False  # else every candidate below would copy it
         log_share = float(np.log(prior.weights[family] * share))
         for own, own_noise in zip(model_errors, own_noises, strict=True):
-            evidence = _log_evidence(projected + own_noise, linear - jacobian @ start, patterns,
+            evidence = log_densities(projected + own_noise, linear - jacobian @ start, patterns,
                                      COMMON_ERRORS)
             candidates += [CurveCandidate(log_share + log_density, family, gain_sd,
                                           PatchError(own, common), start, covariance, jacobian,
@@ -165,9 +165,9 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
 
 def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
                      posterior: CurvePosterior, excluded: ChartEquations | None = None
-                     ) -> tuple[list[np.ndarray], float, PatchesWithout]:
+                     ) -> tuple[list[np.ndarray], float, PatchesWithout, Explained]:
     """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum;
-    and what fits without each say of the patches of the first photo.
+    what fits without each say of the patches of the first photo; and the innovations.
 
     In closed form for the component of largest weight: the error of patch i is (Q^-1)_ii^-1 (Q^-1
     r)_i, with Q the covariance of the residuals r of the prior's prediction [Rasmussen & Williams
@@ -223,7 +223,8 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
     without_each = gathered([photos[0], *([] if excluded is None else [excluded])], posterior.basis,
                             posterior.best_error, patches)
     readable = sum(np.count_nonzero(photo.readable) for photo in photos)
-    return signals, float(innovation @ weighted / readable), without_each
+    return (signals, float(innovation @ weighted / readable), without_each,
+            Explained(np.ones(1), weighted[None], inverse))
 
 
 def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family: int,
@@ -362,36 +363,6 @@ def _project(jacobian: np.ndarray, covariance: np.ndarray, prior: CameraPrior) -
         own = slice(band * nodes, (band + 1) * nodes)
         projected[band::bands] += jacobian[band::bands, own] @ covariance[own]
     return np.asarray(projected)
-
-
-def _log_evidence(covariance: np.ndarray, innovation: np.ndarray, patterns: np.ndarray,
-                  common: Sequence[float]) -> list[float]:
-    """Log density of the innovation (Y,) up to a constant, under a covariance (Y, Y) to which each
-    common error squared times ``patterns @ patterns.T`` is added (Y, R); -inf where round-off left
-    no density.
-
-    Innovation and patterns are last rows of the matrix that is factorised: those of the factor are
-    then whitened, whatever the last elements of the matrix. By Sylvester and Woodbury one factor
-    does for all common errors.
-    """
-    size, extra = innovation.size, 1 + patterns.shape[1]
-    bordered = np.zeros((size + extra, size + extra))
-    bordered[:size, :size] = covariance
-    bordered[size:, :size] = np.vstack([innovation, patterns.T])
-    bordered[range(size, size + extra), range(size, size + extra)] = LARGE
-    try:
-        lower = np.linalg.cholesky(bordered)    # which reads the lower triangle alone
-    except np.linalg.LinAlgError:
-        return [-np.inf] * len(common)
-    white, columns = lower[size, :size], lower[size + 1:, :size]
-    square, along, gram = white @ white, columns @ white, columns @ columns.T
-    log_volume, logs = np.log(np.diag(lower)[:size]).sum(), []
-    for error in common:
-        root = np.linalg.cholesky(np.eye(len(gram)) + error**2 * gram)
-        explained = np.linalg.solve(root, error * along)
-        logs.append(float(-0.5 * (square - explained @ explained) - log_volume
-                          - np.log(np.diag(root)).sum()))
-    return logs
 
 
 def _condition(candidate: CurveCandidate, noise: np.ndarray,

@@ -17,6 +17,7 @@ from spectrabox.calibrate.chart_equations import (
     nuisance_sd,
     rows_of_patch,
 )
+from spectrabox.calibrate.copy_errors import Explained
 from spectrabox.calibrate.held_out_patches import PatchesWithout, gathered, patch_moments
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import (
@@ -98,10 +99,12 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
     fit = sensitivity_fit(photos[0], curves, moments, states[0].predicted, held_out, grid,
                           f"products of sensitivity and light, {light_words}: mixture of cameras "
                           f"({cameras.source}) and {len(lamps.names)} lamps")
+    best = max(posterior.hypotheses, key=lambda hypothesis: hypothesis.share)
     chi_square = sum(h.share * h.chi_square for h in posterior.hypotheses)
     joint = PriorFit(fit, curves, tuple(states), (held_out, *(state.predicted
                                                              for state in states[1:])),
-                     share, (), curves.model_error, float(chi_square), without)
+                     share, (), curves.model_error, float(chi_square), without,
+                     Explained(np.exp(best.log_weights), best.seen, best.inverse))
     return ProductFit(joint, light, posterior)
 
 

@@ -55,7 +55,7 @@ def patches_and_excluded(image: LinearImage,
     known = None if image.matrix_of_file else image.camera_from_xyz
     return PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels,
                         saturated_fraction=saturated, gradient=gradient,
-                        camera_from_xyz=known), excluded
+                        camera_from_xyz=known, taken_at=image.taken_at), excluded
 
 
 def clipped_bands(samples: PatchSamples, neutrals: Sequence[int] = ()) -> np.ndarray:

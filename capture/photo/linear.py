@@ -304,7 +304,7 @@ def _image(frame: RawFrame | FullColourFrame, signal: np.ndarray, variance: np.n
                        sensor_step=sensor_step, exposure_s=frame.exposure_s, iso=frame.iso,
                        f_number=frame.f_number, kind=kind, camera=frame.camera, source=frame.file,
                        sha256=frame.sha256, camera_from_xyz=frame.camera_from_xyz,
-                       matrix_of_file=frame.matrix_of_file)
+                       matrix_of_file=frame.matrix_of_file, taken_at=frame.taken_at)
 
 
 # ---- clip point ----------------------------------------------------------------------------------

@@ -51,6 +51,7 @@ class FullColourFrame:
     sha256: str
     camera_from_xyz: np.ndarray | None = None   # (3, 3), as in the raw frame
     matrix_of_file: bool = False
+    taken_at: str = ""                          # likewise
 
 
 def read_raw(path: str | os.PathLike[str]) -> RawFrame:
@@ -101,7 +102,7 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
             "iso": float(metadata.iso or raw.other.iso_speed) or None,
             "f_number": float(metadata.f_number or raw.other.aperture) or None,
             "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path),
-            **_colour_matrix(raw, metadata)}
+            "taken_at": metadata.taken_at, **_colour_matrix(raw, metadata)}
         white_level, full_colour = float(raw.white_level), raw.raw_type == rawpy.RawType.Stack
         if full_colour:
             black_level = full_colour_black(raw, metadata)

@@ -158,7 +158,8 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
 
 def stray_light(photo: FlatPhoto, white: PhotoWhite, row: int, errors: FlatErrors) -> np.ndarray:
     """Covariance (K, K) of a photo's signal by stray light that the chart does not tell of: one
-    veil over the whole photo, and what of haze differs over it.
+    veil over the whole photo, what of haze differs over it, and what the chart's own patches
+    mirror, which lies on the chart alone.
 
     Parameters
     ----------
@@ -171,7 +172,8 @@ def stray_light(photo: FlatPhoto, white: PhotoWhite, row: int, errors: FlatError
     """
     veil = glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1)))
     haze = UNEVEN_VEIL * np.maximum(white.glare - USUAL_VEIL * white.white[row], 0)
-    return added_covariance(veil) + added_covariance(haze)
+    return added_covariance(veil) + added_covariance(haze) \
+        + added_covariance(errors.chart_gloss * white.white[row])
 
 
 def _silent_bands(white: PhotoWhite, name: str) -> np.ndarray:

@@ -84,6 +84,8 @@ class FlatErrors:
     # region -> what is stated of its surface, of SURFACE_REFLECTIONS
     surfaces: Mapping[str, str] = dataclasses.field(default_factory=dict)
     seed: int = 0                   # of the arrangements of lamps
+    # light that the chart's patches mirror, as a share of white, which the fit takes for glare
+    chart_gloss: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

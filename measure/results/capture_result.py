@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords, PictureRecords
-from spectrabox.measure.results.chart_words import held_out_facts, light_facts
+from spectrabox.measure.results.chart_words import copy_facts, held_out_facts, light_facts
 from spectrabox.measure.results.facts import columns
 from spectrabox.measure.results.surface_result import (
     SURFACE_FACTS,
@@ -27,6 +27,7 @@ from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records.calibration import (
     Calibration,
+    ChartCopy,
     HeldOutPatches,
     LightScale,
     PriorInfluence,
@@ -56,6 +57,7 @@ class ChartResult:
     prior: PriorInfluence | None = None          # None of curves that no prior was used for
     # left out too, of charts with a fit of their own, by view
     others: Mapping[str, HeldOutPatches] = field(default_factory=dict)
+    copy: ChartCopy | None = None               # None: the chart's reflectances were stated
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -149,11 +151,13 @@ class CaptureResult(ABC):
         """
         chart = self.chart
         facts = {"verdict": self.verdict.word, "says": self.verdict.sentence, "left_out": None,
+                 "chart_generation": None,
                  "light": light_facts(self.calibration), **self.own_facts,
                  "swatches": self.swatches or None,
                  "known_camera": known_camera(self.photo.camera), "warnings": self.warnings}
         if chart is not None and chart.left_out is not None:
             facts["left_out"] = held_out_facts(chart.left_out, chart.layout.names)
+            facts["chart_generation"] = copy_facts(chart.copy, chart.layout.names)
         if self.picture is not None:
             facts["picture"] = self.picture.facts(self.picture_folder)
         return facts
@@ -250,4 +254,4 @@ def _chart_result(capture: Capture, records: CaptureRecords) -> ChartResult | No
         return None
     return ChartResult(chart.detection, chart.samples, fit.predicted,
                        fit.irradiance / np.fmax.reduce(fit.irradiance), capture.layout,
-                       fit.left_out, fit.prior, records.calibrate.other_charts)
+                       fit.left_out, fit.prior, records.calibrate.other_charts, fit.copy)

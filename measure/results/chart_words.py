@@ -6,12 +6,18 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from spectrabox.radiometry.records.calibration import Calibration, HeldOutPatches, LightPosterior
+from spectrabox.radiometry.records.calibration import (
+    Calibration,
+    ChartCopy,
+    HeldOutPatches,
+    LightPosterior,
+)
 
 TWO_SIGMA = 2.0
 CHANCE = 0.05           # of naming any patch of a chart of which nothing is wrong
 POOR = 0.85             # of a patch's band: below it a reason is given
 DARK = 0.12             # mean reflectance below which glare may be what changes a patch's level
+LARGE_DEPARTURE = 0.03  # of a patch from copies of its edition, that matters
 NEAR = 1.0              # standard errors: a level that is nearer explains nothing
 
 
@@ -30,6 +36,64 @@ def chart_level_notes(patches: HeldOutPatches, names: Sequence[str]) -> tuple[st
     each = "; ".join(f"{names[patch]} {_reason(patches, patch)}" for patch in named)
     return (f"{each}; photograph the chart again without, or leave these patches out "
             "(chart.leave_out)",)
+
+
+def chart_copy_notes(copy: ChartCopy, names: Sequence[str]) -> tuple[str, ...]:
+    """Patches that are lighter, darker or of another tint than in copies of the chart's edition, by
+    more than chance and by enough to matter.
+
+    Parameters
+    ----------
+    copy : ChartCopy
+    names : sequence of I str
+    """
+    said, white = [], int(copy.reflectances.mean(axis=1).argmax())
+    for size, error, words in (
+            (copy.level, copy.level_error, ("low", "high")),
+            (copy.tint, copy.tint_error, ("low in the blue against the red (yellower)",
+                                          "high in the blue against the red (bluer)"))):
+        # white is looked at for itself; of the others the worst of all is named only beyond chance
+        limit = np.where(np.arange(size.size) == white, TWO_SIGMA, -ndtri(CHANCE / 2 / size.size))
+        named = np.flatnonzero((np.abs(size) > LARGE_DEPARTURE) & (np.abs(size) > limit * error))
+        said += [f"{names[patch]} reads {abs(size[patch]):.0%} ± {error[patch]:.0%} "
+                 f"{words[int(size[patch] > 0)]}" for patch in named.tolist()]
+    if not said:
+        return ()
+    return (f"this chart is not as copies of its edition are: {'; '.join(said)}: another edition, "
+            "worn or dirty; measure it (chart.reference) or replace it",)
+
+
+def edition_sentence(copy: ChartCopy) -> str:
+    """Of which edition a chart is taken to be, and how likely that is.
+
+    Parameters
+    ----------
+    copy : ChartCopy
+    """
+    return (f"chart reference {copy.edition} ({copy.probability:.0%}), each patch within what "
+            "copies differ by")
+
+
+def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object] | None:
+    """The copy of a chart as plain numbers: ``chart_generation`` of docs/reference/json.md.
+
+    Parameters
+    ----------
+    copy : ChartCopy or None
+        None where reflectances were stated.
+    names : sequence of I str
+        Of the patches.
+    """
+    if copy is None:
+        return None
+    columns = (copy.level, copy.level_error, copy.tint, copy.tint_error)
+    rows = [{"name": name, "level": level, "level_error": level_error, "tint": tint,
+             "tint_error": tint_error}
+            for name, level, level_error, tint, tint_error in zip(
+                names, *(column.tolist() for column in columns), strict=True)]
+    return {"reference": copy.edition, "probability": copy.probability,
+            "log_evidence": copy.evidence, "notes": list(chart_copy_notes(copy, names)),
+            "patches": rows}
 
 
 def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from spectrabox.calibrate.chart_calibration import (
     calibration_from_curves,
     through_filter,
 )
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.chart_photo import ChartPhoto, first_date
 from spectrabox.calibrate.light_error import OTHER_LIGHT, SAME_LIGHT, light_difference
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
@@ -33,8 +33,9 @@ from spectrabox.measure.records import (
     ChartFit,
     MeasuredChart,
 )
-from spectrabox.measure.results.chart_words import chart_level_notes
+from spectrabox.measure.results.chart_words import chart_copy_notes, chart_level_notes
 from spectrabox.measure.steps.work import Work
+from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -129,12 +130,16 @@ def _chart_photos(capture: Capture, records: CaptureRecords,
     """The charts as their fits take them, by view."""
     bands = capture.band_names(records.photo.bands)
     photos = {}
+    taken_at = first_date([records.chart.charts[view.name].samples
+                           for view in capture.views_with_chart])
     for view in capture.views_with_chart:
         chart = capture.lit_chart
         measured = records.chart.charts[view.name]
-        photos[view.name] = ChartPhoto(measured.samples, chart.reflectances, view.light_of_fit,
-                                       irradiance, chart.excluded, chart.layout,
-                                       view.filter_of_fit, bands)
+        of = () if chart.stated else editions(chart.layout, taken_at)
+        photos[view.name] = ChartPhoto(measured.samples,
+                                       of[0].mean if of else chart.reflectances,
+                                       view.light_of_fit, irradiance, chart.excluded, chart.layout,
+                                       view.filter_of_fit, bands, of)
     return photos
 
 
@@ -168,9 +173,12 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
         if first.chart:
             fit = calibrate_chart([photos[name] for name in fitted], FINE_GRID, options)
             camera, prior_fit = fit.calibration, fit.prior_fit
-            held_out[first.name] = held_out_patches(fit, photos[first.name].reflectances)
+            held_out[first.name] = held_out_patches(fit, fit.reflectances)
             notes += tuple(f"{first.chart_names[0]}: {note}" for note in chart_level_notes(
                 held_out[first.name], capture.layout.names))
+            if fit.copy is not None:
+                notes += tuple(f"{first.chart_names[0]}: {note}" for note in chart_copy_notes(
+                    fit.copy, capture.layout.names))
             if not first.name:
                 of_first = fit
         else:
@@ -226,7 +234,7 @@ def _records(fits: _Fits, charts: Mapping[str, MeasuredChart], irradiance: np.nd
         patch_error = None if fit.prior_fit is None else np.array(fit.prior_fit.patch_error)
         chart = ChartFit(fit.predicted, irradiance,
                          certain_glare(fit.prior_fit, charts[""].thumbnail), patch_error,
-                         fit.prior_influence, fits.held_out[""])
+                         fit.prior_influence, fits.held_out[""], fit.copy)
     others = {name: patches for name, patches in fits.held_out.items() if name}
     return CalibrationRecords(fits.calibrations, fits.whites, chart, others, notes + fits.notes)
 

@@ -23,7 +23,7 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile
 def inputs_of_charts(capture: Capture) -> dict[str, Any]:
     """What of a capture the charts depend on."""
     chart = capture.lit_chart
-    return {"chart": [chart.layout, chart.reflectances, chart.corners_px],
+    return {"chart": [chart.layout, chart.reflectances, chart.stated, chart.corners_px],
             "photos": {view.name: view.chart for view in capture.views_with_chart},
             "lights": lights_of(capture), "development": capture.development,
             "drift": capture.drift, "channels": channels_from(capture)}

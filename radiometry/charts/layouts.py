@@ -13,7 +13,13 @@ from string import ascii_uppercase
 import numpy as np
 from pydantic import Field
 
-from spectrabox.radiometry.chart import CLASSIC, Chart, grid_chart, outlined_chart
+from spectrabox.radiometry.chart import (
+    CLASSIC,
+    GLOSSY_PATCHES,
+    Chart,
+    grid_chart,
+    outlined_chart,
+)
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, nearest, read_toml
 from spectrabox.radiometry.errors import InputError
 
@@ -77,7 +83,7 @@ def _small_classic(name: str, patch: float, pitch: tuple[float, float]) -> Chart
                       neutrals=CLASSIC.names[18:])
     return dataclasses.replace(laid, fiducial_names=CLASSIC.fiducial_names,
                                other_names=CLASSIC.other_names, references=CLASSIC.references,
-                               generations=CLASSIC.generations, detectable=True, black_frame=True)
+                               detectable=True, black_frame=True)
 
 
 PASSPORT = _small_classic("ColorChecker Passport", 12.4, (15.0, 15.0))
@@ -86,7 +92,8 @@ NANO = _small_classic("ColorChecker Nano", 4.1, (5.0, 5.0))
 DIGITAL_SG = dataclasses.replace(
     grid_chart("ColorChecker Digital SG", 10, 14, _named("ABCDEFGHIJKLMN", 10), (12.675, 12.75),
                (15.175, 15.25), neutrals=SG_NEUTRALS), detectable=True,
-    colours="ColorCheckerSG - After November 2014", references=("BeyondRGB Digital SG",))
+    colours="ColorCheckerSG - After November 2014", references=("BeyondRGB Digital SG",),
+    gloss=GLOSSY_PATCHES)
 SPYDERCHECKR_24 = dataclasses.replace(
     grid_chart("SpyderCheckr 24", 6, 4, _named("EFGH", 6), (88.5, 88.5), (102.0, 102.0),
                neutrals=SPYDER_NEUTRALS), other_names=(_named("ABCD", 6),))

@@ -141,6 +141,22 @@ def share_inside(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> np.
 
 
 @dataclass(frozen=True, eq=False)
+class ChartCopy(Record):
+    """What photos say of the copy of a chart whose reflectances nobody stated: of which edition it
+    is, and how its patches depart from the mean of that edition. Logarithms, with standard errors.
+    """
+
+    edition: str
+    probability: float                              # of that edition
+    evidence: dict[str, float]                      # of each edition, nats over the usual one
+    level: Annotated[np.ndarray, "I"]               # of each patch, from 430 nm on
+    level_error: Annotated[np.ndarray, "I"]
+    tint: Annotated[np.ndarray, "I"]                # blue less red: negative where it is yellower
+    tint_error: Annotated[np.ndarray, "I"]
+    reflectances: Annotated[np.ndarray, "I P"]      # of this copy, most likely
+
+
+@dataclass(frozen=True, eq=False)
 class HeldOutPatches(Record):
     """Reflectance of each patch of a chart from its own signal and a calibration without it."""
 

@@ -38,6 +38,7 @@ class RawFrame(Record):
     sha256: str
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # R, G, B of X, Y, Z, any scale
     matrix_of_file: bool = False                    # stated by the file, not known to LibRaw
+    taken_at: str = ""                              # "2026-11-23 14:05:09", by the camera's clock
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,7 @@ class LinearImage(Record):
     sha256: str
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
     matrix_of_file: bool = False
+    taken_at: str = ""                              # as in the raw frame
 
     @property
     def clipped_share(self) -> float:
@@ -84,6 +86,7 @@ class PatchSamples(Record):
     saturated_fraction: Annotated[np.ndarray, "I K"]
     gradient: Annotated[np.ndarray, "I K"]          # relative change across the patch
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # where LibRaw knows the camera
+    taken_at: str = ""                              # as in the raw frame
 
     @property
     def clipped(self) -> np.ndarray:

@@ -220,7 +220,8 @@ def _chart(config: SessionConfig) -> LitChart:
     corners = config.chart.corners_px
     return LitChart(layout, read_chart_reference(config, layout),
                     excluded_patches(config.chart.leave_out, layout, "chart.leave_out"),
-                    None if corners is None else np.array(corners))
+                    None if corners is None else np.array(corners),
+                    config.chart.reference is not None or layout.reference_file is not None)
 
 
 def read_chart_reference(config: SessionConfig, layout: Chart) -> np.ndarray:

@@ -108,8 +108,8 @@ class ChartSection(Table):
     layout: str = Field("ColorChecker Classic", description="name of a chart that is sold, or a "
                         "file NAME.toml of one's own")
     reference: str | None = Field(None, description="published reflectances by name, or a file of "
-                                  "measured ones; the layout's own by default: \"BabelColor "
-                                  "Average\" of a ColorChecker")
+                                  "measured ones; by default what copies of the chart are "
+                                  "like, and how they differ")
     scene: str | None = Field(None, description="Mitsuba XML with the light and a rectangle of id "
                               "\"chart\"")
     corners_px: ListOf[ListOf[float]] | None = Field(

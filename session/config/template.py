@@ -44,7 +44,7 @@ chart = "photos/chart.dng"          # a ColorChecker Classic under the same ligh
 
 [chart]
 # layout = "{CHART.layout}"   # or another chart that is sold, or a file of your own
-reference = "BabelColor Average"    # or "ISO 17321-1", "ColorChecker N Ohta", or your own file
+# reference = "spectra/chart.csv"   # your own, measured; by default copies as they are sold
 scene = "scene/chart.xml"           # light and chart in place; the chart is a rectangle, id "chart"
 # Only if the chart is not found: its corners at dark skin, bluish green, black and white.
 # corners_px = [[x, y], [x, y], [x, y], [x, y]]

@@ -183,7 +183,8 @@ def as_lit_chart(layout: str | Path | Chart | None, reference: str | None,
     chart = as_chart(layout)
     return LitChart(chart, reference_reflectances(reference, chart, FINE_GRID),
                     np.zeros(len(chart.names), bool),
-                    None if corners is None else np.asarray(corners, float))
+                    None if corners is None else np.asarray(corners, float),
+                    reference is not None or chart.reference_file is not None)
 
 
 def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],

@@ -1,0 +1,65 @@
+"""The copy of a chart that photos show, where nobody stated its reflectances."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from spectrabox.calibrate.chart_equations import copy_patterns
+from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
+from spectrabox.calibrate.copy_errors import copy_posterior, edition_errors
+from spectrabox.calibrate.sensitivity import PriorFit
+from spectrabox.radiometry.records.calibration import ChartCopy
+from spectrabox.radiometry.records.spectra import WavelengthGrid
+
+COPY_ERROR = 0.03   # relative, of the level of a patch: one copy against the mean of several
+
+
+def of_edition(photo: ChartPhoto, name: str) -> ChartPhoto:
+    """The photo with its chart taken to be of one of its editions.
+
+    Parameters
+    ----------
+    photo : ChartPhoto
+    name : str
+    """
+    ordered = tuple(sorted(photo.editions, key=lambda edition: edition.name != name))
+    return replace(photo, reflectances=ordered[0].mean, editions=ordered)
+
+
+def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
+                  grid: WavelengthGrid) -> ChartCopy | None:
+    """What photos say of the copy of their chart; None where its reflectances were stated.
+
+    Parameters
+    ----------
+    photos : sequence of ChartPhoto
+        As they were fitted.
+    fit : PriorFit
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    used, _ = used_and_excluded(photos, grid)
+    errors, (mine, *further) = copy_patterns(used), photos[0].editions or (None,)
+    if errors is None or mine is None:
+        return None
+    others = np.zeros((len(further), len(errors)))
+    if further:
+        means = np.array([edition.mean for edition in further])
+        others = np.concatenate([edition_errors(
+            photo.signal, ~photo.readable, photo.reflectances, means[:, shown.used], photo.power,
+            grid).reshape(len(further), -1) for photo, shown in zip(used, photos, strict=True)],
+            axis=1)
+    found = copy_posterior(fit.explained, errors, others, mine, grid)
+    nats = {mine.name: 0.0, **dict(zip((edition.name for edition in further),
+                                       found.log_odds.tolist(), strict=True))}
+    editions = sorted(photos[0].editions, key=lambda edition: -edition.share)
+    usual = nats[editions[0].name]
+    nats = {edition.name: nats[edition.name] - usual for edition in editions}
+    odds = np.array([np.log(edition.share) + nats[edition.name] for edition in editions])
+    shares = np.exp(odds - odds.max()) / np.exp(odds - odds.max()).sum()
+    likely = int(np.argmax(shares))
+    return ChartCopy(editions[likely].name, float(shares[likely]), nats, found.level,
+                     found.level_error, found.tint, found.tint_error,
+                     mine.mean * np.exp(found.departure))

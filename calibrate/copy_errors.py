@@ -1,0 +1,166 @@
+"""What the copy of a chart does to the signals of its patches, and what they say of the copy.
+
+A copy departs from the mean of its edition by terms of unit normals (``ChartCopies``), and each
+band of a patch sees a share of them: of which wavelengths, the chart itself tells well enough.
+All further errors of the signals being Gaussian too, the terms given the signals are
+
+    mean = C^T W r,  covariance = 1 - C^T W C
+
+with C the signals by the terms and W the inverse covariance of the innovations r. Fall-off over the
+chart, exposure, glare and camera are in W: where they look like a darker patch, the error says so.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.special import logsumexp
+
+from spectrabox.radiometry.charts.classic_copies import ChartCopies
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records.spectra import WavelengthGrid
+from spectrabox.radiometry.shaped import Record
+
+NODES_NM = 20.0             # of the bands as the chart itself shows them
+ROUGHNESS = 0.02            # of them, against relative errors of signals
+DARK_SHARE = 0.03           # of the brightest patch: below it errors are no longer relative
+LEVEL_FROM_NM = 430.0       # the level of a patch is what it reflects from here on
+BLUE_NM, RED_NM = (430.0, 490.0), (600.0, 700.0)    # whose difference is a patch's tint
+
+
+@dataclass(frozen=True, eq=False)
+class Explained(Record):
+    """What a fit leaves of all signals of its photos."""
+
+    weights: Annotated[np.ndarray, "C"]             # of components of the prior, summing to 1
+    weighted: Annotated[np.ndarray, "C Y"]          # innovations by each times the inverse
+    inverse: Annotated[np.ndarray, "Y Y"]           # of the innovations' covariance
+
+
+@dataclass(frozen=True, eq=False)
+class CopyPosterior(Record):
+    """What photos say of the copy of a chart, relative to the mean of its edition: logarithms with
+    their standard errors.
+    """
+
+    level: Annotated[np.ndarray, "I"]               # of each patch, from 430 nm on
+    level_error: Annotated[np.ndarray, "I"]
+    tint: Annotated[np.ndarray, "I"]                # blue less red: negative where it is yellower
+    tint_error: Annotated[np.ndarray, "I"]
+    departure: Annotated[np.ndarray, "I P"]         # of log reflectance, mean
+    log_odds: Annotated[np.ndarray, "E"]            # evidence for each further mean, nats over this
+
+
+def copy_errors(signal: np.ndarray, clipped: np.ndarray, copies: ChartCopies,
+                weights_nm: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
+    """Signals (I, K, R) by the terms of a copy: R = I Q of the patches' own, then S in common.
+
+    Parameters
+    ----------
+    signal : (I, K) array
+    clipped : (I, K) bool array
+        Signals that say nothing.
+    copies : ChartCopies
+    weights_nm : (P,) array
+        Of the integral, times the light.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    seen, shares = _seen(signal, clipped, copies.mean, weights_nm, grid)
+    patches, bands = signal.shape
+    own = seen[:, :, None] * np.einsum("ikp,ipq->ikq", shares, copies.own)
+    common = seen[:, :, None] * np.einsum("ikp,ips->iks", shares, copies.common)
+    each = np.einsum("ikq,ij->ikjq", own, np.eye(patches)).reshape(patches, bands, -1)
+    return np.concatenate([each, common], axis=2)
+
+
+def edition_errors(signal: np.ndarray, clipped: np.ndarray, mean: np.ndarray, others: np.ndarray,
+                   weights_nm: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
+    """Signals (E, I, K) that another mean of the copies would add.
+
+    Parameters
+    ----------
+    signal, clipped, weights_nm, grid
+        As of ``copy_errors``.
+    mean : (I, P) array
+        Reflectance.
+    others : (E, I, P) array
+        Reflectances of other editions.
+    """
+    seen, shares = _seen(signal, clipped, mean, weights_nm, grid)
+    return np.asarray(seen * np.einsum("ikp,eip->eik", shares, others / mean - 1))
+
+
+def _seen(signal: np.ndarray, clipped: np.ndarray, reflectances: np.ndarray,
+          weights_nm: np.ndarray, grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Signals (I, K) that patches themselves give, and the share (I, K, P) of each wavelength, by
+    bands without negative parts that explain the chart.
+    """
+    nodes = np.append(np.arange(grid.nm[0], grid.nm[-1], NODES_NM), grid.nm[-1])
+    basis = interpolation_matrix(nodes, grid.nm)
+    design = np.column_stack([(reflectances * weights_nm) @ basis, np.zeros(len(signal))])
+    design /= design.mean()
+    rough = np.zeros((nodes.size - 2, nodes.size + 1))
+    for row in range(nodes.size - 2):
+        rough[row, row:row + 3] = 1, -2, 1
+    seen, shares = np.empty(signal.shape), np.empty((*signal.shape, grid.nm.size))
+    for band, measured in enumerate(signal.T):
+        brightest = measured.max()
+        error = np.maximum(measured, DARK_SHARE * brightest) / brightest
+        use = np.where(clipped[:, band], 0, 1 / error)[:, None]
+        design[:, -1] = 1
+        found, _ = nnls(np.vstack([design * use, ROUGHNESS * nodes.size**2 * rough]),
+                        np.r_[use[:, 0] * measured / brightest, np.zeros(len(rough))])
+        each = reflectances * weights_nm * (basis @ (found[:-1] + 1e-6))
+        shares[:, band] = each / each.sum(axis=1, keepdims=True)
+        seen[:, band] = np.maximum(measured - found[-1] * brightest,
+                                   DARK_SHARE / 10 * brightest)
+    return seen, shares
+
+
+def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
+                   copies: ChartCopies, grid: WavelengthGrid) -> CopyPosterior:
+    """What photos say of the copy of their chart.
+
+    Parameters
+    ----------
+    explained : Explained
+        By the fit of the photos.
+    errors : (Y, R) array
+        Signals of all photos by the terms of the copy.
+    others : (E, Y) array
+        What the means of other editions would add to them.
+    copies : ChartCopies
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    weighted = explained.weighted @ errors                      # (C, R)
+    terms = explained.weights @ weighted
+    away = (weighted - terms) * np.sqrt(explained.weights)[:, None]
+    covariance = np.eye(terms.size) - errors.T @ explained.inverse @ errors + away.T @ away
+    gains = explained.weighted @ others.T - 0.5 * np.einsum(
+        "ey,yz,ez->e", others, explained.inverse, others)       # (C, E), nats
+    log_odds = logsumexp(gains, b=explained.weights[:, None], axis=0)
+    patches, _, own = copies.own.shape
+    nm = grid.nm
+    readings = (nm >= LEVEL_FROM_NM, (nm >= BLUE_NM[0]) & (nm <= BLUE_NM[1]),
+                (nm >= RED_NM[0]) & (nm <= RED_NM[1]))
+    level, blue, red = (_mean_departure(copies, part) for part in readings)
+    values = []
+    for rows in (level, blue - red):
+        values += [rows @ terms, np.sqrt(np.maximum(np.einsum("ir,rs,is->i", rows, covariance,
+                                                              rows), 0))]
+    departure = np.einsum("ipq,iq->ip", copies.own, terms[:patches * own].reshape(patches, own)) \
+        + copies.common @ terms[patches * own:]
+    return CopyPosterior(values[0], values[1], values[2], values[3], departure, log_odds)
+
+
+def _mean_departure(copies: ChartCopies, chosen: np.ndarray) -> np.ndarray:
+    """Departure (I, R) of what each patch reflects over some wavelengths, by the terms."""
+    patches = len(copies.mean)
+    reflected = copies.mean[:, chosen] / copies.mean[:, chosen].sum(axis=1, keepdims=True)
+    own = np.einsum("ip,ipq,ij->ijq", reflected, copies.own[:, chosen], np.eye(patches))
+    common = np.einsum("ip,ips->is", reflected, copies.common[:, chosen])
+    return np.hstack([own.reshape(patches, -1), common])

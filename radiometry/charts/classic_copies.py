@@ -1,0 +1,137 @@
+"""How copies of a chart differ: what is known beforehand of the one that was photographed.
+
+Editions and measured copies of the ColorChecker Classic differ from their mean by .012 to .017 of
+reflectance, relative to their greys: in the level of a patch by 2 to 3 %, of a white by 3 %; in
+where edges lie and how deep absorptions are, within some 25 nm; and by a yellowing that white and
+light greys share. Logarithms are what varies, each term an independent unit normal.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated
+
+import numpy as np
+
+from spectrabox.radiometry.chart import (
+    COPIES_BEFORE_2014,
+    COPIES_SINCE_2014,
+    Chart,
+    chart_reflectances,
+)
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.spectra import WavelengthGrid
+from spectrabox.radiometry.shaped import Record
+
+# Standard deviations of the logarithm of reflectance, of editions and measured copies about their
+# mean: level of a coloured patch, of white, of a grey; shape of a coloured patch and of a neutral
+# one, the wavelengths over which it holds, and what dark parts of spectra add in reflectance
+LEVEL, WHITE_LEVEL, GREY_LEVEL = 0.025, 0.026, 0.013
+SHAPE, SHAPE_NM, NEUTRAL_SHAPE, NEUTRAL_SHAPE_NM = 0.032, 25.0, 0.01, 60.0
+DARK, DARK_NEUTRAL = 0.003, 0.001
+# in common: a yellowing of neutrals, in proportion to their reflectance, at 400 nm, and the
+# wavelengths over which it fades; the level of a whole chart
+YELLOWING, YELLOWING_NM, CHART_LEVEL = 0.05, 80.0, 0.01
+KEPT = 0.995            # of the variance of shapes, by their principal terms
+ANOTHER = 1.5           # of a chart of which one copy alone is known: its errors over a Classic's
+# share of charts in use that were made before November 2014, where no date says more
+SHARE_BEFORE_2014 = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class ChartCopies(Record):
+    """Charts of one edition as a distribution: log reflectance = that of the mean + own terms of
+    each patch + terms that patches have in common.
+    """
+
+    name: str
+    mean: Annotated[np.ndarray, "I P"]              # reflectance
+    own: Annotated[np.ndarray, "I P Q"]             # log reflectance by a patch's own terms
+    common: Annotated[np.ndarray, "I P S"]
+    share: float = 1.0                              # of charts in use that are of this edition
+
+    def drawn(self, rng: np.random.Generator) -> np.ndarray:
+        """Reflectances (I, P) of one copy.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        """
+        patches, _, own = self.own.shape
+        departure = np.einsum("ipq,iq->ip", self.own, rng.standard_normal((patches, own)))
+        return np.asarray(self.mean * np.exp(
+            departure + self.common @ rng.standard_normal(self.common.shape[2])))
+
+
+def copies_of(name: str, mean: np.ndarray, neutrals: tuple[int, ...], grid: WavelengthGrid,
+              share: float = 1.0, larger: float = 1.0) -> ChartCopies:
+    """Copies of a chart about their mean, with the errors of a ColorChecker Classic.
+
+    Parameters
+    ----------
+    name : str
+    mean : (I, P) array
+    neutrals : tuple of int
+        Neutral patches, lightest first.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    share : float
+        Of charts in use.
+    larger : float
+        Factor in all errors; ``ANOTHER`` for a chart of which one copy alone is known.
+    """
+    level = np.full(len(mean), LEVEL)
+    level[list(neutrals)] = GREY_LEVEL
+    level[list(neutrals[:1])] = WHITE_LEVEL
+    is_neutral = np.isin(np.arange(len(mean)), neutrals)[:, None]
+    shape = np.where(is_neutral, np.hypot(NEUTRAL_SHAPE, DARK_NEUTRAL / mean),
+                     np.hypot(SHAPE, DARK / mean))
+    smooth, broad = (_principal(grid, width) for width in (SHAPE_NM, NEUTRAL_SHAPE_NM))
+    broad = np.pad(broad, ((0, 0), (0, smooth.shape[1] - broad.shape[1])))
+    shapes = shape[:, :, None] * np.where(is_neutral[:, :, None], broad, smooth)
+    own = np.concatenate([np.broadcast_to(level[:, None, None], (*mean.shape, 1)), shapes], axis=2)
+    yellow = YELLOWING * np.exp((grid.nm[0] - grid.nm) / YELLOWING_NM) * mean * is_neutral
+    common = np.stack([yellow, np.full(mean.shape, CHART_LEVEL)], axis=2)
+    return ChartCopies(name, mean, larger * own, larger * common, share)
+
+
+def _principal(grid: WavelengthGrid, width_nm: float) -> np.ndarray:
+    """Terms (P, Q) of smooth curves of unit variance that hold over a width."""
+    kernel = np.exp(-0.5 * ((grid.nm[:, None] - grid.nm) / width_nm) ** 2)
+    values, vectors = np.linalg.eigh(kernel)
+    values, vectors = values[::-1], vectors[:, ::-1]
+    kept = 1 + int(np.searchsorted(np.cumsum(values), KEPT * values.sum()))
+    terms = vectors[:, :kept] * np.sqrt(values[:kept])
+    return np.asarray(terms / np.linalg.norm(terms, axis=1, keepdims=True))
+
+
+def editions(chart: Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
+    """The editions that a chart of a layout may be of, the likelier first, on FINE_GRID; none where
+    no copies of it are known.
+
+    Parameters
+    ----------
+    chart : Chart
+    taken_at : str
+        When it was photographed, as 2014-10-31 with or without more; empty where that is not known.
+    """
+    if not chart.references:
+        return ()
+    if COPIES_SINCE_2014 not in chart.references:
+        name = chart.references[0]
+        return (copies_of(name, chart_reflectances(name, FINE_GRID, chart), chart.neutrals,
+                          FINE_GRID, larger=ANOTHER),)
+    since, before = _classic_editions()
+    if taken_at and taken_at < "2014-11":
+        return (before,)
+    return since, before
+
+
+@lru_cache(maxsize=1)
+def _classic_editions() -> tuple[ChartCopies, ChartCopies]:
+    neutrals = tuple(range(18, 24))
+    since, before = (
+        copies_of(name, chart_reflectances(name, FINE_GRID), neutrals, FINE_GRID, share)
+        for name, share in ((COPIES_SINCE_2014, 1 - SHARE_BEFORE_2014),
+                            (COPIES_BEFORE_2014, SHARE_BEFORE_2014)))
+    return since, before
