@@ -30,8 +30,6 @@ from spectrabox.radiometry.error_model import (
     REPEATABILITY,
     ROUNDED_EXPOSURES,
     SAMPLE_PLANE,
-    SURFACE_REFLECTION,
-    SURFACE_REFLECTIONS,
 )
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import (
@@ -261,10 +259,6 @@ def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, photos):
         np.testing.assert_allclose(estimate[cause], covariance, rtol=1e-12)
     both = np.outer(white.signal[0], white.signal[0])
     np.testing.assert_allclose(estimate[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
-    # satin is stated of the cloth, nothing of the card: light that is added to all bands at once
-    card = errors_of_region("card", [(flat_photo(), white)], ERRORS)
-    for errors, word in ((estimate, "satin"), (card, None)):
-        np.testing.assert_allclose(errors[SURFACE_REFLECTION], SURFACE_REFLECTIONS[word] ** 2)
 
 
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):

@@ -23,8 +23,8 @@ from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SE
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
 from spectrabox.measure.pictures.shown_bands import ShownBands
 from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
 from spectrabox.sampling.prior.uplift_table import MAX_SIGNAL, Uplifted, uplift_signals
 
 GREY = 0.3                  # signal by whose error the places of a photo are compared
@@ -89,6 +89,11 @@ class LitPhoto:
     def prior(self) -> LogitMixture:
         """Of the reflectances."""
         return self.errors.prior
+
+    @property
+    def gloss(self) -> CaptureStates:
+        """What surfaces may mirror, relative to white."""
+        return self.errors.gloss
 
     @property
     def responses(self) -> np.ndarray:
@@ -199,8 +204,8 @@ class LitPhoto:
         block : PhotoBlock
             With all that errors of single pixels need.
         coarse : bool
-            As means of many pixels need it: without the errors of sensitivities and light, and no
-            nearer to modes than those need it.
+            As means of many pixels need it: without the errors of sensitivities and light, with
+            gloss as one Gaussian error, and no nearer to modes than those need it.
         """
         assert block.white is not None and block.variance is not None
         count, within = len(block.measured), block.within
@@ -212,11 +217,17 @@ class LitPhoto:
             light, seen = self._light_and_bands(number)
             covariance = self.errors.at_white(within[own], block.white.rows(own),
                                               block.variance[own])
-            if not coarse:
+            signals, gloss = within[own][:, seen], self.gloss.through(np.eye(seen.size)[seen])
+            if coarse:
+                part = uplift_signals(
+                    self.prior, self.responses[number][seen], signals - gloss.pattern @ gloss.mean,
+                    covariance[:, seen][..., seen]
+                    + gloss.pattern @ gloss.covariance @ gloss.pattern.T,
+                    tolerance=COARSE_TOLERANCE)
+            else:
                 covariance += self.errors.by_curves(within[own], light, seen)
-            part = uplift_signals(self.prior, self.responses[number][seen], within[own][:, seen],
-                                  covariance[:, seen][..., seen],
-                                  tolerance=COARSE_TOLERANCE if coarse else TOLERANCE)
+                part = uplift_signals(self.prior, self.responses[number][seen], signals,
+                                      covariance[:, seen][..., seen], states=gloss)
             for name, values in vars(whole).items():
                 values[own] = getattr(part, name)
         return whole
