@@ -24,6 +24,7 @@ from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spectra, survey_rows
 from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
 from spectrabox.measure.pictures.shown_bands import shown_bands
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.reconstruct.pixel_light import LightNodes
@@ -39,7 +40,8 @@ def errors_of(white, **changes):
     none = np.zeros((bands, bands))
     parts = dict.fromkeys(("between", "light", "calibrations", "fine_responses", "prior"))
     parts |= {"white": white, "glare": np.zeros(bands), "glare_covariance": none,
-              "photo_of_band": np.zeros(bands, int), "reflection": none, "relative": none}
+              "photo_of_band": np.zeros(bands, int), "relative": none,
+              "gloss": gloss_states("matt", ["lamp"] * bands)}
     return PixelErrors(**parts | changes)
 
 
@@ -172,7 +174,7 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     scene = SimpleNamespace(
         crop=crop, to_signals=to_signals, calibration=None, prior=None,
         edges=np.zeros((12, 16), bool), drift=None, veil=np.zeros(bands), ambient=ambient,
-        reflection=0.0,
+        surface=None,
         view=SimpleNamespace(photo=photo(), grid=GRID,
                              sensitivities=np.ones((bands, GRID.nm.size))),
         traced=SimpleNamespace(nodes=nodes, relative_variance=np.full(row.size, traced_noise**2),
