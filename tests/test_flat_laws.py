@@ -31,6 +31,7 @@ from spectrabox.radiometry.error_model import (
     ROUNDED_EXPOSURES,
     SAMPLE_PLANE,
 )
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -201,9 +202,9 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     covariance = size[:, None] * unknowns()[:6, :6] * size
     white = White(LEVEL[None], covariance[None, :3, :3], covariance[None, :3, 3:])
     veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[4e-6, 6e-6, 5e-6]])
-    shared = 0.01**2 * np.eye(3)
+    shared, mirrored = 0.01**2 * np.eye(3), gloss_states("glossy", ["lamp"] * 3)
     errors = PixelErrors(None, white, None, GLARE, covariance[3:, 3:] + np.outer(veil, veil),
-                         None, shared + model**2 * np.eye(3), None, None,
+                         mirrored, shared + model**2 * np.eye(3), None, None,
                          None, None)
     signal = np.array([[0.15, 0.4, 0.25]])
     draws = rng.multivariate_normal(np.zeros(6), covariance, DRAWS)
@@ -212,7 +213,8 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
             + rng.standard_normal((DRAWS, 1)) * veil - GLARE - draws[:, 3:]) \
         / (LEVEL * np.exp(draws[:, :3]))
     read = read * (1 + 0.01 * rng.standard_normal((DRAWS, 3))) \
-        * (1 + model * rng.standard_normal((DRAWS, 3)))
+        * (1 + model * rng.standard_normal((DRAWS, 3))) \
+        + mirrored.covariance[0, 0]**0.5 * rng.standard_normal((DRAWS, 1))
     estimate = errors.at_white(signal, white, noise)[0]
     size = np.sqrt(np.diag(estimate))
     # as above

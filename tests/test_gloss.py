@@ -4,7 +4,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
 from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
 from spectrabox.radiometry.error_model import (
     PHOTO_NOISE,
@@ -17,15 +16,8 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published
-from spectrabox.sampling.prior.local_posteriors import local_posteriors
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.prior.uplift_table import (
-    build_tables,
-    interpolation,
-    points_around,
-    uplift_signals,
-)
 
 from tests.sampling_cameras import curves
 
@@ -130,39 +122,3 @@ def test_a_gloss_of_one_place_of_the_lamp_is_one_and_of_two_places_two_alike():
     assert drawn.min() >= 0
     # what is cut off below 0 moves the mean by 1 % of it
     assert drawn.mean() == pytest.approx(one.mean[0], rel=0.03)
-
-
-@pytest.mark.parametrize("photos", [1, 2])
-def test_pixels_tell_the_gloss_as_regions_do(photos):
-    """Tables of three bands and posteriors near signals of six: each answers as a region would."""
-    prior, rows = load_prior(), bands(photos)[:, AT_5_NM]
-    rows = rows / rows.sum(axis=1, keepdims=True)
-    truth = np.repeat(SURFACES[:8, AT_5_NM], 3, axis=0)
-    states = gloss_states(None, ["lamp"] * len(rows))
-    signals = truth @ rows.T + np.tile([0, 0.01, 0.03], 8)[:, None]
-
-    def errors(of):
-        return [((0.02 * of)**2 + 0.002**2)[:, :, None] * np.eye(len(rows))]
-
-    plain, alone = (uplift_signals(prior, rows, signals, errors(signals)[0], states=own)
-                    for own in (None, states))
-    # light that can only add: darker on the whole, and wider
-    assert alone.mean.mean() < plain.mean.mean() - 0.005
-    assert alone.standard_deviation.mean() > plain.standard_deviation.mean()
-    if photos == 1:
-        off = []
-        for own, exact in ((None, plain), (states, alone)):
-            table, = build_tables(prior, rows, errors, points_around(signals, 17), states=own)
-            mean = interpolation(table.row, len(table.mean), signals) @ table.mean
-            off.append(np.abs(mean - exact.mean).max())
-        # between the points of the lattice the answer bends with a gloss hardly more than without
-        assert off[1] < 1.3 * off[0]
-    else:
-        whole = KeptWavelengths(5, full=True)
-        near = local_posteriors(prior, rows, errors, signals, None, whole.mean, whole.deviation,
-                                states=states)
-        values = near.values(signals.astype(np.float32), None)
-        # single precision, and a mode that is not quite reached
-        np.testing.assert_allclose(values[:, :61], alone.mean, atol=2e-3)
-        np.testing.assert_allclose(values[:, 61:122], alone.standard_deviation, atol=2e-3)
-        np.testing.assert_allclose(values[:, -1], alone.novelty, atol=0.05)

@@ -1,9 +1,10 @@
 """A photo with the light on every pixel, as signals relative to white there.
 
 White and light may come from a chart in the photo of a flat sample, or from light traced in a
-scene. A pixel's errors lie between those of the best and of the worst known places of the photo,
-for which its two tables of spectra are computed. A photo may be several of one sample, stacked;
-pixels that not all of them show have tables of their own (shown_bands.py).
+scene. What surfaces mirror is taken off by its mean. A pixel's errors lie between those of the best
+and of the worst known places of the photo, for which its two tables of spectra are computed. A
+photo may be several of one sample, stacked; pixels that not all of them show have tables of their
+own (shown_bands.py).
 """
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SE
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
 from spectrabox.measure.pictures.shown_bands import ShownBands
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
 from spectrabox.sampling.prior.uplift_table import MAX_SIGNAL, Uplifted, uplift_signals
 
 GREY = 0.3                  # signal by whose error the places of a photo are compared
@@ -39,7 +40,8 @@ SIGMAS = 4.0                # beyond white: what no reflectance gives
 class PhotoBlock(PixelBlock):
     """The n pixels of some rows of a lit photo; a mid grey stands for those without a spectrum."""
 
-    measured: np.ndarray        # (n, K) relative to white, under the typical light of each pixel
+    # (n, K) relative to white, under the typical light of each pixel, less the mean gloss
+    measured: np.ndarray
     flags: np.ndarray           # (n,) of pixel_flags.py
     grey_error: np.ndarray      # (n,) relative standard error of a mid grey there
     white: White | None         # where pixels are computed one by one
@@ -89,11 +91,6 @@ class LitPhoto:
     def prior(self) -> LogitMixture:
         """Of the reflectances."""
         return self.errors.prior
-
-    @property
-    def gloss(self) -> CaptureStates:
-        """What surfaces may mirror, relative to white."""
-        return self.errors.gloss
 
     @property
     def responses(self) -> np.ndarray:
@@ -170,6 +167,7 @@ class LitPhoto:
         if self.highlights:
             brighter = np.max(signals - MAX_SIGNAL, axis=1) > SIGMAS * grey_error
             flags[(flags == SEEN) & brighter] = HIGHLIGHT
+        signals = signals - errors.gloss.pattern @ errors.gloss.mean
         seen = flags == SEEN
         return PhotoBlock(
             np.where(seen[:, None], np.clip(signals, DARKEST, MAX_SIGNAL), GREY),
@@ -204,8 +202,8 @@ class LitPhoto:
         block : PhotoBlock
             With all that errors of single pixels need.
         coarse : bool
-            As means of many pixels need it: without the errors of sensitivities and light, with
-            gloss as one Gaussian error, and no nearer to modes than those need it.
+            As means of many pixels need it: without the errors of sensitivities and light, and no
+            nearer to modes than those need it.
         """
         assert block.white is not None and block.variance is not None
         count, within = len(block.measured), block.within
@@ -217,17 +215,11 @@ class LitPhoto:
             light, seen = self._light_and_bands(number)
             covariance = self.errors.at_white(within[own], block.white.rows(own),
                                               block.variance[own])
-            signals, gloss = within[own][:, seen], self.gloss.through(np.eye(seen.size)[seen])
-            if coarse:
-                part = uplift_signals(
-                    self.prior, self.responses[number][seen], signals - gloss.pattern @ gloss.mean,
-                    covariance[:, seen][..., seen]
-                    + gloss.pattern @ gloss.covariance @ gloss.pattern.T,
-                    tolerance=COARSE_TOLERANCE)
-            else:
+            if not coarse:
                 covariance += self.errors.by_curves(within[own], light, seen)
-                part = uplift_signals(self.prior, self.responses[number][seen], signals,
-                                      covariance[:, seen][..., seen], states=gloss)
+            part = uplift_signals(self.prior, self.responses[number][seen], within[own][:, seen],
+                                  covariance[:, seen][..., seen],
+                                  tolerance=COARSE_TOLERANCE if coarse else TOLERANCE)
             for name, values in vars(whole).items():
                 values[own] = getattr(part, name)
         return whole

@@ -73,6 +73,11 @@ class PixelErrors:
         return self.light.responses
 
     @cached_property
+    def by_gloss(self) -> np.ndarray:
+        """Covariance (K, K) of signals by what surfaces mirror."""
+        return np.asarray(self.gloss.pattern @ self.gloss.covariance @ self.gloss.pattern.T)
+
+    @cached_property
     def adaptation(self) -> LightAdaptation:
         """How signals are adapted to the typical lights."""
         return light_adaptation(self.light, self.prior)
@@ -85,7 +90,8 @@ class PixelErrors:
         return White(np.exp(parts[0]), *parts[1:])
 
     def at_white(self, signals: np.ndarray, white: White, variance: np.ndarray) -> np.ndarray:
-        """Covariance (n, K, K) of signals by all but the curves of camera and light, and gloss.
+        """Covariance (n, K, K) of signals by all but the curves of camera and light; gloss is one
+        Gaussian error, since pictures hold means and standard deviations.
 
         Parameters
         ----------
@@ -99,7 +105,7 @@ class PixelErrors:
         between = signals[:, :, None] * white.log_and_glare * inverse[:, None, :]
         covariance = _outer(signals) * (white.log + self.relative) \
             + between + between.transpose(0, 2, 1) \
-            + _outer(inverse) * self.glare_covariance
+            + _outer(inverse) * self.glare_covariance + self.by_gloss
         own = variance * inverse**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)

@@ -18,7 +18,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
-from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.local_posteriors import (
     MAX_CENTRES,
     LocalPosteriors,
@@ -101,10 +100,6 @@ class PixelSource(Protocol):
     @property
     def error_levels(self) -> int:
         """How many covariances ``table_errors`` gives."""
-
-    @property
-    def gloss(self) -> CaptureStates | None:
-        """What each surface may have mirrored in the K bands, besides the errors; None: nothing."""
 
     def block(self, first: int, last: int) -> PixelBlock:
         """The pixels of rows ``first`` to ``last``."""
@@ -268,7 +263,7 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
         uplifted = build_tables(
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
-                (done + share * own) / points), map_parts, source.gloss)
+                (done + share * own) / points), map_parts)
         smallest, *larger = (_columns(table, kept) for table in uplifted)
         tables.append(LightTable(uplifted[0].row, smallest,
                                  larger[0] - smallest if larger else None))
@@ -294,4 +289,4 @@ def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey, pr
             source.prior, response, partial(source.table_errors, light), sample.signals[own],
             None if sample.error_level is None else sample.error_level[own], kept.mean,
             kept.deviation, lambda share, light=light: progress(    # type: ignore[misc]
-                (light + share) / lights), map_parts, source.gloss)
+                (light + share) / lights), map_parts)

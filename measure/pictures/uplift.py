@@ -42,7 +42,7 @@ class ImageSource:
     noise: float                    # relative standard error of every band
     table_side: int
 
-    error_levels, gloss = 1, None       # of signals alone nobody says what a surface is
+    error_levels = 1
 
     @property
     def size(self) -> tuple[int, int, int]:

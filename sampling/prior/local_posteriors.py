@@ -20,7 +20,6 @@ import numpy as np
 from scipy.linalg import qr
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, MIN_VARIANCE, marginal_moments
 from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import (
@@ -28,11 +27,11 @@ from spectrabox.sampling.prior.mixture_posterior import (
     HERMITE_WEIGHTS,
     MixturePosterior,
     allowed_misfit,
+    posterior,
     surprise_limit,
     with_floor,
 )
 from spectrabox.sampling.prior.quantiles import stretched
-from spectrabox.sampling.prior.state_posteriors import posteriors_in_states
 from spectrabox.sampling.prior.uplift_table import (
     BATCH,
     MAX_SIGNAL,
@@ -130,8 +129,7 @@ class LocalPosteriors:
 def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors: Errors,
                      signals: np.ndarray, level: np.ndarray | None, mean: slice,
                      deviation: slice, progress: Progress = lambda share: None,
-                     map_parts: MapParts = map,
-                     states: CaptureStates | None = None) -> LocalPosteriors:
+                     map_parts: MapParts = map) -> LocalPosteriors:
     """Posteriors at centres among some signals; 300 to 500 centres a second.
 
     Parameters
@@ -150,8 +148,6 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
     progress : function of the share that is done
     map_parts : function of (function, iterable), optional
         As ``map``; of a pool of threads, on several cores.
-    states : CaptureStates, optional
-        What each surface's gloss may have added, besides the errors.
     """
     some = slice(None, None, -(-len(signals) // CHOSEN_AMONG))
     signals, level = signals[some].astype(float), None if level is None else level[some]
@@ -174,8 +170,7 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
     def part(start: int) -> tuple[np.ndarray, ...]:
         rows = slice(start, start + BATCH)
         with threadpool_limits(1, "blas"):  # threads within small products would only wait
-            return _around(prior, response, few[chosen[rows]], covariance[rows],
-                           None if states is None else states.through(gain), mean, deviation)
+            return _around(prior, response, few[chosen[rows]], covariance[rows], mean, deviation)
 
     parts = []
     for done in map_parts(part, range(0, chosen.size, BATCH)):
@@ -208,40 +203,12 @@ def _centres(features: np.ndarray) -> np.ndarray:
 
 
 def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-            covariance: np.ndarray, states: CaptureStates | None, mean: slice,
-            deviation: slice) -> tuple[np.ndarray, ...]:
-    """The number of each centre's pairs, and the arrays of LocalPosteriors from ``log_weight``; a
-    component is one in every state that a centre allows.
-    """
-    solved = posteriors_in_states(prior, relative_response, signals, covariance, states,
-                                  tolerance=TABLE_TOLERANCE)
-    parts = [_pairs(prior, relative_response, *each) for each in zip(
-        solved.signals, solved.noises, solved.mixtures, solved.shares, strict=True)]
-    together = [np.concatenate(each) for each in zip(*parts, strict=True)]
-    order = np.argsort(together[0], kind="stable")
-    centre, weights, root, whitened, first, second, moved = (each[order] for each in together)
-    chi_square = np.sum(whitened**2, axis=1)
-    start = np.flatnonzero(np.diff(centre, prepend=-1))
-    whole = np.add.reduceat(weights[:, None] * first, start, axis=0)[centre]
-    surprise = np.min([mixture.surprise for mixture in solved.mixtures], axis=0) \
-        - np.minimum.reduceat(chi_square, start)
-    misfit = np.min([mixture.misfit / allowed_misfit(noise) for mixture, noise
-                     in zip(solved.mixtures, solved.noises, strict=True)], axis=0)
-    return (np.bincount(centre), np.log(weights) + chi_square / 2, root, whitened,
-            np.concatenate([first[:, None], moved], axis=1)[..., mean],
-            (second - first**2)[:, deviation], (first - whole)[:, deviation], surprise, misfit)
-
-
-def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-           covariance: np.ndarray, mixture: MixturePosterior,
-           shares: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Of each pair of a centre and a component in one state: centre, weight, root of Q^-1, whitened
-    residual, first and second moment (n, P) of the reflectance, its change (n, r, P) by each band.
-    """
+            covariance: np.ndarray, mean: slice, deviation: slice) -> tuple[np.ndarray, ...]:
+    """The number of each centre's pairs, and the arrays of LocalPosteriors from ``log_weight``."""
+    mixture = posterior(prior, relative_response, signals, covariance, tolerance=TABLE_TOLERANCE)
     drawn, _ = marginal_moments(prior, relative_response, signals, covariance, mixture)
-    centre, component = np.nonzero(mixture.weights * (shares > 0)[:, None])
-    weights = mixture.weights[centre, component] * shares[centre]
-    mode = mixture.logits[component, centre]
+    centre, component = np.nonzero(mixture.weights)
+    weights, mode = mixture.weights[centre, component], mixture.logits[component, centre]
     p = reflectance(mode)
     slope = p * (1 - p)
     jacobian = relative_response * slope[:, None, :]
@@ -254,12 +221,19 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
         @ relative_response.T
     root = np.linalg.inv(np.linalg.cholesky(of_signal + with_floor(covariance)[centre])) \
         .transpose(0, 2, 1)
+    whitened = np.einsum("nkl,nk->nl", root, residual)
+    chi_square = np.sum(whitened**2, axis=1)
     # without the floor, as draws reproduce the signal
     change = np.linalg.solve(of_signal + covariance[centre] + TINY * np.eye(len(relative_response)),
                              base)
     first, second, bend = _reflectances(drawn, component, centre)
-    return (centre, weights, root, np.einsum("nkl,nk->nl", root, residual), first, second,
-            bend[:, None] * change)
+    start = np.flatnonzero(np.diff(centre, prepend=-1))
+    whole = np.add.reduceat(weights[:, None] * first, start, axis=0)[centre]
+    surprise = mixture.surprise - np.minimum.reduceat(chi_square, start)
+    return (np.bincount(centre), np.log(weights) + chi_square / 2, root, whitened,
+            np.concatenate([first[:, None], bend[:, None] * change], axis=1)[..., mean],
+            (second - first**2)[:, deviation], (first - whole)[:, deviation], surprise,
+            mixture.misfit / allowed_misfit(covariance))
 
 
 def _reflectances(drawn: MixturePosterior, component: np.ndarray, centre: np.ndarray

@@ -18,13 +18,14 @@ from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.states import CaptureStates
+from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import (
     TOLERANCE,
     mean_and_spread,
+    novelty,
+    posterior,
 )
-from spectrabox.sampling.prior.state_posteriors import posteriors_in_states
 
 SIDE = 25                   # odd, so that grey is on the lattice
 MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
@@ -61,8 +62,7 @@ class UpliftTable:
 def build_tables(prior: LogitMixture, relative_response: np.ndarray,
                  errors: Callable[[np.ndarray], list[np.ndarray]], wanted: np.ndarray,
                  progress: Progress = lambda share: None,
-                 map_parts: MapParts = map,
-                 states: CaptureStates | None = None) -> list[UpliftTable]:
+                 map_parts: MapParts = map) -> list[UpliftTable]:
     """The posterior of three-band signals on a lattice, 1000 to 2000 points a second, for several
     errors; each table after the first takes half the time.
 
@@ -78,8 +78,6 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     progress : function of the share that is done
     map_parts : function of (function, iterable), optional
         Calls the function on each item, as ``map`` does; of a pool of threads, on several cores.
-    states : CaptureStates, optional
-        What each surface's gloss may have added, besides the errors.
 
     Raises
     ------
@@ -96,8 +94,8 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     return [UpliftTable(uplifted.mean.astype(np.float32),
                         uplifted.standard_deviation.astype(np.float32),
                         uplifted.novelty.astype(np.float32), row, relative_response)
-            for uplifted in _uplifted(prior, relative_response, signals, errors(signals), states,
-                                  progress, TABLE_TOLERANCE, map_parts)]
+            for uplifted in _uplifted(prior, relative_response, signals, errors(signals), progress,
+                                  TABLE_TOLERANCE, map_parts)]
 
 
 def lattice(side: int) -> np.ndarray:
@@ -128,8 +126,7 @@ def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
 
 
 def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                   covariance: np.ndarray, *, states: CaptureStates | None = None,
-                   tolerance: float = TOLERANCE) -> Uplifted:
+                   covariance: np.ndarray, *, tolerance: float = TOLERANCE) -> Uplifted:
     """Mean and standard deviation behind signals with errors of their own, each by itself.
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
@@ -142,17 +139,15 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
     signals : (n, K) array
         Relative to white.
     covariance : (n, K, K) array
-    states : CaptureStates, optional
-        What each surface's gloss may have added, besides.
     tolerance : float
         Change of a logit that ends the way to a mode.
     """
-    return _uplifted(prior, relative_response, signals, [covariance], states, lambda share: None,
+    return _uplifted(prior, relative_response, signals, [covariance], lambda share: None,
                      tolerance)[0]
 
 
 def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-              covariances: Sequence[np.ndarray], states: CaptureStates | None, progress: Progress,
+              covariances: Sequence[np.ndarray], progress: Progress,
               tolerance: float, map_parts: MapParts = map) -> list[Uplifted]:
     """What signals say under each of several errors (n, K, K)."""
     shape = len(signals), PRIOR_GRID.nm.size
@@ -160,13 +155,14 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
              for _ in covariances]
 
     def compute(start: int) -> int:
-        rows, solved = slice(start, start + BATCH), None
+        rows, mixture = slice(start, start + BATCH), None
         for uplifted, covariance in zip(every, covariances, strict=True):
-            solved = posteriors_in_states(prior, relative_response, signals[rows],
-                                          covariance[rows], states, solved, tolerance=tolerance)
-            uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(
-                solved.marginals(prior, relative_response))
-            uplifted.novelty[rows] = solved.novelty(prior)
+            mixture = posterior(prior, relative_response, signals[rows], covariance[rows],
+                                mixture, tolerance=tolerance)
+            drawn, _ = marginal_moments(prior, relative_response, signals[rows],
+                                        covariance[rows], mixture)
+            uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(drawn)
+            uplifted.novelty[rows] = novelty(prior, mixture, covariance[rows])
         return start
 
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
