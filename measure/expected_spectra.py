@@ -37,13 +37,11 @@ from spectrabox.radiometry.error_model import (
     PLANE_ERROR,
     SAMPLE_PLANE,
     SENSITIVITIES,
-    SURFACE_REFLECTION,
-    SURFACE_REFLECTIONS,
     WHITE,
-    added_covariance,
     proportional_covariance,
     sensitivity_covariance,
 )
+from spectrabox.radiometry.gloss import draw_gloss, gloss_states
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import PatchSamples
@@ -66,11 +64,12 @@ from spectrabox.sampling.prior.mixture import (
     of_families,
     reflectance,
 )
-from spectrabox.sampling.prior.summaries import summaries
+from spectrabox.sampling.prior.mixture_posterior import central_band, mean_and_spread
+from spectrabox.sampling.prior.state_posteriors import posteriors_in_states
+from spectrabox.sampling.spectral_measurement import without_states
 
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LEVEL, REFERENCE_LIGHT = 0.95, "D65"
-REFLECTION = SURFACE_REFLECTIONS[None]
 PHOTOS, SURFACES, SEED = 3, 20, 1
 FEW = 42                        # surfaces of all families, for what further photos bring
 # of the RMSE that camera and lamp, known exactly, would leave; of that under a full daylight
@@ -204,7 +203,7 @@ class _Errors:
 def _errors(shoot: Shoot, count: int, bands: int, rng: np.random.Generator) -> _Errors:
     plane = 1 + PLANE_ERROR * rng.standard_normal((count, 1))
     return _Errors(plane * (1 + shoot.noise * rng.standard_normal((count, bands))),
-                   REFLECTION * rng.standard_normal((count, 1)))
+                   draw_gloss(None, count, rng)[:, None])
 
 
 def _fit(shoot: Shoot, curves: np.ndarray, lamp: np.ndarray, rng: np.random.Generator) -> _Photo:
@@ -244,13 +243,13 @@ def _recovered(photo: _Photo, products: np.ndarray, truth: np.ndarray, off: _Err
         signals = SurfaceSignals(
             tuple(f"{number}" for number in range(count)), (False,) * count, FINE_GRID,
             estimate @ TO_FINE.T, default_band_names(bands), np.zeros(bands, int), response,
-            signal, ())
+            signal, (), (gloss_states(None, [""] * bands),) * count)
         signals = with_errors(signals, {
             SENSITIVITIES: sensitivity_covariance([photo.calibration], signals),
             WHITE: proportional_covariance(signal, white.covariance[:bands, :bands]),
             DISAGREEMENT: proportional_covariance(signal,
                                                   photo.fit.patch_error.among_bands(bands)),
-            **_of_sample(signal)})
+            SAMPLE_PLANE: _of_plane(signal)})
         judged = _judged(prior, response, signal,
                          np.sum([error.covariance for error in signals.errors], axis=0), truth)
         estimate = judged[0]
@@ -265,23 +264,26 @@ def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: _Errors,
     signals = truth @ TO_FINE.T @ response.T * off.factors + off.added
     noise = (shoot.noise * signals)[:, :, None] ** 2 * np.eye(len(response))
     return list(_judged(prior, response, signals,
-                        noise + np.sum(list(_of_sample(signals).values()), axis=0), truth)[1:])
+                        noise + _of_plane(signals), truth)[1:])
 
 
-def _of_sample(signals: np.ndarray) -> dict[str, np.ndarray]:
-    """Covariance (n, K, K) of signals (n, K) by what the plane and the surface of samples do."""
-    bands = signals.shape[1]
-    return {SAMPLE_PLANE: proportional_covariance(signals, np.full((bands, bands), PLANE_ERROR**2)),
-            SURFACE_REFLECTION: added_covariance(np.full(signals.shape, REFLECTION))}
+def _of_plane(signals: np.ndarray) -> np.ndarray:
+    """Covariance (n, K, K) of signals (n, K) by the plane of samples."""
+    return proportional_covariance(signals, np.full((signals.shape[1],) * 2, PLANE_ERROR**2))
 
 
 def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
             covariance: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Mean (n, 61) of each surface, then RMSE, width and share inside (n,)."""
-    known = summaries(prior, response @ TO_FINE, signals, {"all": covariance}, LEVEL)
-    inside = (known.lower <= truth) & (truth <= known.upper)
-    return (known.mean, np.sqrt(np.mean((known.mean - truth) ** 2, axis=1)),
-            np.mean(known.upper - known.lower, axis=1), inside.mean(axis=1))
+    """Mean (n, 61) of each surface, then RMSE, width and share inside (n,); nothing is known of
+    its gloss.
+    """
+    coarse = response @ TO_FINE
+    with threadpool_limits(1, "blas"):      # threads within small products would only wait
+        drawn = posteriors_in_states(prior, coarse, signals, covariance, gloss_states(
+            None, [""] * len(response))).marginals(prior, coarse)
+        mean, (lower, upper) = mean_and_spread(drawn)[0], central_band(drawn, LEVEL)
+    return (mean, np.sqrt(np.mean((mean - truth) ** 2, axis=1)),
+            np.mean(upper - lower, axis=1), ((lower <= truth) & (truth <= upper)).mean(axis=1))
 
 
 def _second(shoot: Shoot, taken: Sequence[tuple[_Photo, SurfaceSignals, np.ndarray]],
@@ -316,9 +318,10 @@ def _errors_after(shoot: Shoot, photo: _Photo, signals: SurfaceSignals, truth: n
     """Mean RMSE and width of some of the surfaces (n, 61) in a photo and further ones."""
     white = white_of_bands(*curves_and_light(photo.calibration))
     some = range(0, len(truth), max(len(truth) // FEW, 1))
-    measured = [SpectralMeasurement(
+    measured = [without_states(SpectralMeasurement(
         FINE_GRID, signals.response, signals.signal[index],
-        np.sum([error.covariance[index] for error in signals.errors], axis=0)) for index in some]
+        np.sum([error.covariance[index] for error in signals.errors], axis=0),
+        signals.states[index])) for index in some]
     # of more bands each surface has a choice of its own
     surfaces = [Surface(signals, index, photo.calibration, shoot.reflectances,
                         photo.fit.patch_error.own)

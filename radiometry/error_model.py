@@ -88,11 +88,6 @@ CAUSES = {
     DISAGREEMENT: Cause("proportional", bands=True, surfaces=False, photos=False),
 }
 
-# Light that the outermost layer of a surface mirrors, beyond what a chart's patches do, as a share
-# of white: standard error by what is stated of the surface; None: nothing
-SURFACE_REFLECTIONS: dict[str | None, float] = {
-    None: 0.008, "matt": 0.002, "satin": 0.015, "glossy": 0.03}
-SURFACE_WORDS = tuple(word for word in SURFACE_REFLECTIONS if word is not None)
 PLANE_ERROR = 0.03          # relative, of the light on flat samples: tilt, height, distance
 # relative, of the light on a scene against that on its chart: distances to 0.5 % (1 %), a lamp that
 # shines unevenly to different sides (1 %), a chart tilted by 2 degrees in light from 30 (2 %)

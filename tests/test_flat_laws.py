@@ -30,9 +30,8 @@ from spectrabox.radiometry.error_model import (
     REPEATABILITY,
     ROUNDED_EXPOSURES,
     SAMPLE_PLANE,
-    SURFACE_REFLECTION,
-    SURFACE_REFLECTIONS,
 )
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -203,9 +202,9 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
     covariance = size[:, None] * unknowns()[:6, :6] * size
     white = White(LEVEL[None], covariance[None, :3, :3], covariance[None, :3, 3:])
     veil, noise = np.array([0.002, 0.001, 0.003]), np.array([[4e-6, 6e-6, 5e-6]])
-    shared, mirrored = 0.01**2 * np.eye(3), 0.02
+    shared, mirrored = 0.01**2 * np.eye(3), gloss_states("glossy", ["lamp"] * 3)
     errors = PixelErrors(None, white, None, GLARE, covariance[3:, 3:] + np.outer(veil, veil),
-                         np.full((3, 3), mirrored**2), shared + model**2 * np.eye(3), None, None,
+                         mirrored, shared + model**2 * np.eye(3), None, None,
                          None, None)
     signal = np.array([[0.15, 0.4, 0.25]])
     draws = rng.multivariate_normal(np.zeros(6), covariance, DRAWS)
@@ -215,7 +214,7 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
         / (LEVEL * np.exp(draws[:, :3]))
     read = read * (1 + 0.01 * rng.standard_normal((DRAWS, 3))) \
         * (1 + model * rng.standard_normal((DRAWS, 3))) \
-        + mirrored * rng.standard_normal((DRAWS, 1))
+        + mirrored.covariance[0, 0]**0.5 * rng.standard_normal((DRAWS, 1))
     estimate = errors.at_white(signal, white, noise)[0]
     size = np.sqrt(np.diag(estimate))
     # as above
@@ -261,10 +260,6 @@ def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, photos):
         np.testing.assert_allclose(estimate[cause], covariance, rtol=1e-12)
     both = np.outer(white.signal[0], white.signal[0])
     np.testing.assert_allclose(estimate[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
-    # satin is stated of the cloth, nothing of the card: light that is added to all bands at once
-    card = errors_of_region("card", [(flat_photo(), white)], ERRORS)
-    for errors, word in ((estimate, "satin"), (card, None)):
-        np.testing.assert_allclose(errors[SURFACE_REFLECTION], SURFACE_REFLECTIONS[word] ** 2)
 
 
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):

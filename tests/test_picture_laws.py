@@ -24,6 +24,7 @@ from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spectra, survey_rows
 from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
 from spectrabox.measure.pictures.shown_bands import shown_bands
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.reconstruct.pixel_light import LightNodes
@@ -39,7 +40,8 @@ def errors_of(white, **changes):
     none = np.zeros((bands, bands))
     parts = dict.fromkeys(("between", "light", "calibrations", "fine_responses", "prior"))
     parts |= {"white": white, "glare": np.zeros(bands), "glare_covariance": none,
-              "photo_of_band": np.zeros(bands, int), "reflection": none, "relative": none}
+              "photo_of_band": np.zeros(bands, int), "relative": none,
+              "gloss": gloss_states("matt", ["lamp"] * bands).through(none)}
     return PixelErrors(**parts | changes)
 
 
@@ -65,6 +67,20 @@ def test_a_mid_grey_at_a_node_errs_as_pixels_of_it_do(glare):
         relative = (light + noise) / (signal * np.exp(logs)) / GREY
         # 60 000 draws in three bands know a variance to 0.4 %
         assert found[node] == pytest.approx(relative.var(axis=0).mean(), rel=0.03)
+
+
+def test_what_a_surface_may_mirror_is_taken_off_a_pixel_and_is_one_of_its_errors():
+    white = White(np.array([[0.5, 0.8, 0.4]]), np.zeros((1, 3, 3)), np.zeros((1, 3, 3)))
+    states = gloss_states("satin", ["lamp"] * 3)
+    blocks, errors = [], []
+    for gloss in (states.through(np.zeros((3, 3))), states):
+        parts = errors_of(
+            white, gloss=gloss, light=even_light(response(3)[1], 1), prior=load_prior(),
+            between=lambda first, last: csr_array(np.ones((50 * (last - first), 1))))
+        blocks.append(LitPhoto(lit_photo(np.random.default_rng(4)), parts).block(0, 2))
+        errors.append(parts.at_white(np.full((1, 3), 0.4), white, np.zeros((1, 3)))[0])
+    np.testing.assert_allclose(blocks[0].measured - blocks[1].measured, states.mean[0], rtol=1e-6)
+    np.testing.assert_allclose(errors[1] - errors[0], states.covariance[0, 0])
 
 
 def test_white_that_errs_with_the_glare_makes_pixels_err_more():
@@ -172,7 +188,7 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     scene = SimpleNamespace(
         crop=crop, to_signals=to_signals, calibration=None, prior=None,
         edges=np.zeros((12, 16), bool), drift=None, veil=np.zeros(bands), ambient=ambient,
-        reflection=0.0,
+        surface=None,
         view=SimpleNamespace(photo=photo(), grid=GRID,
                              sensitivities=np.ones((bands, GRID.nm.size))),
         traced=SimpleNamespace(nodes=nodes, relative_variance=np.full(row.size, traced_noise**2),
@@ -260,6 +276,7 @@ def test_a_mid_grey_errs_at_a_pixel_by_the_root_of_its_nodes_variance():
                   np.zeros((1, 3, 3)))
     errors = SimpleNamespace(
         white=white, glare=np.zeros(3), responses=np.ones((1, 3, 61)),
+        gloss=gloss_states("matt", ["lamp"] * 3),
         between=lambda first, last: csr_array(np.ones(((last - first) * 50, 1))),
         light=SimpleNamespace(maps=np.ones((1, 1))),
         adaptation=SimpleNamespace(signals=lambda signals, maps, kind: signals))

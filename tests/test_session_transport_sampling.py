@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.measure.results.result_of_records import result_of
-from spectrabox.measure.scene.draws import _common_errors, _of_stray_light, _of_tails
+from spectrabox.measure.scene.draws import _common_errors, _of_gloss, _of_stray_light, _of_tails
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.steps.inversion import settings_of, views_of
 from spectrabox.radiometry.errors import InputError
@@ -79,9 +79,10 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     of_brightest = records.calibrations(capture.views)[0].relative_covariance
     for error in _of_tails(of_brightest, regions, relative):
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
-    mirrored = dict.fromkeys(joint.materials, 0.02)
+    mirrored = dict.fromkeys(joint.materials, "satin")
     stray = with_stray_light(joint, StatedErrors(None, np.full(3, 0.01), 0.0, mirrored))
-    glare, _, *reflections = _of_stray_light(stray, regions, relative)
+    glare, _ = _of_stray_light(stray, regions, relative)
+    reflections = _of_gloss(stray, regions, relative)
     # what a surface mirrors says nothing of another
     assert [set(of_region[(error != 0).any(axis=1)]) for error in reflections] == [
         {name} for name in stray.materials]

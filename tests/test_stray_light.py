@@ -7,7 +7,12 @@ import pytest
 
 from spectrabox.fixtures.demos.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_signals
+from spectrabox.measure.surfaces.surface_signals import (
+    _gloss_of,
+    errors_by_cause,
+    relative_errors,
+    scene_signals,
+)
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import (
     CAUSES,
@@ -18,6 +23,7 @@ from spectrabox.radiometry.error_model import (
     STRAY_LIGHT,
     SURFACE_REFLECTION,
 )
+from spectrabox.radiometry.gloss import KINDS
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
@@ -50,9 +56,9 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
     surface = np.repeat([[0, 0, 1]], 40, axis=0).repeat(10, axis=1)
     irradiance = rng.uniform(0.2, 1.0, surface.shape)
     clean = joint(irradiance, surface)
-    estimate = {stray.cause: stray.relative
-                for stray in with_stray_light(clean, StatedErrors(
-                    None, np.full(3, 0.01), 0.004, {"dark": 0.03})).stray_light}
+    lit_otherwise = with_stray_light(clean, StatedErrors(None, np.full(3, 0.01), 0.004,
+                                                         {"dark": "glossy"}))
+    estimate = {stray.cause: stray.relative for stray in lit_otherwise.stray_light}
     photo = clean.views[0].measured
     hazy = photo + 0.01 * photo.mean(axis=(0, 1))
     lit = joint(irradiance + 0.004 * np.percentile(irradiance, 99), surface).views[0].measured
@@ -62,7 +68,9 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
         # Round-off.
         np.testing.assert_allclose(estimate[cause], more, rtol=1e-9)
     # three hundredths of white upon the dark paint, nothing upon the white
-    np.testing.assert_allclose(estimate[SURFACE_REFLECTION] * SIGNAL, [[0.0] * 3, [0.03] * 3])
+    white, dark = _gloss_of(lit_otherwise)
+    np.testing.assert_allclose(dark.pattern @ dark.mean, KINDS["glossy"].mean)
+    np.testing.assert_array_equal(white.pattern, 0)
 
 
 def test_dark_paint_owes_most_to_glare_and_shadow_to_ambient_light():
@@ -70,7 +78,7 @@ def test_dark_paint_owes_most_to_glare_and_shadow_to_ambient_light():
     shaded = np.where(surface == 1, 0.1, 1.0)
     stray = with_stray_light(joint(shaded, surface),
                              StatedErrors(None, np.full(3, 0.005), 0.002, {})).stray_light
-    glare, ambient, _ = (of_cause.relative for of_cause in stray)
+    glare, ambient = (of_cause.relative for of_cause in stray)
     assert np.all(glare[1] > 10 * glare[0])
     # Round-off: the white paint's light is the brightest; the shadow has a tenth of it.
     np.testing.assert_allclose(ambient, np.array([[0.002] * 3, [0.02] * 3]), rtol=1e-9)
@@ -106,8 +114,9 @@ def test_a_session_names_each_cause_in_its_budget(finished):
     without = dataclasses.replace(session, stray_light=())
     total = sum(errors_by_cause(scene_signals(without, calibrations), 0).values())
     # Round-off.
-    np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[STRAY_LIGHT]
-                               + parts[SURFACE_REFLECTION], atol=1e-15)
+    np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[STRAY_LIGHT],
+                               atol=1e-15)
+    assert SURFACE_REFLECTION in relative_errors(scene_signals(session, calibrations), 0)
     # an error of the level widens the signals of every band by its share of them, and no more
     signal = session.signal[0]
     np.testing.assert_allclose(parts[SCENE_LEVEL], SCENE_LEVEL_ERROR**2 * np.outer(signal, signal))

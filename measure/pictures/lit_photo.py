@@ -1,9 +1,10 @@
 """A photo with the light on every pixel, as signals relative to white there.
 
 White and light may come from a chart in the photo of a flat sample, or from light traced in a
-scene. A pixel's errors lie between those of the best and of the worst known places of the photo,
-for which its two tables of spectra are computed. A photo may be several of one sample, stacked;
-pixels that not all of them show have tables of their own (shown_bands.py).
+scene. What surfaces mirror is taken off by its mean. A pixel's errors lie between those of the best
+and of the worst known places of the photo, for which its two tables of spectra are computed. A
+photo may be several of one sample, stacked; pixels that not all of them show have tables of their
+own (shown_bands.py).
 """
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ SIGMAS = 4.0                # beyond white: what no reflectance gives
 class PhotoBlock(PixelBlock):
     """The n pixels of some rows of a lit photo; a mid grey stands for those without a spectrum."""
 
-    measured: np.ndarray        # (n, K) relative to white, under the typical light of each pixel
+    # (n, K) relative to white, under the typical light of each pixel, less the mean gloss
+    measured: np.ndarray
     flags: np.ndarray           # (n,) of pixel_flags.py
     grey_error: np.ndarray      # (n,) relative standard error of a mid grey there
     white: White | None         # where pixels are computed one by one
@@ -165,6 +167,7 @@ class LitPhoto:
         if self.highlights:
             brighter = np.max(signals - MAX_SIGNAL, axis=1) > SIGMAS * grey_error
             flags[(flags == SEEN) & brighter] = HIGHLIGHT
+        signals = signals - errors.gloss.pattern @ errors.gloss.mean
         seen = flags == SEEN
         return PhotoBlock(
             np.where(seen[:, None], np.clip(signals, DARKEST, MAX_SIGNAL), GREY),

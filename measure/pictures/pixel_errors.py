@@ -25,6 +25,7 @@ from spectrabox.radiometry.error_model import (
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.spectra import SurfaceSignals
+from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.local_posteriors import informative_bands
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
@@ -57,7 +58,7 @@ class PixelErrors:
     light: Illumination         # at the nodes
     glare: np.ndarray           # (K,) signal
     glare_covariance: np.ndarray    # (K, K) of it and of the veil over the whole photo
-    reflection: np.ndarray      # (K, K) covariance of what surfaces mirror, relative to white
+    gloss: CaptureStates        # what surfaces may mirror, relative to white, in the K bands
     relative: np.ndarray        # (K, K) further relative covariance: drift of the light's colour,
                                 # disagreement of photo and model
     # of the photos, with each of the J typical lights
@@ -72,6 +73,11 @@ class PixelErrors:
         return self.light.responses
 
     @cached_property
+    def by_gloss(self) -> np.ndarray:
+        """Covariance (K, K) of signals by what surfaces mirror."""
+        return np.asarray(self.gloss.pattern @ self.gloss.covariance @ self.gloss.pattern.T)
+
+    @cached_property
     def adaptation(self) -> LightAdaptation:
         """How signals are adapted to the typical lights."""
         return light_adaptation(self.light, self.prior)
@@ -84,7 +90,8 @@ class PixelErrors:
         return White(np.exp(parts[0]), *parts[1:])
 
     def at_white(self, signals: np.ndarray, white: White, variance: np.ndarray) -> np.ndarray:
-        """Covariance (n, K, K) of signals by all but the curves of camera and light.
+        """Covariance (n, K, K) of signals by all but the curves of camera and light; gloss is one
+        Gaussian error, since pictures hold means and standard deviations.
 
         Parameters
         ----------
@@ -98,7 +105,7 @@ class PixelErrors:
         between = signals[:, :, None] * white.log_and_glare * inverse[:, None, :]
         covariance = _outer(signals) * (white.log + self.relative) \
             + between + between.transpose(0, 2, 1) \
-            + _outer(inverse) * self.glare_covariance + self.reflection
+            + _outer(inverse) * self.glare_covariance + self.by_gloss
         own = variance * inverse**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)

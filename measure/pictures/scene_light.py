@@ -19,6 +19,7 @@ from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
 from spectrabox.measure.pictures.reference_surfaces import compare_reference_surfaces
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 from spectrabox.reconstruct.scene.surfaces import hits_of
@@ -182,7 +183,7 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     errors = PixelErrors(
         between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
         np.zeros(bands), np.outer(scene.veil, scene.veil),
-        np.full((bands, bands), scene.reflection**2), relative,
+        gloss_states(scene.surface, [""] * bands), relative,
         [(_calibration_under(scene, colour),) for colour in typical], np.zeros(bands, int),
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
     flags = np.full(nodes.surface.shape, SEEN, np.uint8)

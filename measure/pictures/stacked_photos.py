@@ -28,9 +28,9 @@ from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_reg
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
-    SURFACE_REFLECTION,
     drift_covariance,
 )
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -62,7 +62,7 @@ class _PhotoAtNodes:
 
 
 def stack_photos(photos: Sequence[PicturePhoto], between: Between,
-                 known: Mapping[str, np.ndarray], errors: FlatErrors, reflection: float,
+                 known: Mapping[str, np.ndarray], errors: FlatErrors, surface: str | None,
                  prior: LogitMixture) -> LitPhoto:
     """All bands of some photos with the light on every pixel, as a source of pixels' signals.
 
@@ -75,8 +75,8 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
     known : mapping
         From names of regions to their known reflectances (P,) on the grid.
     errors : FlatErrors
-    reflection : float
-        Standard error of what the surfaces mirror, relative to white.
+    surface : str or None
+        What is stated of the surfaces, of gloss.KINDS.
     prior : LogitMixture
         Of the reflectances.
 
@@ -95,18 +95,14 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
     lamps = np.repeat([lamp_of(flat, number) for number in distinct], bands).astype(object)
     white = np.ones(len(lamps))
 
-    def with_common(cause: str, covariance: np.ndarray) -> np.ndarray:
-        return covariance + common_to_photos(cause, covariance, white, lamps, errors.disagreement)
-
     log = _blocks([part.log for part in parts])
     for cause in dict.fromkeys(cause for part in parts for cause in part.causes):
         none = np.zeros((nodes, bands, bands))
         log += [common_to_photos(cause, node, white, lamps, errors.disagreement) for node
                 in _blocks([part.causes.get(cause, none) for part in parts])]
-    relative = block_diagonal(*(part.drift for part in parts)) + with_common(
-        DISAGREEMENT, block_diagonal(*[errors.disagreement.among_bands(bands)] * len(parts)))
-    mirrored = with_common(SURFACE_REFLECTION, block_diagonal(
-        *[np.full((bands, bands), reflection**2)] * len(parts)))
+    disagreement = block_diagonal(*[errors.disagreement.among_bands(bands)] * len(parts))
+    relative = block_diagonal(*(part.drift for part in parts)) + disagreement + common_to_photos(
+        DISAGREEMENT, disagreement, white, lamps, errors.disagreement)
     response = np.vstack([flat[number].response for number in distinct])
     glare, photo_of_band = np.concatenate([part.glare for part in parts]), np.repeat(distinct,
                                                                                      bands)
@@ -115,7 +111,8 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
         between, White(np.hstack([part.white for part in parts]), log,
                        _blocks([part.log_and_glare for part in parts])),
         even_light(response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm), nodes), glare,
-        block_diagonal(*(part.glare_covariance for part in parts)), mirrored, relative,
+        block_diagonal(*(part.glare_covariance for part in parts)),
+        gloss_states(surface, lamps.tolist()), relative,
         [[photo.calibration for photo in flat]], photo_of_band, response[None], prior),
         shown=shown_bands(image, glare, photo_of_band, np.concatenate([
             dark_bands(part.white[0]) | flat[number].lost_bands

@@ -32,7 +32,7 @@ class TracedPhoto:
     drift: LightDrift | None    # of the light, from the chart photo to this one
     veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
     ambient: float              # standard error of stray light, of the brightest light
-    reflection: float           # standard error of what surfaces mirror, relative to white
+    surface: str | None         # what is stated of the surfaces, of gloss.KINDS
     disagreement: float         # stated relative error by which photo and light disagree
     seed: int
 

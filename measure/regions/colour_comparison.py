@@ -3,7 +3,7 @@ a difference.
 
 Surfaces of one photo share most errors of their signals: the white level, the camera's curves,
 the veil. What they share (``error_model.CAUSES``) is counted once, so that two areas of one paint
-do not differ by it.
+do not differ by it. Each has a gloss of its own.
 """
 from __future__ import annotations
 
@@ -83,10 +83,16 @@ def compare_colours(first: RegionSignal, second: RegionSignal, families: Sequenc
     difference, limit = signal_difference(first, second)
     seen, covariance = _joint_covariance(regions)
     posteriors = [region.posterior(own) for region, own in zip(regions, families, strict=True)]
-    spectra = [posterior.draws(DRAWS, SEED + number) for number, posterior in enumerate(posteriors)]
+    drawn_with_gloss = [posterior.draws_with_variables(DRAWS, SEED + number)
+                        for number, posterior in enumerate(posteriors)]
+    spectra = [draws for draws, _ in drawn_with_gloss]
     coarse = interpolation_matrix(PRIOR_GRID.nm, first.signals.grid.nm)
-    errors = [region.signals.signal[0, seen] - draws @ (region.signals.response[seen] @ coarse).T
-              for draws, region in zip(spectra, regions, strict=True)]
+    errors = []
+    for (draws, gloss), region in zip(drawn_with_gloss, regions, strict=True):
+        signals = draws @ (region.signals.response[seen] @ coarse).T
+        if gloss is not None:
+            signals += gloss @ region.signals.states[0].pattern[seen].T
+        errors.append(region.signals.signal[0, seen] - signals)
     pairs = _pairs(errors[0], errors[1], covariance, np.random.default_rng(SEED))
     drawn = [own[chosen] for own, chosen in zip(spectra, pairs, strict=True)]
     srgb, delta, spread = [], [], []
@@ -116,13 +122,19 @@ def signal_difference(first: RegionSignal, second: RegionSignal) -> tuple[float,
     seen, covariance = _joint_covariance((first, second))
     step = np.hstack([np.eye(seen.size), -np.eye(seen.size)])
     apart = first.signals.signal[0, seen] - second.signals.signal[0, seen]
-    squared = apart @ np.linalg.solve(step @ covariance @ step.T, apart)
+    spread = step @ covariance @ step.T
+    for region, sign in ((first, 1), (second, -1)):
+        for states in region.signals.states:
+            pattern = states.pattern[seen]
+            apart -= sign * pattern @ states.mean
+            spread += pattern @ states.covariance @ pattern.T
+    squared = apart @ np.linalg.solve(spread, apart)
     return float(np.sqrt(squared)), float(np.sqrt(chdtri(seen.size, BY_CHANCE)))
 
 
 def _joint_covariance(regions: Sequence[RegionSignal]) -> tuple[np.ndarray, np.ndarray]:
     """Indices (J,) of the bands that show both regions, and the covariance (2 J, 2 J) of both
-    signals there.
+    signals there, without what their gloss adds.
 
     An error that both share acts on both by the symmetric root of its covariance: exact where the
     signals are in proportion to each other, as of two areas of nearly one colour.

@@ -22,7 +22,6 @@ from spectrabox.radiometry.error_model import (
     SAMPLE_PLANE,
     SENSITIVITIES,
     SURFACE_REFLECTION,
-    SURFACE_REFLECTIONS,
     added_covariance,
     drift_covariance,
     filter_covariance,
@@ -31,6 +30,7 @@ from spectrabox.radiometry.error_model import (
     proportional_covariance,
     sensitivity_covariance,
 )
+from spectrabox.radiometry.gloss import SAME_SURFACE, gloss_states
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
@@ -49,7 +49,7 @@ USUAL_VEIL, UNEVEN_VEIL = 0.03, 0.3
 # whatever the filter; and under another lamp. All tell the light at a region by the same patches,
 # whose errors grow with the distance from the chart (benchmarks/bench_light_field.py); what a
 # surface mirrors is half its own, half the lamp's position.
-SHARED_BY_PHOTOS = {SAMPLE_PLANE: (1.0, 0.0), SURFACE_REFLECTION: (1.0, 0.5),
+SHARED_BY_PHOTOS = {SAMPLE_PLANE: (1.0, 0.0), SURFACE_REFLECTION: (1.0, SAME_SURFACE),
                     LIGHT_FIELD: (0.95, 0.6)}
 
 
@@ -83,6 +83,7 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     labels = tuple(f"{photos[number].name}: {band}" if len(photos) > 1 else band
                    for number in distinct for band in bands)
     signal = np.full((len(names), len(labels)), np.nan)
+    lamp_of_band = np.repeat([lamp_of(photos, number) for number in distinct], count).tolist()
     silent = np.zeros(signal.shape, bool)
     causes: dict[str, np.ndarray] = {}
     for index, name in enumerate(names):
@@ -110,7 +111,9 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
                         else _expected_spectrum(families[name], response, signal[index])
                         for index, name in enumerate(names)])
     signals = SurfaceSignals(names, tuple(name in known for name in names), FINE_GRID, spectra,
-                             labels, np.repeat(distinct, count), response, signal, ())
+                             labels, np.repeat(distinct, count), response, signal, (), tuple(
+                                 gloss_states(errors.surfaces.get(name), lamp_of_band)
+                                 for name in names))
     filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
     calibrations = [photo.calibration for photo in photos]
     causes[SENSITIVITIES] = sensitivity_covariance(calibrations, filled)
@@ -137,14 +140,12 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
     rows = [white.samples.names.index(name) for _, white in shown]
     noise = np.sum([white.noise(row) for row, (_, white) in zip(rows, shown, strict=True)],
                    axis=0) / len(shown) ** 2
-    reflection = SURFACE_REFLECTIONS[errors.surfaces.get(name)]
     parts: list[dict[str, np.ndarray]] = []
     for row, (photo, white) in zip(rows, shown, strict=True):
         signal = white.signal[row]
         parts.append({**white.errors(row),
                       GLARE: stray_light(photo, white, row, errors)
                       / np.outer(white.white[row], white.white[row]),
-                      SURFACE_REFLECTION: added_covariance(np.full(signal.size, reflection)),
                       DISAGREEMENT: proportional_covariance(
                           signal, errors.disagreement.among_bands(signal.size))})
         if photo.drift is not None:

@@ -81,7 +81,7 @@ class FlatErrors:
     disagreement: PatchError        # of the model and a surface, as the chart's patches show it
     flat_field: bool = False        # the photos were divided by that of a white card
     plane: float = PLANE_ERROR      # relative standard error of the light in the samples' plane
-    # region -> what is stated of its surface, of SURFACE_REFLECTIONS
+    # region -> what is stated of its surface, of gloss.KINDS
     surfaces: Mapping[str, str] = dataclasses.field(default_factory=dict)
     seed: int = 0                   # of the arrangements of lamps
     # light that the chart's patches mirror, as a share of white, which the fit takes for glare

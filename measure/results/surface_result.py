@@ -24,6 +24,7 @@ from spectrabox.radiometry.records.spectra import (
     SurfaceSignals,
     SurfaceSpectrum,
 )
+from spectrabox.radiometry.records.states import StateEstimate
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.family_coverage import (
     FamilyCoverage,
@@ -58,6 +59,8 @@ class SurfaceResult:
     variance_shares: dict[str, float] = field(default_factory=dict)
     # of surfaces that the signal allows, or that were stated; none without the learnt prior
     families: tuple[FamilyCoverage, ...] = ()
+    # what the signal says of its gloss; None without the learnt prior, or where none may be
+    gloss: StateEstimate | None = None
     # of a region: light relative to the chart's mean, and its relative standard error
     light: tuple[float, float] | None = None
     # of a region: relative scatter of its pixels beyond noise and a plane, in the worst band
@@ -168,7 +171,7 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
     return SurfaceResult(
         **common, spectrum=inverse_rendering, summary=spectrum.summary, samples=spectrum.samples,
         error_budget=relative_errors(signals, index), scores=scores,
-        variance_shares=spectrum.variance_shares, families=families)
+        variance_shares=spectrum.variance_shares, families=families, gloss=spectrum.states)
 
 
 def _shown_bands(surface: SurfaceResult) -> np.ndarray:
@@ -215,6 +218,14 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
          "the smaller part against the larger in each band of the photo, relative, the ends "
          "`line_px` of its line, and a rectangle `larger_part_px` on its larger side",
          lambda surface: surface.edge and edge_facts(surface.edge)),
+    Fact("gloss", "share of white that the surface mirrors beyond what the chart does, in the "
+         "first photo: what is known beforehand and what the signals say together",
+         lambda surface: surface.gloss and float(surface.gloss.mean[0]), "gloss", percent),
+    Fact("gloss_error", "standard error of that share",
+         lambda surface: surface.gloss and float(surface.gloss.standard_deviation[0]),
+         "gloss known to", percent),
+    Fact("gloss_kinds", "probability of each kind of surface, by its gloss",
+         lambda surface: surface.gloss and surface.gloss.shares),
     _of_scores("coverage_95", "share of wavelengths at which the 95 % band holds the truth",
                "95 % band holds", percent),
     _of_scores("rmse_mean", "root mean square error of the mean against the truth, reflectance",

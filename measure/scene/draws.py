@@ -15,6 +15,7 @@ from spectrabox.radiometry.error_model import (
     scale_covariances,
 )
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction, RegionTransport
@@ -103,7 +104,7 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
                    axis=0)
     return np.concatenate([
         of_response * white, _of_tails(errors.of_brightest, regions, signal / white) * white,
-        _of_stray_light(joint, regions, signal),
+        _of_stray_light(joint, regions, signal), _of_gloss(joint, regions, signal),
         shared_errors(signal, scale, 0.0, regions.surface, regions.colour_error,
                       regions.brightness_error)])
 
@@ -127,6 +128,23 @@ def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
         changes = signal * stray.relative[index]
         errors += [changes] if CAUSES[stray.cause].surfaces else [
             np.where((index == material)[:, None], changes, 0.0) for material in np.unique(index)]
+    return np.array(errors).reshape(-1, *signal.shape)
+
+
+def _of_gloss(joint: JointReconstruction, regions: RegionTransport,
+              signal: np.ndarray) -> np.ndarray:
+    """Errors (Q, R, K) by what each material may mirror, as one Gaussian of its mean square: the
+    transport knows no gloss of one sign.
+    """
+    errors = []
+    for number, name in enumerate(regions.transport.materials):
+        if name not in joint.gloss:
+            continue
+        gloss = gloss_states(joint.gloss[name], [""])
+        size = np.sqrt(gloss.mean[0]**2 + gloss.covariance[0, 0])
+        own = joint.signal[joint.materials.index(name)]
+        share = np.divide(size, own, where=own > 0, out=np.zeros_like(own))
+        errors.append(np.where((regions.material == number)[:, None], signal * share, 0.0))
     return np.array(errors).reshape(-1, *signal.shape)
 
 

@@ -5,7 +5,7 @@ All add to the signal, so that dark materials and shadows suffer most.
 
     glare       d s(m, k) / s(m, k) = g mean of the picture(k) / mean over its pixels(k)
     ambient     d s(m, k) / s(m, k) = a largest irradiance / mean irradiance on its pixels
-    reflection  d s(m, k) = r of the material, a share of white
+    gloss       d s(m, k) = g of the material >= 0, a share of white (radiometry/gloss.py)
 """
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ import numpy as np
 from spectrabox.radiometry.error_model import (
     GLARE,
     STRAY_LIGHT,
-    SURFACE_REFLECTION,
     drift_covariance,
 )
 from spectrabox.radiometry.records.calibration import LightDrift
@@ -37,7 +36,8 @@ class StatedErrors:
     drift: LightDrift | None    # of the light between the first chart and object photo
     glare: np.ndarray           # (K,) standard error, of a photo's mean signal
     ambient: float              # standard error, of the brightest irradiance
-    reflection: Mapping[str, float]     # of materials: standard error of what they mirror, of white
+    # of materials that may mirror light: what is stated of their surfaces; None: nothing
+    gloss: Mapping[str, str | None]
 
 
 def with_photo_errors(joint: JointReconstruction, errors: StatedErrors) -> JointReconstruction:
@@ -84,12 +84,8 @@ def with_stray_light(joint: JointReconstruction, errors: StatedErrors) -> JointR
                 shown = view.measured[own].mean(axis=0)
                 of_glare[index, bands] = errors.glare * view.measured.mean(axis=(0, 1)) / shown
                 of_ambient[index, bands] = errors.ambient * brightest / irradiance[own].mean()
-    mirrored = np.array([errors.reflection.get(name, 0.0) for name in joint.materials])[:, None]
-    by_signal = np.divide(mirrored, joint.signal, where=joint.signal > 0,
-                          out=np.zeros_like(joint.signal))
-    return dataclasses.replace(joint, stray_light=(
-        StrayLightError(GLARE, of_glare), StrayLightError(STRAY_LIGHT, of_ambient),
-        StrayLightError(SURFACE_REFLECTION, by_signal)))
+    return dataclasses.replace(joint, gloss=dict(errors.gloss), stray_light=(
+        StrayLightError(GLARE, of_glare), StrayLightError(STRAY_LIGHT, of_ambient)))
 
 
 def _irradiance(view: Reconstruction) -> np.ndarray:

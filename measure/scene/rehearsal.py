@@ -23,6 +23,7 @@ from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_error
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.gloss import draw_gloss
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Progress
@@ -156,7 +157,8 @@ class Replays:
         joint = self.joint
         spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
         spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truths[number])
-                    + self.errors.reflection.get(name, 0.0) * abs(rng.standard_normal())
+                    + (draw_gloss(self.errors.gloss[name], 1, rng)[0]
+                       if name in self.errors.gloss else 0.0)
                     for name, truths in self.truths.items()}
         views = range(len(self.stage.views))
         responses = tuple(self._response(index, self.cameras[number], rng) for index in views)

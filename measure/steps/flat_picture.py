@@ -14,7 +14,6 @@ from spectrabox.measure.pictures.stacked_photos import PicturePhoto, stack_photo
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.steps.work import Work
-from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.photos import LinearImage, Registration
 from spectrabox.sampling.prior.mixture import load_prior, of_families
@@ -66,7 +65,7 @@ def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitP
             photos[capture.views.index(view)], _in_first(image, motion, crop),
             nodes_px if motion is None else motion.moved(nodes_px)))
     return stack_photos(shown, between, capture.known, flat_errors(capture, records),
-                        SURFACE_REFLECTIONS[capture.picture.surface],
+                        capture.picture.surface,
                         of_families(load_prior(), capture.picture.families))
 
 

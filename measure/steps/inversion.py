@@ -19,7 +19,6 @@ from spectrabox.measure.surfaces.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import (
     REPEATABILITY,
     SCENE_LEVEL,
-    SURFACE_REFLECTIONS,
     with_common_error,
 )
 from spectrabox.radiometry.errors import InputError
@@ -80,7 +79,7 @@ def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequenc
     """
     modelled = {bsdf for view in views for bsdf in not_plain_products(view.scene_file)}
     return StatedErrors(drift, glare_error(capture, records), capture.stray_light.ambient,
-                        {name: SURFACE_REFLECTIONS[material.surface]
+                        {name: material.surface
                          for name, material in capture.materials.items()
                          if material.known is None and capture.bsdfs[name] not in modelled})
 

@@ -18,7 +18,6 @@ from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.scene.box_camera import lens_of
 from spectrabox.measure.steps.inversion import glare_error, views_of
 from spectrabox.measure.steps.work import Work
-from spectrabox.radiometry.error_model import SURFACE_REFLECTIONS
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -93,5 +92,5 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
         view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
         records.calibrations(capture.views)[0], drift,
         glare_error(capture, records) * joint.views[0].measured.mean(axis=(0, 1)),
-        capture.stray_light.ambient, SURFACE_REFLECTIONS[section.surface],
+        capture.stray_light.ambient, section.surface,
         float(np.hypot(settings.surface_error, settings.brightness_error)), capture.seed)

@@ -20,6 +20,7 @@ from spectrabox.radiometry.error_model import (
     scale_covariances,
     sensitivity_covariance,
 )
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
@@ -39,7 +40,8 @@ def scene_signals(joint: JointReconstruction,
         Of every view, in the order of ``joint.views``.
     """
     signals = SurfaceSignals(joint.materials, joint.known, joint.grid, joint.spectra, joint.bands,
-                             joint.view_of_band, joint.response, joint.signal, ())
+                             joint.view_of_band, joint.response, joint.signal, (),
+                             _gloss_of(joint))
     scales = [scale_covariances(calibrations[view], joint.views[view].light_scale)
               for view in np.unique(joint.view_of_band)]
     bands = len(calibrations[0].sensitivity.curves)
@@ -54,6 +56,18 @@ def scene_signals(joint: JointReconstruction,
         causes[stray.cause] = added_covariance(stray.relative * joint.signal, joint.view_of_band)
     causes[DISAGREEMENT] = proportional_covariance(joint.signal, joint.model_covariance)
     return with_errors(signals, causes)
+
+
+def _gloss_of(joint: JointReconstruction) -> tuple[CaptureStates, ...]:
+    """What each material may mirror, in photos with lamps in their own places; none where the scene
+    says it of all.
+    """
+    if not joint.gloss:
+        return ()
+    views = [str(view) for view in joint.view_of_band]
+    glosses = [gloss_states(joint.gloss.get(name), views) for name in joint.materials]
+    return tuple(gloss if name in joint.gloss else gloss.through(np.zeros((len(views),) * 2))
+                 for name, gloss in zip(joint.materials, glosses, strict=True))
 
 
 def with_errors(signals: SurfaceSignals, causes: dict[str, np.ndarray]) -> SurfaceSignals:

@@ -1,7 +1,7 @@
 """What an inversion of scenes finds, and where lamps and cameras stand."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -128,6 +128,9 @@ class JointReconstruction(Record):
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
     stray_light: tuple[StrayLightError, ...] = ()        # independent of each other
+    # what is stated of the surfaces of materials that may mirror light, of gloss.KINDS; None:
+    # nothing. Those that are not named mirror what the scene says
+    gloss: dict[str, str | None] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (f"<JointReconstruction of {', '.join(self.materials)} from "

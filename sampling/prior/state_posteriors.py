@@ -16,9 +16,11 @@ from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
 from spectrabox.sampling.error_budget import error_budgets
+from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import (
     NEGLIGIBLE,
+    TOLERANCE,
     MixturePosterior,
     Pairs,
     linearised,
@@ -46,11 +48,31 @@ class StatePosterior:
     mixture: MixturePosterior       # of this one signal
 
 
+@dataclass(frozen=True, eq=False)
+class ManyInStates:
+    """Posteriors of T signals in each of H states of their captures."""
+
+    mixtures: list[MixturePosterior]    # H, of T signals each
+    signals: np.ndarray                 # (H, T, K) less what each state adds
+    noises: np.ndarray                  # (H, T, K, K) with it
+    shares: np.ndarray                  # (H, T) posterior probabilities of the states
+
+    def novelty(self, prior: LogitMixture) -> np.ndarray:
+        """Novelty (T,) of the signals, in the state that explains each best."""
+        return np.min([novelty(prior, mixture, noise) for mixture, noise
+                       in zip(self.mixtures, self.noises, strict=True)], axis=0)
+
+    def marginals(self, prior: LogitMixture, relative_response: np.ndarray) -> MixturePosterior:
+        """The mixtures that draws of the signals follow, over all states."""
+        return merged([marginal_moments(prior, relative_response, *each)[0] for each
+                       in zip(self.signals, self.noises, self.mixtures, strict=True)], self.shares)
+
+
 def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                         covariances: np.ndarray, states: CaptureStates
-                         ) -> tuple[list[MixturePosterior], np.ndarray]:
-    """Posterior of T signals in each of H states, and the states' log evidence (H, T), that of the
-    state beforehand included.
+                         covariances: np.ndarray, states: CaptureStates | None,
+                         start: ManyInStates | None = None, *,
+                         tolerance: float = TOLERANCE) -> ManyInStates:
+    """Posteriors of T signals in each of H states.
 
     Parameters
     ----------
@@ -58,17 +80,31 @@ def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, sig
     relative_response : (K, P) array
         On the prior's wavelengths, rows summing to 1.
     signals : (T, K) array
-    covariances : (T, K, K) or (K, K) array
+    covariances : (T, K, K) array
         Of the signals' noise without what the states add.
-    states : CaptureStates
-        Of the K bands.
+    states : CaptureStates or None
+        Of the K bands; None: nothing is added.
+    start : ManyInStates, optional
+        Of the same signals under other noise.
+    tolerance : float
+        As of `mixture_posterior.posterior`.
     """
+    if states is None:
+        before = None if start is None else start.mixtures[0]
+        mixture = posterior(prior, relative_response, signals, covariances, before,
+                            tolerance=tolerance)
+        return ManyInStates([mixture], signals[None], covariances[None],
+                            np.ones((1, len(signals))))
+    off = signals - states.added[:, None]
+    noises = covariances + states.added_covariances[:, None]
     mixtures: list[MixturePosterior] = []
-    for added, covariance in zip(states.added, states.added_covariances, strict=True):
-        mixtures.append(posterior(prior, relative_response, signals - added,
-                                  covariances + covariance, mixtures[-1] if mixtures else None))
+    for state, (seen, noise) in enumerate(zip(off, noises, strict=True)):
+        before = start.mixtures[state] if start is not None else mixtures[-1] if mixtures else None
+        mixtures.append(posterior(prior, relative_response, seen, noise, before,
+                                  tolerance=tolerance))
     evidence = np.array([mixture.log_evidence for mixture in mixtures])
-    return mixtures, evidence + np.log(states.weights)[:, None]
+    shares, _ = state_shares(evidence + np.log(states.weights)[:, None])
+    return ManyInStates(mixtures, off, noises, shares)
 
 
 def state_shares(log_evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +114,7 @@ def state_shares(log_evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     log_evidence : (H, T) array
-        From `posteriors_in_states`.
+        Of each state, that of the state beforehand included.
     """
     largest = log_evidence.max(axis=0)
     shares = np.exp(log_evidence - largest)

@@ -202,7 +202,7 @@ def _regions(region: Sequence[str], file: Path | None, white_card: str | None,
 
 def _surfaces(words: Sequence[str], regions: Iterable[str]) -> tuple[dict[str, str], str | None]:
     """What is stated of the surface of each region, and of all that is photographed."""
-    from spectrabox.radiometry.error_model import SURFACE_WORDS
+    from spectrabox.radiometry.gloss import SURFACE_WORDS
 
     of_all = next((word for word in words if "=" not in word), None)
     stated = {} if of_all is None else dict.fromkeys(regions, of_all)

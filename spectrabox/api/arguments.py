@@ -14,8 +14,8 @@ from spectrabox.measure.captured import LitChart
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.error_model import SURFACE_WORDS
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
 from spectrabox.radiometry.records.calibration import Calibration, Filter
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
