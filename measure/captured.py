@@ -73,6 +73,7 @@ class LitChart:
     reflectances: np.ndarray                # (I, P)
     excluded: np.ndarray                    # (I,) bool: patches that no fit uses
     corners_px: np.ndarray | None = None    # (4, 2) in the first chart photo, where stated
+    measured: bool = False                  # reflectances are of this very copy, from a file
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from spectrabox.measure.verdict.calibration_criteria import (
     held_out_criteria,
     where_of,
 )
+from spectrabox.measure.verdict.conditions import condition_words
 from spectrabox.measure.verdict.criterion import (
     Criterion,
     Status,
@@ -34,7 +35,7 @@ def overall_verdict(found: CaptureResult) -> Verdict:
     if status in (Status.WARN, Status.FAIL):
         reasons = dict.fromkeys(c.sentence for c in criteria if c.status is status)
         return Verdict(status, " ".join(reasons), criteria)
-    return Verdict(status, f"{found.good} The bands hold if {found.conditions}.", criteria)
+    return Verdict(status, found.good, criteria, condition_words(found.conditions))
 
 
 def _processed(found: CaptureResult) -> list[Criterion]:
