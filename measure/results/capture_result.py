@@ -73,6 +73,8 @@ class CaptureResult(ABC):
     calibration: Calibration
     # by view, of further photos whose charts are a fit of their own
     other_calibrations: Mapping[str, Calibration] = field(default_factory=dict)
+    # by view with a chart, why to photograph that again; none of a good photo
+    chart_reasons: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     photo: LinearImage                # at the render's size, or a thumbnail
     grid: WavelengthGrid              # of the spectra
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
@@ -212,6 +214,7 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "calibration": records.calibrations(capture.views)[0],
             "other_calibrations": {name: calibrations[name]
                                    for name in records.calibrate.other_charts},
+            "chart_reasons": {name: chart.reasons for name, chart in records.chart.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
             "photo": records.photo.photos[""], "stated": statements_of(capture),
             "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),

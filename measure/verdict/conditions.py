@@ -199,10 +199,15 @@ def _flat_light(found: FlatResult) -> Condition:
         standing, known_by = Standing.MEASURED, "the chart and a flat field"
     else:
         standing, known_by = Standing.MEASURED, "the chart's patches, carried on to the regions"
-    error = allowed_error(found.surfaces, LIGHT_CAUSES)
-    fault = DIMMER_FAULT if standing is Standing.ASSUMED or error is None else 2 * error
-    return Condition("light on the sample", standing, error, known_by, "lamp and shutter repeated",
-                     f"{percent(fault)} less light", darker_by(found.surfaces, fault),
+    fault = f"{percent(DIMMER_FAULT)} less light"
+    lightness = darker_by(found.surfaces, DIMMER_FAULT)
+    if standing is Standing.MEASURED:
+        fault = "less light by twice that error"
+        changes = [darker_by([surface], 2 * (error_by(surface, LIGHT_CAUSES) or 0.0))
+                   for surface in found.surfaces]
+        lightness = max((each for each in changes if each is not None), key=abs, default=None)
+    return Condition("light on the sample", standing, allowed_error(found.surfaces, LIGHT_CAUSES),
+                     known_by, "lamp and shutter repeated", fault, lightness,
                      allowed_share(found.surfaces, LIGHT_CAUSES))
 
 
@@ -267,7 +272,7 @@ def _chart_copy(found: CaptureResult) -> tuple[Condition, ...]:
     standing, known_by = Standing.ASSUMED, "a published average of its edition"
     if found.stated.chart_measured:
         standing, known_by = Standing.STATED, "a file of its own reflectances"
-    return (Condition("chart", standing, None, known_by, "the chart is as its reference says",
+    return (Condition("chart", standing, None, known_by, "the chart like its reference",
                       f"its level off by {percent(COPY_FAULT)}",
                       darker_by(found.surfaces, COPY_FAULT)),)
 

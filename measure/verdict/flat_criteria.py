@@ -8,6 +8,7 @@ import numpy as np
 
 from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.white import LEVEL_DOUBTED
+from spectrabox.measure.results.chart_words import chart_at_fault
 from spectrabox.measure.verdict.conditions import (
     LIGHT_CAUSES,
     darker_by,
@@ -21,7 +22,6 @@ from spectrabox.measure.verdict.criterion import (
     graded,
 )
 from spectrabox.measure.words import percent
-from spectrabox.radiometry.error_model import SAMPLE_PLANE
 
 if TYPE_CHECKING:
     from spectrabox.measure.results.flat_result import FlatResult
@@ -57,9 +57,16 @@ def _light(found: FlatResult) -> list[Criterion]:
     sentence = (f"The light on “{worst}” is known to {percent(effect.error)}, which makes "
                 f"{percent(effect.share, 0)} of the variance of its spectrum and L* ± "
                 f"{effect.lightness:.1f}")
-    sentence += "." if effect.status is Status.PASS else (
-        ": it lies far from the chart, or the light is uneven; put the chart or a white card next "
-        "to it, or photograph a white card in the samples' place as flat field.")
+    at_fault = chart_at_fault(found.chart.left_out, found.chart.layout.names) \
+        if found.chart is not None and found.chart.left_out is not None else ""
+    if effect.status is Status.PASS:
+        sentence += "."
+    elif at_fault:
+        sentence += f", since the chart tells it badly. {at_fault}"
+    else:
+        sentence += (": it lies far from the chart, or the light is uneven; put the chart or a "
+                     "white card next to it, or photograph a white card in the samples' place as "
+                     "flat field.")
     known = Criterion(name, effect.lightness, f"L* ± {effect.lightness:.1f}, "
                       f"{percent(effect.share, 0)}", limit, effect.status, sentence,
                       tuple(region for region, each in effects.items()
@@ -94,11 +101,12 @@ class LightEffect:
 
 
 def light_effect(surface: SurfaceResult) -> LightEffect:
-    """What the error of the light costs a region, its plane's among it."""
-    causes = (*LIGHT_CAUSES, SAMPLE_PLANE)
-    error = error_by(surface, causes) or 0.0
+    """What the error of the light costs a region; its plane is a condition of its own, which no
+    chart that lies nearer makes better.
+    """
+    error = error_by(surface, LIGHT_CAUSES) or 0.0
     lightness = abs(darker_by([surface], error) or 0.0)
-    return LightEffect(error, share_by(surface, causes), lightness)
+    return LightEffect(error, share_by(surface, LIGHT_CAUSES), lightness)
 
 
 def _known_levels(found: FlatResult) -> list[Criterion]:

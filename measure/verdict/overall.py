@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from spectrabox.measure.verdict.calibration_criteria import (
     calibration_doubts,
     chart_agreement,
+    chart_photos,
     held_out_criteria,
     where_of,
 )
@@ -25,8 +26,9 @@ if TYPE_CHECKING:
 def overall_verdict(found: CaptureResult) -> Verdict:
     """Verdict on a measurement: PASS, WARN or FAIL, the worst of its criteria."""
     fits = {"": found.calibration, **found.other_calibrations}
-    criteria = (*_processed(found), *found.own_criteria, *calibration_doubts(found),
-                *chart_agreement(found), *held_out_criteria(found),
+    # causes before symptoms: the first reason is the headline
+    criteria = (*_processed(found), *chart_photos(found), *held_out_criteria(found),
+                *calibration_doubts(found), *chart_agreement(found), *found.own_criteria,
                 found.clipped_criterion(found.photo.clipped_share),
                 *(outcome_criterion(f"Sensitivity fit{where_of(view)}", fit.sensitivity.outcome)
                   for view, fit in fits.items()), *samplers(found), truth_coverage(found),
