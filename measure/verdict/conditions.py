@@ -155,7 +155,7 @@ def lamp_moved(capture: Capture) -> bool:
 
 def flat_conditions(found: FlatResult) -> tuple[Condition, ...]:
     """Conditions of flat samples."""
-    return (_flat_light(found), _plane(found), _gloss(found, "matt"), _shadow(found),
+    return (_flat_light(found), _gloss(found, "matt"), _plane(found), _shadow(found),
             _linearity(found), *_chart_copy(found), _camera(found))
 
 
@@ -260,7 +260,7 @@ def _linearity(found: CaptureResult) -> Condition:
         listed(ways) if ways else "nothing"
     fault = BENT_FAULT if error is None else 2 * error
     return Condition("linearity", Standing.MEASURED if measured else Standing.ASSUMED, error,
-                     known_by, "signals are in proportion to light", f"exponent off by {fault:.3f}",
+                     known_by, "with signals in proportion to light", f"exponent off by {fault:.3f}",
                      largest_change(found.surfaces, lambda mean: np.maximum(mean, 0) ** (
                          1 + fault)))
 
@@ -272,7 +272,7 @@ def _chart_copy(found: CaptureResult) -> tuple[Condition, ...]:
     standing, known_by = Standing.ASSUMED, "a published average of its edition"
     if found.stated.chart_measured:
         standing, known_by = Standing.STATED, "a file of its own reflectances"
-    return (Condition("chart", standing, None, known_by, "the chart like its reference",
+    return (Condition("chart", standing, None, known_by, "with a chart like its reference",
                       f"its level off by {percent(COPY_FAULT)}",
                       darker_by(found.surfaces, COPY_FAULT)),)
 
