@@ -260,7 +260,8 @@ def _linearity(found: CaptureResult) -> Condition:
         listed(ways) if ways else "nothing"
     fault = BENT_FAULT if error is None else 2 * error
     return Condition("linearity", Standing.MEASURED if measured else Standing.ASSUMED, error,
-                     known_by, "with signals in proportion to light", f"exponent off by {fault:.3f}",
+                     known_by, "with signals in proportion to light",
+                     f"exponent off by {fault:.3f}",
                      largest_change(found.surfaces, lambda mean: np.maximum(mean, 0) ** (
                          1 + fault)))
 
@@ -374,7 +375,7 @@ def largest_change(surfaces: Sequence[SurfaceResult], faulty: Any) -> float | No
 
 def darker_by(surfaces: Sequence[SurfaceResult], share: float) -> float | None:
     """Change of L*, as `largest_change`, by so much less light."""
-    return largest_change(surfaces, lambda mean: (1 - share) * mean)
+    return largest_change(surfaces, lambda mean: max(1 - share, 0.0) * mean)
 
 
 def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
