@@ -270,7 +270,7 @@ def _chart_copy(found: CaptureResult) -> tuple[Condition, ...]:
     """Whether the chart is as its reference says; nothing without a chart."""
     if found.chart is None:
         return ()
-    standing, known_by = Standing.ASSUMED, "a published average of its edition"
+    standing, known_by = Standing.ASSUMED, "published reflectances, not of this copy"
     if found.stated.chart_measured:
         standing, known_by = Standing.STATED, "a file of its own reflectances"
     return (Condition("chart", standing, None, known_by, "with a chart like its reference",
