@@ -126,4 +126,4 @@ def test_a_chart_that_moved_is_not_taken_for_the_camera():
     edges = find_edges(photo(3))
     far = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]])[None]
     with pytest.raises(CheckError, match="the chart moved by 80 pixels against what else"):
-        registered(edges, edges, ("first", "other"), REGIONS, (far, far + [80.0, 0.0]))
+        registered(edges, edges, ("first", "other"), REGIONS, (far, far + np.array([80.0, 0.0])))
