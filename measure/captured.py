@@ -74,6 +74,7 @@ class LitChart:
     excluded: np.ndarray                    # (I,) bool: patches that no fit uses
     corners_px: np.ndarray | None = None    # (4, 2) in the first chart photo, where stated
     stated: bool = True                     # whether somebody said which reflectances it has
+    measured: bool = False                  # whether they are of this very copy, from a file
 
 
 @dataclass(frozen=True, eq=False)

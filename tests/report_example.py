@@ -13,6 +13,7 @@ from spectrabox.measure.results.capture_result import ChartResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.surface_spectra import Scores
+from spectrabox.measure.verdict.conditions import Statements
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
@@ -65,7 +66,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
                                                                                           "nm",)),
         photo=_photo(made), grid=GRID, reconstruction=made, by_flat_field=True,
         surfaces=tuple(_surface(rng, made, m, bands, truth) for m in range(len(materials))),
-        signal_bands=bands, surfaces_stated=False)
+        signal_bands=bands, stated=Statements())
     return SessionResults(
         found=found, folder=folder, name=name, operator="A. Operator", notes=notes,
         inputs=(UsedFile("object photo", "photos/scene.dng", "9f" * 32, 25_000_123, 1 / 60, 0.004,

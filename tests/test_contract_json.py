@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.meter_transcripts import FOLDER as RECORDINGS
 from spectrabox.measure.results.surface_result import SURFACE_FACTS
+from spectrabox.measure.verdict.conditions import CONDITION_FACTS
 from spectrabox.session.cli import app
 
 PAGE = Path(__file__).parents[1] / "docs" / "reference" / "json.md"
@@ -48,6 +49,8 @@ def documented():
             commands["flat"]["regions"] = {name: {} for name in facts
                                            # no region has an edge (test_region_edges.py)
                                            if name not in ("rmse_inverse_rendering", "edge")}
+            for command in ("run", "flat"):
+                commands[command]["conditions"] = {fact.name: {} for fact in CONDITION_FACTS}
             return commands
     raise AssertionError("the page has no table of exit codes")
 
@@ -84,8 +87,9 @@ def missing(keys, answers, path=""):
     return absent
 
 
-def test_facts_of_a_surface_are_tabulated_as_they_are_declared():
-    rows = "".join(f"| `{fact.name}` | {fact.meaning} |\n" for fact in SURFACE_FACTS)
+@pytest.mark.parametrize("facts", [SURFACE_FACTS, CONDITION_FACTS])
+def test_facts_are_tabulated_as_they_are_declared(facts):
+    rows = "".join(f"| `{fact.name}` | {fact.meaning} |\n" for fact in facts)
     assert f"| fact | what |\n|---|---|\n{rows}\n" in PAGE.read_text(encoding="utf-8")
 
 

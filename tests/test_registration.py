@@ -119,3 +119,11 @@ def test_photos_without_edges_or_of_other_sizes_are_not_compared(first):
                                            ("signal", "variance", "saturated")}})
     with pytest.raises(InputError, match="a of 720 x 480 and b of 720 x 240 pixels"):
         registered(first, find_edges(half), ("a", "b"), REGIONS, None)
+
+
+def test_a_chart_that_moved_is_not_taken_for_the_camera():
+    """The samples lie where they lay; the chart, which fills much of the photo, does not."""
+    edges = find_edges(photo(3))
+    far = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]])[None]
+    with pytest.raises(CheckError, match="the chart moved by 80 pixels against what else"):
+        registered(edges, edges, ("first", "other"), REGIONS, (far, far + np.array([80.0, 0.0])))

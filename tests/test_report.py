@@ -12,10 +12,10 @@ import pytest
 from report_example import SURFACES, WORST_RATIO, example_session, with_found
 
 from spectrabox.measure.verdict.calibration_criteria import DOUBTS
+from spectrabox.measure.verdict.conditions import Statements, condition_words
 from spectrabox.measure.verdict.criterion import Status
-from spectrabox.measure.verdict.scene_criteria import scene_conditions
 from spectrabox.measure.words import exposure, number, percent, signed_percent
-from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
+from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.records.calibration import CalibrationDoubt
 from spectrabox.radiometry.records.scenes import SurfaceMisfit
@@ -231,31 +231,27 @@ def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
     results = example_session(tmp_path)
     scale = with_common_error(results.found.light_scale, REPEATABILITY, 0.015)
     surfaces = [dataclasses.replace(material, variance_shares={REPEATABILITY: share})
-                 for material, share in zip(results.found.surfaces, (0.1, 0.3), strict=False)]
+                for material, share in zip(results.found.surfaces, (0.1, 0.3), strict=False)]
     fit = dataclasses.replace(results.found.reconstruction, light_scale=scale)
-    cost = with_found(results, reconstruction=fit, surfaces=surfaces).found.verdict
-    said, = (criterion.sentence for criterion in cost.criteria
-             if criterion.name.startswith("Light and shutter"))
-    assert "repeat to 1.5 %" in said and "20 % of the variance" in said and "[drift]" in said
-    assert not any(criterion.name.startswith("Light and shutter")
-                   for criterion in results.found.verdict.criteria)
+    light = with_found(results, reconstruction=fit, surfaces=surfaces).found.conditions[0]
+    assert (light.name, light.standing.value) == ("light on the scene", "assumed")
+    assert light.error == pytest.approx(0.015) and light.variance_share == pytest.approx(0.2)
+    assert "20 % of the variance" in light.cost
 
 
 def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_stated(tmp_path):
     results = example_session(tmp_path)
-    scale = with_common_error(with_common_error(results.found.light_scale, REPEATABILITY, 0.015),
-                              SCENE_LEVEL, 0.03)
 
-    def sentence(scale, **stated):
-        fit = dataclasses.replace(results.found.reconstruction, light_scale=scale)
-        return scene_conditions(with_found(results, reconstruction=fit, **stated).found)
-    whole = sentence(scale)
-    for condition in ("lamp and shutter repeated within 3 % between chart photo and object photo",
-                      "geometry gives the light on the scene within 6 %", "as matt as the scene"):
+    def words(**changes):
+        return condition_words(with_found(results, **changes).found.conditions)
+    whole = words()
+    for condition in ("lamp and shutter repeated", "lamp and chart stand as stated",
+                      "the surfaces are as matt as the scene says"):
         assert condition in whole
-    measured = sentence(dataclasses.replace(scale, common_errors=()), surfaces_stated=True)
-    assert measured.startswith("the geometry is right")
-    assert "repeated" not in measured and "matt" not in measured
+    measured = words(stated=Statements(surfaces=("matt",), drift_references=True),
+                     scale_from_chart=False)
+    for condition in ("repeated", "matt", "stand as stated"):
+        assert condition not in measured
 
 
 def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):

@@ -118,6 +118,8 @@ def registered(first: Edges, other: Edges, names: tuple[str, str],
     _require_one_size(first, other, *names)
     registration = register(first, other, chart_px)
     if registration is not None:
+        if chart_px is not None and samples_stayed(first, other, outlines):
+            _require_chart_stayed(chart_px, float(first.photo_px[0]), *names)
         _require_registered(registration, own_motion_px(first, other, registration, outlines),
                             float(first.photo_px[0]), *names)
     return registration
@@ -167,6 +169,45 @@ def own_motion_px(first: Edges, other: Edges, registration: Registration,
     return moved
 
 
+def samples_stayed(first: Edges, other: Edges,
+                   outlines: Mapping[str, Sequence[Sequence[float]]]) -> bool:
+    """Whether the regions lie where the first photo shows them: neither camera nor samples moved,
+    whatever else did.
+
+    Parameters
+    ----------
+    first, other : Edges
+    outlines : mapping
+        As of ``own_motion_px``.
+    """
+    step, size = first.sensor_step, first.size.shape[1::-1]
+    before, after = first.all_bands, other.all_bands
+    likeness = []
+    for outline in outlines.values():
+        corners = np.asarray(outline, float) / step
+        low = np.maximum(np.floor(corners.min(axis=0)).astype(int) - SURROUND_PX, 0)
+        high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + SURROUND_PX, size)
+        part = slice(low[1], high[1]), slice(low[0], high[0])
+        if before[part].std() > 0 and after[part].std() > 0:
+            likeness.append(np.corrcoef(before[part].ravel(), after[part].ravel())[0, 1])
+    return bool(likeness) and float(np.median(likeness)) > MIN_LIKENESS
+
+
+def _require_chart_stayed(chart_px: tuple[np.ndarray, np.ndarray], width_px: float, first: str,
+                          other: str) -> None:
+    """Refuse a photo in which the chart lies elsewhere and the samples do not: a large chart is
+    most of what two photos have in common, and its motion is taken for the camera's.
+    """
+    before, after = chart_px
+    distance = float(np.sqrt(np.mean(np.sum((before - after) ** 2, axis=-1))))
+    if distance > tolerated_px(width_px):
+        raise CheckError(_CHART_MOVED.format(first=first, other=other, distance=distance))
+
+
+_CHART_MOVED = ("from {first} to {other} the chart moved by {distance:.0f} pixels against what "
+                "else the photos show: leave chart and samples where they are from photo to photo")
+
+
 def _require_one_size(first: Edges, other: Edges, first_name: str, other_name: str) -> None:
     """Refuse photos of different sizes."""
     if first.size.shape != other.size.shape or first.sensor_step != other.sensor_step:
@@ -192,9 +233,7 @@ def _require_registered(registration: Registration, own_motion: Mapping[str, flo
                          "there")
     chart = registration.chart_px
     if chart is not None and chart > tolerated_px(width_px):
-        raise CheckError(f"from {first} to {other} the chart moved by {chart:.0f} pixels "
-                         "against what else the photos show: leave chart and samples where they "
-                         "are from photo to photo")
+        raise CheckError(_CHART_MOVED.format(first=first, other=other, distance=chart))
 
 
 def _by_edges(first: Edges, other: Edges) -> tuple[np.ndarray | None, float]:

@@ -39,8 +39,6 @@ KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the li
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
 LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
 MAP_COLUMNS = 24            # of the map of the light over a photo
-# relative error of the light on a region, above which to say so: 5 % beside the 3 % of its plane
-FAR = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,19 +382,6 @@ def level_notes(white: PhotoWhite) -> tuple[str, ...]:
         f"{'brighter' if misfit > 0 else 'darker'} than the chart's light makes it: check its "
         "stated reflectance, and for a shadow on it or on the chart"
         for name, misfit in white.level_misfits.items() if abs(misfit) > LEVEL_DOUBTED)
-
-
-def far_notes(white: PhotoWhite) -> tuple[str, ...]:
-    """Regions on which the light is known badly, because they lie far from the chart."""
-    far = {name: error for name, error in zip(white.samples.names, white.field_error, strict=True)
-           if error > FAR}
-    if not far:
-        return ()
-    names = ", ".join(repr(name) for name in far)
-    return (f"region{'s' * (len(far) > 1)} {names}: far from the chart the "
-            f"light is known to {max(far.values()):.0%} only; put the chart beside, or a white "
-            "card of known spectrum, or photograph a white card in the samples' place as flat "
-            "field",)
 
 
 def _light_at(photo: FlatPhoto, errors: FlatErrors,

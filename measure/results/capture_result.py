@@ -21,6 +21,12 @@ from spectrabox.measure.results.surface_result import (
 )
 from spectrabox.measure.tables import text_table
 from spectrabox.measure.verdict.calibration_criteria import doubt_sentences
+from spectrabox.measure.verdict.conditions import (
+    Condition,
+    Statements,
+    conditions_text,
+    statements_of,
+)
 from spectrabox.measure.verdict.criterion import Criterion, Verdict
 from spectrabox.measure.verdict.overall import overall_verdict
 from spectrabox.radiometry.chart import CLASSIC, Chart
@@ -69,11 +75,13 @@ class CaptureResult(ABC):
     calibration: Calibration
     # by view, of further photos whose charts are a fit of their own
     other_calibrations: Mapping[str, Calibration] = field(default_factory=dict)
+    # by view with a chart, why to photograph that again; none of a good photo
+    chart_reasons: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     photo: LinearImage                # at the render's size, or a thumbnail
     grid: WavelengthGrid              # of the spectra
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
     surfaces: tuple[SurfaceResult, ...]
-    surfaces_stated: bool             # matt, satin or glossy, of every surface that is estimated
+    stated: Statements                # of the conditions that the result rests on
     processed: bool = False           # a photo by the camera, and decoded as sRGB
     by_flat_field: bool = False       # the photos were divided by one of a white card
     notes: tuple[str, ...] = ()       # of the steps
@@ -113,8 +121,8 @@ class CaptureResult(ABC):
 
     @property
     @abstractmethod
-    def conditions(self) -> str:
-        """What no photo shows and the bands rest on, as the end of "The bands hold if ..."."""
+    def conditions(self) -> tuple[Condition, ...]:
+        """What the result rests on: measured, stated or assumed, and what it costs if it fails."""
 
     @abstractmethod
     def clipped_criterion(self, share: float) -> Criterion:
@@ -150,7 +158,9 @@ class CaptureResult(ABC):
         ``spectrabox run`` but for what is known of its folder (docs/reference/json.md).
         """
         chart = self.chart
-        facts = {"verdict": self.verdict.word, "says": self.verdict.sentence, "left_out": None,
+        facts = {"verdict": self.verdict.word, "says": self.verdict.says,
+                 "conditions": [condition.facts for condition in self.conditions],
+                 "left_out": None,
                  "chart_generation": None,
                  "light": light_facts(self.calibration), **self.own_facts,
                  "swatches": self.swatches or None,
@@ -163,14 +173,14 @@ class CaptureResult(ABC):
         return facts
 
     def text(self, title: str = "") -> str:
-        """A row for each surface, what to beware of, and the verdict with its reason.
+        """A row for each condition and surface, what to beware of, and the verdict with its reason.
 
         Parameters
         ----------
         title : str
             Of the table.
         """
-        lines = [self._table(title)]
+        lines = [conditions_text(self.conditions, title), self._table()]
         if self.picture is not None:
             lines += [self.picture.sentence(self.picture_folder), *self.picture.notes]
         if self.swatches:
@@ -182,14 +192,13 @@ class CaptureResult(ABC):
         lines += [f"warning: {sentence}" for sentence in self.warnings]
         return "\n".join([*lines, self.verdict.line])
 
-    def _table(self, title: str) -> str:
+    def _table(self) -> str:
         estimated = [surface for surface in self.surfaces if not surface.known]
         headings, cells = columns(SURFACE_FACTS, estimated)
         rows = [[surface.name, *row] for surface, row in zip(estimated, cells, strict=True)]
         rows += [[surface.name, "given", *[""] * (len(headings) - 1)]
                  for surface in self.surfaces if surface.known]
-        return text_table([self.surface_word, *(headings or [""])], rows, text=[self.surface_word],
-                          title=title)
+        return text_table([self.surface_word, *(headings or [""])], rows, text=[self.surface_word])
 
 
 def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
@@ -209,8 +218,9 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "calibration": records.calibrations(capture.views)[0],
             "other_calibrations": {name: calibrations[name]
                                    for name in records.calibrate.other_charts},
+            "chart_reasons": {name: chart.reasons for name, chart in records.chart.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
-            "photo": records.photo.photos[""], "surfaces_stated": capture.surfaces_stated,
+            "photo": records.photo.photos[""], "stated": statements_of(capture),
             "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),
             "by_flat_field": bool(capture.development.flat_fields), "notes": tuple(records.notes),
             "swatches": records.sample.swatches, "picture": records.picture}

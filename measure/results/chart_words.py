@@ -94,6 +94,26 @@ def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object
     return {"reference": copy.edition, "probability": copy.probability,
             "log_evidence": copy.evidence, "notes": list(chart_copy_notes(copy, names)),
             "patches": rows}
+def chart_at_fault(patches: HeldOutPatches, names: Sequence[str]) -> str:
+    """What is wrong with the chart itself, in sentences: patches whose level or colour is off by
+    more than chance; empty where none is.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    names : sequence of I str
+    """
+    level, colour = _beyond_chance(patches), _other_colour(patches)
+    named = np.flatnonzero(level | colour).tolist()
+    if not named:
+        return ""
+    glare = [patch for patch in np.flatnonzero(level).tolist() if _brighter(patches, patch)[0] > 0]
+    each = "; ".join(f"{names[patch]} {_reason(patches, patch)}" for patch in named)
+    if glare == named:
+        return f"Glare lies on the chart: {each}. Turn the chart or the lamp."
+    return (f"The chart is not as its reference says: {each}. It is of another edition, worn or "
+            "soiled, or light glares on it: measure it and give that file as reference, replace "
+            "it, or leave these patches out (chart.leave_out).")
 
 
 def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, str]:
@@ -126,8 +146,7 @@ def _reason(patches: HeldOutPatches, patch: int) -> str:
         if dark:
             cause += ", or glare is not the same all over the chart"
         return f"{level} in all bands than the others make it: {cause}"
-    assert patches.colour_chance is not None
-    if patches.colour_chance[patch] < CHANCE / len(patches.mean):
+    if _other_colour(patches)[patch]:
         return ("its colour is not that of the reference: soiled, faded, of another generation of "
                 "the chart, or lit by a coloured reflection")
     outside = patches.grid.nm[(patches.reference[patch] < patches.lower[patch])
@@ -154,6 +173,13 @@ def _beyond_chance(patches: HeldOutPatches) -> np.ndarray:
         return np.zeros(len(patches.mean), bool)
     limit = -ndtri(CHANCE / 2 / len(patches.mean))
     return np.asarray(patches.judged & (np.abs(patches.brighter) > limit * patches.brighter_error))
+
+
+def _other_colour(patches: HeldOutPatches) -> np.ndarray:
+    """Whether the colour of each patch (I,) is off by more than the worst of I is by chance."""
+    if patches.colour_chance is None:
+        return np.zeros(len(patches.mean), bool)
+    return np.asarray(patches.judged & (patches.colour_chance < CHANCE / len(patches.mean)))
 
 
 def held_out_sentence(patches: HeldOutPatches) -> str:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from spectrabox.measure.results.capture_result import (
     surface_of_records,
 )
 from spectrabox.measure.results.methods import flat_methods
+from spectrabox.measure.verdict.conditions import Condition, flat_conditions
 from spectrabox.measure.verdict.criterion import Criterion
-from spectrabox.measure.verdict.flat_criteria import clipped_photo, flat_conditions, flat_criteria
+from spectrabox.measure.verdict.flat_criteria import clipped_photo, flat_criteria
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 
@@ -79,8 +81,8 @@ class FlatResult(CaptureResult):
     def own_criteria(self) -> list[Criterion]:
         return flat_criteria(self)
 
-    @property
-    def conditions(self) -> str:
+    @cached_property
+    def conditions(self) -> tuple[Condition, ...]:
         return flat_conditions(self)
 
     def clipped_criterion(self, share: float) -> Criterion:

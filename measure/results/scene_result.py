@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from spectrabox.measure.captured import SceneCapture
@@ -14,11 +15,11 @@ from spectrabox.measure.results.capture_result import (
 )
 from spectrabox.measure.results.methods import scene_methods
 from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.verdict.conditions import Condition, scene_conditions
 from spectrabox.measure.verdict.criterion import Criterion
 from spectrabox.measure.verdict.scene_criteria import (
     clipped_pixels,
     median_surface_error,
-    scene_conditions,
     scene_criteria,
     scene_warnings,
 )
@@ -58,8 +59,8 @@ class SceneResult(CaptureResult):
     def own_criteria(self) -> list[Criterion]:
         return scene_criteria(self)
 
-    @property
-    def conditions(self) -> str:
+    @cached_property
+    def conditions(self) -> tuple[Condition, ...]:
         return scene_conditions(self)
 
     def clipped_criterion(self, share: float) -> Criterion:

@@ -57,8 +57,7 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
                               light_explained=capture.chart_scene is not None)
         lost = require_unclipped(verdict.samples, chart.layout.names, name, chart.layout.neutrals,
                                  work.photos.bands(photo), bands_may_drop=capture.bands_may_drop)
-        notes += (*own_notes, *lost,
-                  *(f"{name} should be shot again: {reason}" for reason in verdict.reasons))
+        notes += (*own_notes, *lost)
         if capture.drift.chart_px and not view.name:
             references = region_signals(photo, capture.drift.chart_px)
         charts[view.name] = MeasuredChart(detection, verdict.samples,

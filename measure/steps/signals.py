@@ -11,7 +11,6 @@ from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.white import (
     FlatErrors,
     FlatPhoto,
-    far_notes,
     level_notes,
     light_map,
     white_at_regions,
@@ -51,7 +50,7 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
         white = white_at_regions(photo, known, errors)
         whites.append(white)
         if white is not None:
-            notes += far_notes(white) + level_notes(white)
+            notes += level_notes(white)
             lights[view.name] = RegionLight(
                 np.exp(white.log_field), white.field_error,
                 np.array(list(white.level_misfits.values())),

@@ -70,6 +70,16 @@ def where_of(view: str) -> str:
     return view and f" in the photo “{view}”"
 
 
+def chart_photos(found: CaptureResult) -> list[Criterion]:
+    """Whether each chart photo is good, as ``spectrabox chart`` says it of the same photo."""
+    return [Criterion(f"Photo of the chart{where_of(view)}", float(len(reasons)),
+                      "re-shoot" if reasons else "good", "good",
+                      Status.WARN if reasons else Status.PASS,
+                      f"Shoot the chart{where_of(view)} again: {'; '.join(reasons)}."
+                      if reasons else f"The photo of the chart{where_of(view)} is good.")
+            for view, reasons in found.chart_reasons.items()]
+
+
 def held_out_criteria(found: CaptureResult) -> list[Criterion]:
     """How well each chart patch is predicted by a calibration without it; nothing without a chart.
 

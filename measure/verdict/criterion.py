@@ -57,6 +57,7 @@ class Verdict:
     status: Status
     sentence: str
     criteria: tuple[Criterion, ...]
+    condition: str = ""         # what a PASS rests on, as the end of "if ..."
 
     @property
     def word(self) -> str:
@@ -66,7 +67,19 @@ class Verdict:
     @property
     def line(self) -> str:
         """For a terminal."""
-        return f"verdict: {self.status.name}. {self.sentence}"
+        return f"verdict: {self.title}. {self.sentence}"
+
+    @property
+    def title(self) -> str:
+        """PASS, WARN or FAIL, with what it rests on: "PASS if matt"."""
+        return f"{self.status.name} if {self.condition}" if self.condition else self.status.name
+
+    @property
+    def says(self) -> str:
+        """The sentence, with what it rests on."""
+        if not self.condition:
+            return self.sentence
+        return f"If {self.condition}: {self.sentence[0].lower()}{self.sentence[1:]}"
 
     @property
     def headline(self) -> str:
@@ -81,7 +94,7 @@ class Verdict:
     def reasons(self) -> list[str]:
         """Why the verdict is no PASS, in sentences; its one sentence otherwise."""
         if self.status not in (Status.WARN, Status.FAIL):
-            return [self.sentence]
+            return [self.says]
         return [criterion.sentence for criterion in self.criteria
                 if criterion.status is self.status]
 

@@ -1,24 +1,35 @@
-"""Criteria and conditions of flat samples: light, known levels, uneven regions, edges."""
+"""Criteria of flat samples: light, known levels, uneven regions, edges."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from spectrabox.measure.regions.edge_words import edge_sentence
-from spectrabox.measure.regions.white import FAR, LEVEL_DOUBTED
+from spectrabox.measure.regions.white import LEVEL_DOUBTED
+from spectrabox.measure.results.chart_words import chart_at_fault
+from spectrabox.measure.verdict.conditions import (
+    LIGHT_CAUSES,
+    darker_by,
+    error_by,
+    share_by,
+)
 from spectrabox.measure.verdict.criterion import (
     CLIPPED_LIMITS,
     Criterion,
     Status,
     graded,
 )
-from spectrabox.measure.words import listed, percent
+from spectrabox.measure.words import percent
 
 if TYPE_CHECKING:
     from spectrabox.measure.results.flat_result import FlatResult
+    from spectrabox.measure.results.surface_result import SurfaceResult
 
-LIGHT_LIMITS = (FAR, 0.15)    # relative error of the light on a region of a flat sample
+# standard error of L* by the light: two just noticeable steps, and another colour by any account
+LIGHTNESS_LIMITS = (2.0, 5.0)
+MOST_OF_A_BAND = 0.5          # share of a spectrum's variance: the light is the largest cause
 # Relative scatter of a region's pixels. One paint whose relief slopes by 20 degrees (rms) scatters
 # by 0.25 in light from 45 degrees; halves of two paints of a ColorChecker by more in 93 % of pairs,
 # three paints in 99 %.
@@ -31,23 +42,71 @@ def flat_criteria(found: FlatResult) -> list[Criterion]:
 
 
 def _light(found: FlatResult) -> list[Criterion]:
-    """How well the light on the worst region is known, and how much it changes."""
-    light = {(photo.name, name): level_and_error for photo in found.photos
-             for name, level_and_error in photo.light.items()}
-    (_, worst), (_, error) = max(light.items(), key=lambda item: item[1][1])
-    levels = np.array([level for level, _ in light.values()] + [1.0])
+    """What the error of the light costs the answer, and how much the light changes.
+
+    A light that is known badly does harm where it makes most of a band, or moves L* by what can be
+    seen; one that is known to 8 % beside bands that are wide for other reasons does none.
+    """
+    effects = {surface.name: light_effect(surface) for surface in found.surfaces
+               if not surface.known}
+    name = "Effect of the light's error, worst region"
+    limit = (f"L* ± {LIGHTNESS_LIMITS[0]:g} and {percent(MOST_OF_A_BAND, 0)} of a variance; fail "
+             f"beyond L* ± {LIGHTNESS_LIMITS[1]:g}")
+    worst = max(effects, key=lambda region: effects[region].badness)
+    effect = effects[worst]
+    sentence = (f"The light on “{worst}” is known to {percent(effect.error)}, which makes "
+                f"{percent(effect.share, 0)} of the variance of its spectrum and L* ± "
+                f"{effect.lightness:.1f}")
+    at_fault = chart_at_fault(found.chart.left_out, found.chart.layout.names) \
+        if found.chart is not None and found.chart.left_out is not None else ""
+    if effect.status is Status.PASS:
+        sentence += "."
+    elif at_fault:
+        sentence += f", since the chart tells it badly. {at_fault}"
+    else:
+        sentence += (": it lies far from the chart, or the light is uneven; put the chart or a "
+                     "white card next to it, or photograph a white card in the samples' place as "
+                     "flat field.")
+    known = Criterion(name, effect.lightness, f"L* ± {effect.lightness:.1f}, "
+                      f"{percent(effect.share, 0)}", limit, effect.status, sentence,
+                      tuple(region for region, each in effects.items()
+                            if each.status is not Status.PASS))
+    levels = np.array([level for photo in found.photos for level, _ in photo.light.values()]
+                      + [1.0])
     change = float(levels.max() / levels.min() - 1)
-    known = graded("Error of the light on the regions, worst region", error, LIGHT_LIMITS,
-                    f"The light on “{worst}” is known to {percent(error)}"
-                    + ("." if error <= LIGHT_LIMITS[0] else ": it lies far from the chart, or the "
-                       "light is uneven; put the chart or a white card next to it, or photograph "
-                       "a white card in the samples' place as flat field."),
-                    tuple(name for (_, name), (_, own) in light.items()
-                          if own > LIGHT_LIMITS[0]))
     return [known, Criterion("Change of the light from the chart to the regions", change,
                              percent(change), "corrected", Status.INFO,
                              f"The light changes by {percent(change)} between chart and regions, "
                              "which is corrected within its error.")]
+
+
+@dataclass(frozen=True)
+class LightEffect:
+    """What the error of the light on a region costs its spectrum."""
+
+    error: float                # of the light, relative
+    share: float                # of the spectrum's variance
+    lightness: float            # standard error of L* by the light alone
+
+    @property
+    def badness(self) -> float:
+        """The effect by the limits of a PASS: 1 is just one."""
+        return max(self.share / MOST_OF_A_BAND, self.lightness / LIGHTNESS_LIMITS[0])
+
+    @property
+    def status(self) -> Status:
+        if self.lightness > LIGHTNESS_LIMITS[1]:
+            return Status.FAIL
+        return Status.PASS if self.badness <= 1 else Status.WARN
+
+
+def light_effect(surface: SurfaceResult) -> LightEffect:
+    """What the error of the light costs a region; its plane is a condition of its own, which no
+    chart that lies nearer makes better.
+    """
+    error = error_by(surface, LIGHT_CAUSES) or 0.0
+    lightness = abs(darker_by([surface], error) or 0.0)
+    return LightEffect(error, share_by(surface, LIGHT_CAUSES), lightness)
 
 
 def _known_levels(found: FlatResult) -> list[Criterion]:
@@ -108,11 +167,3 @@ def clipped_photo(share: float) -> Criterion:
     """
     return graded("Clipped parts of the photo", share, CLIPPED_LIMITS,
                   f"{percent(share)} of the photo is clipped, none of it in a region.")
-
-
-def flat_conditions(found: FlatResult) -> str:
-    """What no photo shows and the estimates rest on: how the samples must lie."""
-    matt = [] if found.surfaces_stated else ["matt"]
-    card = all(photo.level_misfits for photo in found.photos if photo.light)
-    return "the samples are " + listed([*matt, "flat", *(
-        ["in the white card's plane"] if card else ["in the chart's plane", "in no shadow"])])

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 from spectrabox.measure.verdict.calibration_criteria import (
     calibration_doubts,
     chart_agreement,
+    chart_photos,
     held_out_criteria,
     where_of,
 )
+from spectrabox.measure.verdict.conditions import condition_words
 from spectrabox.measure.verdict.criterion import (
     Criterion,
     Status,
@@ -24,8 +26,9 @@ if TYPE_CHECKING:
 def overall_verdict(found: CaptureResult) -> Verdict:
     """Verdict on a measurement: PASS, WARN or FAIL, the worst of its criteria."""
     fits = {"": found.calibration, **found.other_calibrations}
-    criteria = (*_processed(found), *found.own_criteria, *calibration_doubts(found),
-                *chart_agreement(found), *held_out_criteria(found),
+    # causes before symptoms: the first reason is the headline
+    criteria = (*_processed(found), *chart_photos(found), *held_out_criteria(found),
+                *calibration_doubts(found), *chart_agreement(found), *found.own_criteria,
                 found.clipped_criterion(found.photo.clipped_share),
                 *(outcome_criterion(f"Sensitivity fit{where_of(view)}", fit.sensitivity.outcome)
                   for view, fit in fits.items()), *samplers(found), truth_coverage(found),
@@ -34,7 +37,7 @@ def overall_verdict(found: CaptureResult) -> Verdict:
     if status in (Status.WARN, Status.FAIL):
         reasons = dict.fromkeys(c.sentence for c in criteria if c.status is status)
         return Verdict(status, " ".join(reasons), criteria)
-    return Verdict(status, f"{found.good} The bands hold if {found.conditions}.", criteria)
+    return Verdict(status, found.good, criteria, condition_words(found.conditions))
 
 
 def _processed(found: CaptureResult) -> list[Criterion]:

@@ -1,4 +1,4 @@
-"""Criteria and conditions of scenes: photo against rendering, the fit, light between the photos."""
+"""Criteria of scenes: photo against rendering, the fit."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -16,8 +16,7 @@ from spectrabox.measure.verdict.criterion import (
     limit_words,
     outcome_criterion,
 )
-from spectrabox.measure.words import deviation_words, listed, percent
-from spectrabox.radiometry.error_model import LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
+from spectrabox.measure.words import deviation_words, percent
 from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
 from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause
 
@@ -29,14 +28,6 @@ MEDIAN_LIMITS = (0.02, 0.05)
 WORST_LIMITS = (0.05, 0.15)
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05     # of what a warning names
 MAX_NAMED = 3                         # surfaces that the verdict names
-WITHIN = 2                            # standard errors within which a condition is said to hold
-# what is assumed of the light on a scene: criterion, what repeats or agrees, what measures it
-ASSUMED = {
-    REPEATABILITY: ("Light and shutter from chart photo to object photo", "lamp and shutter repeat",
-                    "A grey reference that both photos show ([drift])"),
-    SCENE_LEVEL: ("Light on the scene against that on the chart", "the positions of lamp and chart "
-                  "give the light on the scene", "A material of known spectrum ([scale] from = "
-                  "\"material\")")}
 # of sessions with a picture, whose surfaces may have as many spectra as pixels
 PATTERNS = ("One spectrum for each material does not fit every surface. It cannot fit those with "
             "patterns, and the picture, with a spectrum for every pixel, does not rest on it; of "
@@ -44,7 +35,7 @@ PATTERNS = ("One spectrum for each material does not fit every surface. It canno
 
 
 def scene_criteria(found: SceneResult) -> list[Criterion]:
-    """Photo against rendering, misfits, the fit, changes between the photos, rehearsal."""
+    """Photo against rendering, misfits, the fit, rehearsal."""
     photos = [("", found.reconstruction, found.bands)]
     photos += [(where_of(view.name), view.reconstruction, view.bands)
                for view in found.views]
@@ -57,7 +48,7 @@ def scene_criteria(found: SceneResult) -> list[Criterion]:
                    replace(each, status=Status.WARN, sentence=PATTERNS) for each in misfits]
     return [*agreement, *misfits,
             outcome_criterion("Inverse rendering", found.reconstruction.outcome),
-            *_between_photos(found), *_rehearsal(found)]
+            *_rehearsal(found)]
 
 
 def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
@@ -106,24 +97,6 @@ def _misfits(made: Reconstruction, bands: tuple[str, ...], where: str) -> Criter
                      status, f"In{where[3:]}: {sentence}" if where else sentence,
                      tuple(dict.fromkeys(materials[misfit.surface] for misfit in made.misfits
                                          if misfit.surface in materials)))
-
-
-def _between_photos(found: SceneResult) -> list[Criterion]:
-    """What it costs that nobody measured the light on the scene itself."""
-    rows = []
-    for cause, (name, assumed, measured_by) in ASSUMED.items():
-        stated = [error.relative for error in found.light_scale.common_errors
-                  if error.cause == cause]
-        if not stated:
-            continue
-        shares = [material.variance_shares[cause] for material in found.surfaces
-                  if cause in material.variance_shares]
-        cost = (f", which makes {percent(float(np.mean(shares)))} of the variance of the spectra "
-                f"(up to {percent(max(shares))} of a material's)" if shares else "")
-        rows.append(Criterion(name, stated[0], percent(stated[0]), "stated, not measured",
-                              Status.INFO, f"We assume {assumed} to {percent(stated[0])}{cost}. "
-                              f"{measured_by} measures it instead and narrows every band."))
-    return rows
 
 
 def _rehearsal(found: SceneResult) -> list[Criterion]:
@@ -180,26 +153,6 @@ def scene_warnings(found: SceneResult) -> list[str]:
         warnings.append("The sensitivities were taken from a file and not checked against a chart "
                         "photo.")
     return warnings
-
-
-def scene_conditions(found: SceneResult) -> str:
-    """The same of a scene: what of the light only the chart photo tells, geometry, surfaces."""
-    scales = [found.light_scale, *(view.reconstruction.light_scale for view in found.views)]
-
-    def within(*causes: str) -> str:
-        errors = [np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
-                                          if error.cause in causes)]) for scale in scales]
-        return percent(WITHIN * max(errors), 0) if max(errors) else ""
-
-    repeat, light = within(REPEATABILITY), within(SCENE_LEVEL, LAMP_AT_CHART)
-    known = [f"“{material.name}”" for material in found.surfaces if material.known]
-    return listed([
-        *([f"lamp and shutter repeated within {repeat} between chart photo and object photo"]
-          if repeat else []),
-        f"the geometry gives the light on the scene within {light}" if light else
-        "the geometry is right",
-        *([f"the spectrum of {listed(known)} is right"] if known else []),
-        *([] if found.surfaces_stated else ["the surfaces are as matt as the scene says"])])
 
 
 def worst_entry(agreement: SurfaceAgreement) -> tuple[int, int] | None:

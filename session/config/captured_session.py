@@ -26,7 +26,7 @@ from spectrabox.measure.captured import (
     View,
 )
 from spectrabox.radiometry.chart import Chart, excluded_patches
-from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
@@ -221,7 +221,8 @@ def _chart(config: SessionConfig) -> LitChart:
     return LitChart(layout, read_chart_reference(config, layout),
                     excluded_patches(config.chart.leave_out, layout, "chart.leave_out"),
                     None if corners is None else np.array(corners),
-                    config.chart.reference is not None or layout.reference_file is not None)
+                    stated=config.chart.reference is not None or layout.reference_file is not None,
+                    measured=reference_file(config.chart.reference, layout) is not None)
 
 
 def read_chart_reference(config: SessionConfig, layout: Chart) -> np.ndarray:

@@ -30,7 +30,9 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
     found = results.found
     return {
         "schema": SCHEMA, "name": results.name, "operator": results.operator,
-        "notes": results.notes, "bands": found.bands, "verdict": _verdict(found.verdict),
+        "notes": results.notes,
+        "conditions": [condition.facts for condition in found.conditions],
+        "bands": found.bands, "verdict": _verdict(found.verdict),
         "signal_bands": found.signal_bands,
         "calibration": _calibration(found, results.sensitivity_truth),
         "chart": None if found.chart is None else _chart(found, found.chart),
@@ -75,7 +77,7 @@ def flat_numbers(found: FlatResult) -> dict[str, Any]:
 
 
 def _verdict(verdict: Verdict) -> dict[str, Any]:
-    return {"status": verdict.status, "says": verdict.sentence,
+    return {"status": verdict.status, "says": verdict.says,
             "criteria": [{"name": c.name, "value": c.value, "shown": c.shown, "limit": c.limit,
                           "status": c.status, "says": c.sentence} for c in verdict.criteria]}
 

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from spectrabox.measure.captured import LitChart
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
-from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
@@ -184,7 +184,8 @@ def as_lit_chart(layout: str | Path | Chart | None, reference: str | None,
     return LitChart(chart, reference_reflectances(reference, chart, FINE_GRID),
                     np.zeros(len(chart.names), bool),
                     None if corners is None else np.asarray(corners, float),
-                    reference is not None or chart.reference_file is not None)
+                    stated=reference is not None or chart.reference_file is not None,
+                    measured=reference_file(reference, chart) is not None)
 
 
 def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],

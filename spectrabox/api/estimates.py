@@ -12,6 +12,7 @@ from spectrabox.api.estimate import SpectrumEstimate, estimates_to_xarray
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.plots import frame_wavelengths
 from spectrabox.measure.results.capture_result import CaptureResult
+from spectrabox.measure.verdict.conditions import conditions_text
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.records.calibration import Calibration
@@ -220,7 +221,10 @@ class MeasuredSpectra(SpectrumEstimates):
         return self.found.text()
 
     def __repr__(self) -> str:
-        return f"{super().__repr__()}\n{self.found.verdict.line}"
+        return "\n".join([conditions_text(self.found.conditions), super().__repr__(),
+                          self.found.verdict.line])
 
     def _repr_html_(self) -> str:
-        return super()._repr_html_() + str(Markup("<p>{}</p>").format(self.found.verdict.line))
+        verdict = Markup("<p>{}</p><pre>{}</pre>").format(
+            self.found.verdict.line, conditions_text(self.found.conditions))
+        return str(verdict) + super()._repr_html_()

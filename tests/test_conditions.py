@@ -1,0 +1,111 @@
+"""What a result rests on: which conditions are measured, stated or assumed, what the verdict names,
+and what the error of the light costs.
+"""
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from report_example import example_session, with_found
+
+from spectrabox.measure.results.surface_result import SurfaceResult
+from spectrabox.measure.verdict.conditions import (
+    COPY_FAULT,
+    GLOSS_FAULT,
+    NAMED_LIGHTNESS,
+    Standing,
+    Statements,
+    condition_words,
+    exponent_of_greys,
+)
+from spectrabox.measure.verdict.criterion import Status, Verdict
+from spectrabox.measure.verdict.flat_criteria import light_effect
+from spectrabox.radiometry.appearance import reflectance_to_lab
+from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE, SAMPLE_PLANE
+
+
+def condition(found, name):
+    return next(each for each in found.conditions if each.name == name)
+
+
+def grey(level: float, light_error: float, light_share: float, tmp_path) -> SurfaceResult:
+    """A grey of a reflectance whose light is known to an error, which is a share of its variance.
+    """
+    surface = example_session(tmp_path).found.surfaces[0]
+    summary = dataclasses.replace(surface.summary, mean=np.full_like(surface.summary.mean, level))
+    return dataclasses.replace(
+        surface, summary=summary, error_budget={LIGHT_FIELD: np.full(3, light_error)},
+        variance_shares={LIGHT_FIELD: light_share, PHOTO_NOISE: 1 - light_share})
+
+
+def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):
+    results = example_session(tmp_path)
+    assert condition(results.found, "gloss").standing is Standing.ASSUMED
+    stated = with_found(results, stated=Statements(surfaces=("matt",))).found
+    gloss = condition(stated, "gloss")
+    assert gloss.standing is Standing.STATED and gloss.known_by == "matt" and not gloss.named
+
+
+def test_a_lamp_that_moved_measures_gloss(tmp_path):
+    moved = with_found(example_session(tmp_path), stated=Statements(lamp_moved=True)).found
+    assert condition(moved, "gloss").standing is Standing.MEASURED
+
+
+def test_the_verdict_names_the_assumed_conditions_whose_failing_is_seen_and_no_other(tmp_path):
+    found = example_session(tmp_path).found
+    for each in found.conditions:
+        seen = each.lightness is not None and abs(each.lightness) >= NAMED_LIGHTNESS
+        assert each.named == (each.standing is Standing.ASSUMED and seen)
+        assert (bool(each.holds) and each.holds in condition_words(found.conditions)) == each.named
+
+
+def test_the_line_of_a_pass_says_what_it_rests_on_and_that_of_a_warning_does_not():
+    passed = Verdict(Status.PASS, "The chart fits.", (), "matt and in the chart's plane")
+    assert passed.line == "verdict: PASS if matt and in the chart's plane. The chart fits."
+    assert passed.says == "If matt and in the chart's plane: the chart fits."
+    assert Verdict(Status.WARN, "It is dark.", ()).line == "verdict: WARN. It is dark."
+
+
+def test_costs_are_those_of_the_surface_that_the_fault_changes_most(tmp_path):
+    found = example_session(tmp_path).found
+    estimated = [surface for surface in found.surfaces if not surface.known]
+    mirrored = [reflectance_to_lab(surface.nm, surface.mean + GLOSS_FAULT)[0] - surface.lab[0]
+                for surface in estimated]
+    assert condition(found, "gloss").lightness == pytest.approx(max(mirrored))
+    darker = [reflectance_to_lab(surface.nm, surface.mean * (1 - COPY_FAULT))[0] - surface.lab[0]
+              for surface in estimated]
+    assert condition(found, "chart").lightness == pytest.approx(min(darker))
+
+
+def test_a_light_that_is_most_of_a_band_warns_and_one_that_is_little_of_it_does_not(tmp_path):
+    # L* of a grey of 0.15 is 45.6: 8 % of its light is 1.6 of L*
+    assert light_effect(grey(0.15, 0.08, 0.6, tmp_path)).status is Status.WARN
+    assert light_effect(grey(0.15, 0.08, 0.1, tmp_path)).status is Status.PASS
+
+
+def test_a_light_that_is_little_of_a_band_warns_where_it_moves_lightness_by_two(tmp_path):
+    # L* of a grey of 0.8 is 91.7: 4 % of its light is 1.4, 8 % is 2.9, 20 % is 7.6
+    levels = [light_effect(grey(0.8, error, 0.1, tmp_path)).status for error in (0.04, 0.08, 0.2)]
+    assert levels == [Status.PASS, Status.WARN, Status.FAIL]
+
+
+def test_the_plane_of_the_samples_is_not_the_light(tmp_path):
+    surface = grey(0.8, 0.01, 0.1, tmp_path)
+    surface = dataclasses.replace(
+        surface, error_budget={**surface.error_budget, SAMPLE_PLANE: np.full(3, 0.2)},
+        variance_shares={LIGHT_FIELD: 0.1, SAMPLE_PLANE: 0.9})
+    assert light_effect(surface).status is Status.PASS
+
+
+@pytest.mark.parametrize("exponent", [1.0, 0.95, 1.1])
+def test_greys_of_a_chart_measure_the_exponent_of_the_light(tmp_path, exponent):
+    chart = example_session(tmp_path).found.chart
+    rng = np.random.default_rng(3)
+    noise = rng.normal(0, 0.01, (24, 1))        # a patch errs in all bands alike
+    samples = dataclasses.replace(chart.samples, mean=chart.predicted ** exponent
+                                  * np.array([0.5, 1.0, 2.0]) * np.exp(noise))
+    found, error = exponent_of_greys(dataclasses.replace(chart, samples=samples))
+    # 6 greys over a factor 28: 0.01 / sqrt(sum of squares of the logarithm, 7.4) is 0.0037
+    assert 0.001 < error < 0.01
+    assert abs(found - exponent) < 5 * 0.0037
