@@ -91,7 +91,10 @@ def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray) ->
         Mean logits.
     """
     at = np.clip(level, GRID[0], GRID[-1])
-    log_weight, slope, bend = (np.interp(at, GRID, values) for values in weight.log_weight)
+    place = (at - GRID[0]) / (GRID[1] - GRID[0])
+    below = np.minimum(place.astype(int), GRID.size - 2)
+    part, near = place - below, weight.log_weight.take([below, below + 1], axis=1)
+    log_weight, slope, bend = (1 - part) * near[:, 0] + part * near[:, 1]
     m, s = weight.mean[component], weight.variance[component]
     bend = np.minimum(bend, MOST_OF_CURVATURE / s)
     variance = s / (1 - bend * s)
