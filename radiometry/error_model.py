@@ -48,6 +48,7 @@ DRIFT = "drift of the light"
 DRIFT_OF_COLOUR = "drift of the light's colour"
 LAMP_AT_CHART = "lamp position at chart"
 SCENE_LEVEL = "level of light on the scene"
+KNOWN_SURFACES = "light by known surfaces"
 GLARE = "veiling glare"
 STRAY_LIGHT = "stray light"
 SAMPLE_PLANE = "plane of the samples"
@@ -81,6 +82,7 @@ CAUSES = {
     DRIFT_OF_COLOUR: Cause("proportional", bands=True, surfaces=True, photos=False),
     LAMP_AT_CHART: Cause("proportional", bands=True, surfaces=True, photos=False),
     SCENE_LEVEL: Cause("proportional", bands=True, surfaces=True, photos=False),
+    KNOWN_SURFACES: Cause("proportional", bands=True, surfaces=True, photos=False),
     GLARE: Cause("added", bands=True, surfaces=True, photos=False),
     STRAY_LIGHT: Cause("added", bands=True, surfaces=True, photos=False),
     SAMPLE_PLANE: Cause("proportional", bands=True, surfaces=True, photos=False),

@@ -125,7 +125,7 @@ def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, p
         fit = None
         solutions = (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
     else:
-        fit, solutions = solve_views(views, settings, progress, checkpoint)
+        views, fit, solutions = solve_views(views, settings, progress, checkpoint)
     solutions = tuple(replace(solution, notes=chosen + solution.notes) for solution in solutions)
     return reconstruction_of(views, fit, solutions, settings)
 
@@ -246,7 +246,7 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
         engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
         notes=(*solution.notes, *(misfit.sentence for misfit in misfits),
                *([shift] if shift else [])),
-        misfits=misfits)
+        misfits=misfits, known_light=solution.known_light)
 
 
 def _same_response(response: np.ndarray, other: np.ndarray) -> bool:

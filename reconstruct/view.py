@@ -15,7 +15,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.scenes import LearntSpectra, RegionTransport
+from spectrabox.radiometry.records.scenes import KnownLight, LearntSpectra, RegionTransport
 from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthGrid
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -83,15 +83,17 @@ class PhotoView:
         """Width and height in pixels."""
         return self.photo.signal.shape[1], self.photo.signal.shape[0]
 
-    def with_photo(self, photo: LinearImage) -> PhotoView:
+    def with_photo(self, photo: LinearImage, light_scale: LightScale | None = None) -> PhotoView:
         """The view with another photo of the same surfaces, compared at the same pixels.
 
         Parameters
         ----------
         photo : LinearImage
             (H, W, K).
+        light_scale : LightScale, optional
+            Of that photo; the view's own where it is left out.
         """
-        other = replace(self, photo=photo)
+        other = replace(self, photo=photo, light_scale=light_scale or self.light_scale)
         vars(other).update(surface=self.surface, used=self.used)  # the scene is the same
         return other
 
@@ -278,6 +280,7 @@ class ViewSolution:
     # light scale and its standard error, where no known material sets it
     scale: tuple[float, float | None] = (1.0, None)
     regions: RegionTransport | None = None  # for the samplers, where light was traced
+    known_light: KnownLight | None = None   # what known surfaces said of the light on the view
 
 
 def unknown_materials(views: Sequence[PhotoView]) -> tuple[MaterialSpec, ...]:
