@@ -253,8 +253,8 @@ def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.
     source : str
         Where the scale comes from, in words, for the record.
     """
-    return scale_from_signals(surface_sums(measured, surface), surface_sums(rendered, surface), SCALE_ERROR,
-                              source)
+    return scale_from_signals(surface_sums(measured, surface), surface_sums(rendered, surface),
+                              SCALE_ERROR, source)
 
 
 def surface_sums(image: np.ndarray, surface: np.ndarray) -> np.ndarray:
