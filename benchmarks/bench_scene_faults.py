@@ -161,7 +161,7 @@ def write_session(folder: Path, case: int, walls: np.ndarray, protocol: str) -> 
 
     The verdict must not know the truth: only spectra of the card or of the walls are stated.
     """
-    write_demo_session(folder, case, size=SIZE, spp=4)
+    write_demo_session(folder, case, size=SIZE, spp=4, card=False)
     path, rng = folder / "session.toml", np.random.default_rng([case, 5])
     text = path.read_text(encoding="utf-8").replace("width = 96", f"width = {WIDTH}").replace(
         "draws = 4000", "draws = 1000")

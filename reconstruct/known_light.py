@@ -58,18 +58,20 @@ def tie_to_known(view: PhotoView, rendered: np.ndarray,
     logs = np.log(measured[lit] / predicted[lit])
     bands = logs.shape[1]
     by_surface = logs.mean(axis=1)
-    seen, colour = float(by_surface.mean()), (logs - by_surface[:, None]).mean(axis=0)
+    tints = logs - by_surface[:, None]
+    # medians: of several known surfaces one may be shaded, or lit by more than the scene says
+    seen, colour = float(np.median(by_surface)), np.median(tints, axis=0)
+    colour = colour - colour.mean()
     brightness, tint = (0.0, 0.0) if errors is None else (errors.brightness, errors.colour)
-    seen_error = float(_of_mean(by_surface, np.hypot(KNOWN_LEVEL_ERROR, brightness)))
-    colour_error = np.hypot(
-        _of_mean(logs - by_surface[:, None], np.hypot(KNOWN_COLOUR_ERROR, tint)),
-        COLOUR_LEFT * np.abs(colour))
+    seen_error = float(_of_middle(by_surface, np.hypot(KNOWN_LEVEL_ERROR, brightness)))
+    colour_error = _of_middle(tints, np.hypot(KNOWN_COLOUR_ERROR, tint))
 
     expected, expected_error, own = _expected(view.light_scale, bands)
     level, level_error = _combined(expected, expected_error, seen, seen_error)
     tied, tied_error = _combined(np.zeros(bands), np.hypot(own, LAMP_COLOUR_ERROR), colour,
                                  colour_error)
     tied = tied - tied.mean()
+    tied_error = np.hypot(tied_error, COLOUR_LEFT * np.abs(tied))
     value, names = float(np.exp(level)), tuple(dict.fromkeys(
         view.surface_materials[index] for index in numbers[lit]))
     scale = with_common_error(
@@ -96,9 +98,9 @@ def in_chart_light(photo: LinearImage, light: KnownLight) -> LinearImage:
                    variance=(photo.variance / light.colour**2).astype(photo.variance.dtype))
 
 
-def _of_mean(values: np.ndarray, stated: float) -> np.ndarray:
-    """Standard error of the mean over surfaces (S, ...): by their scatter, and by what is stated
-    of one.
+def _of_middle(values: np.ndarray, stated: float) -> np.ndarray:
+    """Standard error of the middle of surfaces (S, ...): by their scatter, and by what is stated of
+    one.
     """
     count = len(values)
     scatter = values.std(axis=0, ddof=1) if count > 1 else np.zeros(values.shape[1:])

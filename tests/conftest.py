@@ -71,11 +71,13 @@ def mitsuba():
 def _captured(tmp_path_factory):
     from spectrabox.fixtures.demos.demo_session import write_demo_session
     folder = tmp_path_factory.mktemp("capture") / "box"
-    write_demo_session(folder, 1, size=(208, 312), spp=4)
+    write_demo_session(folder, 1, size=(208, 312), spp=4, card=False)
     text = (folder / "session.toml").read_text(encoding="utf-8")
     text = text.replace("width = 96", "width = 40\nsteps = 80").replace("draws = 4000",
                                                                         "draws = 1000")
     (folder / "session.toml").write_text(text, encoding="utf-8")
+    (folder / "spectra" / "card.csv").write_text(       # which the template of a box asks for
+        "nm,reflectance\n400,0.45\n700,0.47\n", encoding="utf-8")
     return folder
 
 
