@@ -393,15 +393,25 @@ def light_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSigna
     """Covariance (M, J, J) of the signals of M surfaces by the stated errors of each light's
     readings.
 
-    Views under the same light share their bands, and these errors with them.
+    Views with the same bands are under the same light, and share them.
 
     Parameters
     ----------
     calibrations, surfaces
         As of ``sensitivity_covariance``.
     """
-    return _independent_of_views(surfaces, lambda view, response: light_errors(
-        calibrations[view], surfaces.grid, response))
+    covariance = np.zeros((len(surfaces.names), len(surfaces.bands), len(surfaces.bands)))
+    mine = {int(view): np.flatnonzero(surfaces.view_of_band == view)
+            for view in np.unique(surfaces.view_of_band)}
+    responses = {view: surfaces.response[bands] for view, bands in mine.items()}
+    changes = {view: light_errors(calibrations[view], surfaces.grid, responses[view]).changes(
+        surfaces.signal[:, bands], surfaces.spectra) for view, bands in mine.items()}
+    for view, bands in mine.items():
+        for other, theirs in mine.items():
+            if view == other or np.array_equal(responses[view], responses[other]):
+                covariance[:, bands[:, None], theirs] = \
+                    changes[view] @ changes[other].transpose(0, 2, 1)
+    return covariance
 
 
 def filter_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSignals) -> np.ndarray:

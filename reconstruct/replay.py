@@ -23,6 +23,7 @@ from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.transport_engine import (
     nuisances,
     renderings_of,
+    solve_by_lamps,
     solve_traced,
     trace_views,
 )
@@ -98,9 +99,9 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
         rendered[id(traced.traced)] = traced.traced.coefficients + error
         # what the first photo showed of errors is the truth's: this photo shows its own
         given.append(replace(traced, view=view, nuisances=nuisances(view, settings)))
-    tied, fit, solutions = solve_traced(given, settings, lambda traced, fit: _picture(
+    tied, fits, solutions = solve_by_lamps(given, settings, lambda traced, fit: _picture(
         rendered[id(traced.traced)] @ fit.signals, traced.region, traced.view.measured)[None])
-    return reconstruction_of([traced.view for traced in tied], fit, solutions, settings)
+    return reconstruction_of([traced.view for traced in tied], fits, solutions, settings)
 
 
 def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarray,

@@ -41,7 +41,8 @@ VIEW_SEED_STEP = 613     # between the seeds of two views' traces
 
 def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
                 checkpoint: Path | None = None
-                ) -> tuple[tuple[PhotoView, ...], TransportFit, tuple[ViewSolution, ...]]:
+                ) -> tuple[tuple[PhotoView, ...], tuple[TransportFit, ...],
+                           tuple[ViewSolution, ...]]:
     """Spectra that explain all photos together, each traced on its own.
 
     Parameters
@@ -57,8 +58,10 @@ def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progres
     -------
     views : V of PhotoView
         With the light that their known surfaces show.
-    fit : TransportFit
+    fits : V of TransportFit
+        That tells the signals of the materials in each view: see ``solve_by_lamps``.
     solutions : V of ViewSolution
+        Of all views together.
 
     Raises
     ------
@@ -69,10 +72,10 @@ def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progres
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
     images = {id(view.traced): renderings_of(view, settings) for view in traced}
-    tied, fit, solutions = solve_traced(traced, settings,
-                                        lambda view, fit: images[id(view.traced)](fit.signals))
+    tied, fits, solutions = solve_by_lamps(traced, settings,
+                                           lambda view, fit: images[id(view.traced)](fit.signals))
     progress(1.0, "")
-    return tuple(view.view for view in tied), fit, solutions
+    return tuple(view.view for view in tied), fits, solutions
 
 
 def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
@@ -135,6 +138,40 @@ def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.n
                              progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"),
                              checkpoint=checkpoint)
     return joined(first, second)
+
+
+def solve_by_lamps(traced: Sequence[TracedView], settings: InversionSettings,
+                   render: Callable[[TracedView, ViewFit], np.ndarray]
+                   ) -> tuple[tuple[TracedView, ...], tuple[TransportFit, ...],
+                              tuple[ViewSolution, ...]]:
+    """Spectra that explain the photos of traced views together, and the signals in each by itself
+    where the lamp was moved between them.
+
+    What a surface mirrors, and how far a scene is wrong, is another thing under a lamp in another
+    place: signals are kept apart then, for what follows to compare them. Views under lamps in one
+    place are one, and so are all of them where a view's light is known by another view alone.
+
+    Parameters
+    ----------
+    traced, settings, render
+        As of ``solve_traced``.
+
+    Returns
+    -------
+    traced, solutions
+        As of ``solve_traced``, of all views together.
+    fits : V of TransportFit
+        Of the views under the same lamps as each: one fit where no lamp was moved.
+    """
+    tied, fit, solutions = solve_traced(traced, settings, render)
+    lamps = [view.view.scene_file.lamps for view in traced]
+    alone = all(view.view.light_scale is not None or _shows_known(view.view) for view in traced)
+    if len(set(lamps)) == 1 or not alone:
+        return tied, (fit,) * len(traced), solutions
+    of_lamps = {place: solve_traced([view for view, own in zip(traced, lamps, strict=True)
+                                     if own == place], settings, render)[1]
+                for place in dict.fromkeys(lamps)}
+    return tied, tuple(of_lamps[place] for place in lamps), solutions
 
 
 def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,

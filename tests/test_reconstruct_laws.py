@@ -279,7 +279,8 @@ def test_errors_of_a_model_are_no_smaller_for_a_second_photo_of_it():
                              spectra=np.full((2, grid.nm.size), 0.5), signal=np.full((2, 3), 0.5),
                              signal_covariance=np.zeros((2, 3, 3)))
     for times in (1, 2, 3):
-        joint = joint_record((view,) * times, (record,) * times, None, (None,) * times)
+        joint = joint_record((view,) * times, (record,) * times, (None,) * times,
+                             (None,) * times)
         np.testing.assert_allclose(joint.model_covariance, errors, rtol=1e-12)
 
 
