@@ -308,3 +308,20 @@ def test_only_what_a_measure_changes_is_stale(captured):
     assert changed("at_mm = [-50, 0, -200]", "at_mm = [-40, 0, -200]") == {"reconstruct"}
     assert changed("at_mm = [50, 270, 380]", "at_mm = [50, 280, 380]") == {"calibrate",
                                                                            "reconstruct"}
+
+
+def test_a_lamp_that_was_moved_for_a_view_stands_there_in_its_scene(captured):
+    shutil.copy(captured / "photos" / "box.dng", captured / "photos" / "second.dng")
+    rewritten(captured, **FAR)
+    path = captured / "session.toml"
+    path.write_text(path.read_text(encoding="utf-8") + '\n[views.second]\n'
+                    'photo = "photos/second.dng"\nlamp_at_mm = [-140, 220, 340]\n',
+                    encoding="utf-8")
+    first, second = (scene_of(view.scene) for view in capture_of(read_session(captured)).views)
+    assert first.lamps != second.lamps
+    assert "-140" in second.lamps and "-140" not in first.lamps
+    assert first.surfaces == second.surfaces
+    path.write_text(path.read_text(encoding="utf-8").replace(
+        "lamp_at_mm = [-140", 'scene = "scene/box.xml"\nlamp_at_mm = [-140'), encoding="utf-8")
+    with pytest.raises(SpectraboxError, match=r"views\.second\.lamp_at_mm moves the lamp"):
+        read_session(captured)
