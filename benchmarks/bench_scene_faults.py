@@ -2,7 +2,8 @@
 
 The demo's box with other paints in every case: its walls and its cube neutral, two walls of
 published test colours. Its photos are rendered from spectra at 1 nm, once as the session states the
-scene, and once with each fault; the chart photo is as stated. The exposure is 5 % off, to either
+scene, and once with each fault; the chart is a copy of its own, of the edition since 2014, and its
+photo is as stated but for that. The exposure is 5 % off, to either
 side; the lamp stands 2 cm from where it was measured, or shines as if dimmed by 5 %; a veil adds
 2 % of the brightest signal everywhere; every surface mirrors 3 % of the light evenly, or is a rough
 plastic of refractive index 1.49 whose lobe is broad ("eggshell", 2 to 4 % of the light where lamp
@@ -37,10 +38,15 @@ from threadpoolctl import threadpool_limits
 import spectrabox as sb
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.demos.box_render import box_light, renderer
-from spectrabox.fixtures.demos.demo_photos import camera_sensitivities, exposure_for, take_photo
+from spectrabox.fixtures.demos.demo_photos import (
+    camera_sensitivities,
+    chart_light,
+    exposure_for,
+    take_photo,
+)
 from spectrabox.fixtures.demos.demo_scenes import BOX_LIGHT_CM, regular_spectrum
-from spectrabox.fixtures.demos.demo_session import BOX_EXPOSURE, write_demo_session
-from spectrabox.fixtures.paints import NM
+from spectrabox.fixtures.demos.demo_session import BOX_EXPOSURE, CHART_EXPOSURE, write_demo_session
+from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
@@ -165,7 +171,10 @@ def write_session(folder: Path, case: int, walls: np.ndarray, protocol: str) -> 
     path, rng = folder / "session.toml", np.random.default_rng([case, 5])
     text = path.read_text(encoding="utf-8").replace("width = 96", f"width = {WIDTH}").replace(
         "draws = 4000", "draws = 1000")
-    text = "".join(line for line in text.splitlines(True) if "spectra/truth_" not in line)
+    text = "".join(line for line in text.splitlines(True)
+                   if "spectra/truth_" not in line and not line.startswith("reference = "))
+    chart = chart_light(chart_copy(rng), lamp.radiance(NM), camera_sensitivities(), SIZE)
+    take_photo(folder / "photos/chart.dng", chart, exposure_for(chart, CHART_EXPOSURE), rng)
     scene = (folder / "scene/box.xml").read_text(encoding="utf-8")
     if protocol == "walls":
         _write_spectrum(folder / "spectra/walls.csv", walls)

@@ -29,9 +29,14 @@ from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.transport_engine import require_traceable, solve_views
-from spectrabox.reconstruct.view import PhotoView, ViewSolution, check_views, unknown_materials
+from spectrabox.reconstruct.view import (
+    PhotoView,
+    ViewSolution,
+    check_views,
+    same_response,
+    unknown_materials,
+)
 
-SAME_RESPONSE = 1e-9    # relative: responses closer than this are the same
 # of white: error given to every stacked signal, so that bands which repeat others stay regular
 REDUNDANT = 1e-4
 # engines that take one photo; the others trace the light, and take several
@@ -167,8 +172,8 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
 
     def alike(number: int) -> list[int]:
         """Views of the same bands in the same fit."""
-        return [other for other, response in enumerate(responses)
-                if fits[other] is fits[number] and _same_response(response, responses[number])]
+        return [other for other, view in enumerate(views)
+                if fits[other] is fits[number] and same_response(view, views[number])]
     distinct = [number for number in range(len(views)) if alike(number)[0] == number]
     materials = tuple(dict.fromkeys(name for record in records for name in record.materials))
     shown = {name: (record, index) for record in reversed(records)
@@ -258,9 +263,3 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
         notes=(*solution.notes, *(misfit.sentence for misfit in misfits),
                *([shift] if shift else [])),
         misfits=misfits, known_light=solution.known_light)
-
-
-def _same_response(response: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two responses (K, P) are the same within round-off."""
-    return response.shape == other.shape and bool(
-        np.abs(response - other).max() <= SAME_RESPONSE * np.abs(other).max())

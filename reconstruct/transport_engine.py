@@ -30,7 +30,12 @@ from spectrabox.reconstruct.tracer.transport import (
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
-from spectrabox.reconstruct.view import PhotoView, ViewSolution, unknown_materials
+from spectrabox.reconstruct.view import (
+    PhotoView,
+    ViewSolution,
+    same_response,
+    unknown_materials,
+)
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
 FEW_SPP = 2              # and by which most materials are seen to receive light
@@ -147,9 +152,9 @@ def solve_by_lamps(traced: Sequence[TracedView], settings: InversionSettings,
     """Spectra that explain the photos of traced views together, and the signals in each by itself
     where the lamp was moved between them.
 
-    What a surface mirrors, and how far a scene is wrong, is another thing under a lamp in another
-    place: signals are kept apart then, for what follows to compare them. Views under lamps in one
-    place are one, and so are all of them where a view's light is known by another view alone.
+    What a surface mirrors, and how far a scene is wrong, is another thing under the same lamp in
+    another place: signals are kept apart then, for what follows to compare them. Where no lamp was
+    moved, or a view's light is known by another view alone, all views tell of one signal.
 
     Parameters
     ----------
@@ -165,8 +170,11 @@ def solve_by_lamps(traced: Sequence[TracedView], settings: InversionSettings,
     """
     tied, fit, solutions = solve_traced(traced, settings, render)
     lamps = [view.view.scene_file.lamps for view in traced]
+    moved = any(same_response(one.view, other.view) and place != elsewhere
+                for one, place in zip(traced, lamps, strict=True)
+                for other, elsewhere in zip(traced, lamps, strict=True))
     alone = all(view.view.light_scale is not None or _shows_known(view.view) for view in traced)
-    if len(set(lamps)) == 1 or not alone:
+    if not (moved and alone):
         return tied, (fit,) * len(traced), solutions
     of_lamps = {place: solve_traced([view for view, own in zip(traced, lamps, strict=True)
                                      if own == place], settings, render)[1]

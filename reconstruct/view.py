@@ -28,6 +28,7 @@ from spectrabox.reconstruct.scene.surfaces import surface_map
 PHOTO_FLOOR = 0.01       # of a band's median signal: black level and stray light
 PHOTO_ERROR = 0.02  # relative: pose, light profile, lens; keeps bright pixels from ruling the fit
 PLACEHOLDER = 0.5
+SAME_RESPONSE = 1e-9    # relative: responses closer than this are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +287,13 @@ class ViewSolution:
 def unknown_materials(views: Sequence[PhotoView]) -> tuple[MaterialSpec, ...]:
     """The materials of any of the views whose spectrum is to be estimated, each once."""
     return tuple({material.bsdf: material for view in views for material in view.unknown}.values())
+
+
+def same_response(one: PhotoView, other: PhotoView) -> bool:
+    """Whether the bands of two views are the same, under the same light, up to their exposure."""
+    responses = [view.response / white_signal(view.response)[:, None] for view in (one, other)]
+    return responses[0].shape == responses[1].shape and bool(
+        np.abs(responses[0] - responses[1]).max() <= SAME_RESPONSE * np.abs(responses[1]).max())
 
 
 # ---- what must hold ------------------------------------------------------------------------------
