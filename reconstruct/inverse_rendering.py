@@ -215,7 +215,8 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
         spectra, tuple(f"{views[number].name}: {band}" for number in distinct
                        for band in views[number].bands),
         view_of_band, response, signal, covariance, model,
-        tuple(region for region in regions if region is not None))
+        tuple(region for region in regions if region is not None),
+        lamps=tuple(view.lamp_in_place for view in views))
 
 
 def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings) -> Reconstruction:

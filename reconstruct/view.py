@@ -66,6 +66,8 @@ class PhotoView:
         another view of known scale shows too.
     light_spectra : mapping from light id to Spectrum
         Of lights of the scene whose spectrum is not the calibration's.
+    lamp : str
+        By which views are told to be under one lamp, whatever its filter; the scene says its place.
     """
 
     name: str
@@ -76,6 +78,7 @@ class PhotoView:
     materials: tuple[MaterialSpec, ...]
     light_scale: LightScale | None = None
     light_spectra: Mapping[str, Spectrum] = field(default_factory=dict)
+    lamp: str = ""
 
     # ---- the photo -------------------------------------------------------------------------------
 
@@ -215,6 +218,11 @@ class PhotoView:
         return np.array([response_matrix(self.grid, self.sensitivities,
                                          self.own_lights.get(name, self.light))
                          for name, in self.light_groups])
+
+    @property
+    def lamp_in_place(self) -> str:
+        """The same for views under one lamp in one place."""
+        return f"{self.lamp} {self.scene_file.lamps}"
 
     # ---- for the renderer ------------------------------------------------------------------------
 
