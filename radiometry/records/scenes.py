@@ -151,7 +151,7 @@ class JointReconstruction(Record):
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
     stray_light: tuple[StrayLightError, ...] = ()        # independent of each other
-    lamps: tuple[str, ...] = ()     # of each view, alike under one in one place; () all of their own
+    lamps: tuple[str, ...] = ()     # of each view, alike under one in one place; () each its own
     # what is stated of the surfaces of materials that may mirror light, of gloss.KINDS; None:
     # nothing. Those that are not named mirror what the scene says
     gloss: dict[str, str | None] = field(default_factory=dict)
