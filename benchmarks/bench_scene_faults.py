@@ -15,9 +15,9 @@ A session is photographed by one of four protocols: the chart elsewhere and noth
 with the card and a second photo, the lamp in another place ("moved"), where the fault is in the
 first alone, but gloss in both.
 
-"Neutrals" are walls and cube; "wrong" are sessions with the verdict PASS that hold less than 90 %
-of all surfaces, or of a neutral; "unnamed" are those of them whose verdict does not say that it
-assumes what is wrong.
+"Neutrals" are walls and cube; "below" are sessions that hold less than 90 % of all surfaces, or of
+a neutral, "wrong" those of them with the verdict PASS, and "unnamed" those of these whose verdict
+does not say that it assumes what is wrong.
 
     python -m benchmarks.bench_scene_faults [--cases 12] [--faults ...] [--protocols ...]
 """
@@ -306,8 +306,8 @@ def measure(cases: int, faults: tuple[str, ...], protocol: str) -> dict[str, lis
 
 def table(rows: dict[str, list[dict[str, Any]]]) -> str:
     """A line for every fault, as Markdown; errors are those of means over cases."""
-    lines = ["| fault | bands hold | RMSE | width | neutrals | worst neutral | PASS | wrong | "
-             "unnamed | WARN, FAIL |", "|" + "--|" * 10]
+    lines = ["| fault | bands hold | RMSE | width | neutrals | worst neutral | below | PASS | "
+             "wrong | unnamed | WARN, FAIL |", "|" + "--|" * 11]
     for fault, each in rows.items():
         inside = np.array([np.mean(list(row["inside"].values())) for row in each])
         neutral = np.array([[row["inside"][name] for name in NEUTRALS if name in row["inside"]]
@@ -315,13 +315,14 @@ def table(rows: dict[str, list[dict[str, Any]]]) -> str:
         rmse, width = (np.mean([value for row in each for value in row[key].values()])
                        for key in ("rmse", "width"))
         passed = np.array([row["verdict"] == "pass" for row in each])
-        wrong = passed & ((inside < 0.9) | (neutral.min(axis=1) < 0.9))
+        below = (inside < 0.9) | (neutral.min(axis=1) < 0.9)
+        wrong = passed & below
         unnamed = [is_wrong and NAMED.get(fault, " ") not in row["said"]
                    for is_wrong, row in zip(wrong, each, strict=True)]
         error = inside.std(ddof=1) / np.sqrt(len(each)) if len(each) > 1 else np.nan
         lines.append(f"| {fault} | {inside.mean():.3f} +- {error:.3f} | {rmse:.4f} | {width:.3f} | "
-                     f"{neutral.mean():.3f} | {neutral.min():.2f} | {passed.sum()} | {wrong.sum()}"
-                     f" | {sum(unnamed)} | {np.sum(~passed)} |")
+                     f"{neutral.mean():.3f} | {neutral.min():.2f} | {below.sum()} | "
+                     f"{passed.sum()} | {wrong.sum()} | {sum(unnamed)} | {np.sum(~passed)} |")
     return "\n".join(lines)
 
 
