@@ -48,6 +48,7 @@ DRIFT = "drift of the light"
 DRIFT_OF_COLOUR = "drift of the light's colour"
 LAMP_AT_CHART = "lamp position at chart"
 SCENE_LEVEL = "level of light on the scene"
+KNOWN_SURFACES = "light by known surfaces"
 GLARE = "veiling glare"
 STRAY_LIGHT = "stray light"
 SAMPLE_PLANE = "plane of the samples"
@@ -81,6 +82,7 @@ CAUSES = {
     DRIFT_OF_COLOUR: Cause("proportional", bands=True, surfaces=True, photos=False),
     LAMP_AT_CHART: Cause("proportional", bands=True, surfaces=True, photos=False),
     SCENE_LEVEL: Cause("proportional", bands=True, surfaces=True, photos=False),
+    KNOWN_SURFACES: Cause("proportional", bands=True, surfaces=True, photos=False),
     GLARE: Cause("added", bands=True, surfaces=True, photos=False),
     STRAY_LIGHT: Cause("added", bands=True, surfaces=True, photos=False),
     SAMPLE_PLANE: Cause("proportional", bands=True, surfaces=True, photos=False),
@@ -391,15 +393,25 @@ def light_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSigna
     """Covariance (M, J, J) of the signals of M surfaces by the stated errors of each light's
     readings.
 
-    Views under the same light share their bands, and these errors with them.
+    Views with the same bands are under the same light, and share them.
 
     Parameters
     ----------
     calibrations, surfaces
         As of ``sensitivity_covariance``.
     """
-    return _independent_of_views(surfaces, lambda view, response: light_errors(
-        calibrations[view], surfaces.grid, response))
+    covariance = np.zeros((len(surfaces.names), len(surfaces.bands), len(surfaces.bands)))
+    mine = {int(view): np.flatnonzero(surfaces.view_of_band == view)
+            for view in np.unique(surfaces.view_of_band)}
+    responses = {view: surfaces.response[bands] for view, bands in mine.items()}
+    changes = {view: light_errors(calibrations[view], surfaces.grid, responses[view]).changes(
+        surfaces.signal[:, bands], surfaces.spectra) for view, bands in mine.items()}
+    for view, bands in mine.items():
+        for other, theirs in mine.items():
+            if view == other or np.array_equal(responses[view], responses[other]):
+                covariance[:, bands[:, None], theirs] = \
+                    changes[view] @ changes[other].transpose(0, 2, 1)
+    return covariance
 
 
 def filter_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSignals) -> np.ndarray:

@@ -253,11 +253,13 @@ def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.
     source : str
         Where the scale comes from, in words, for the record.
     """
-    return scale_from_signals(_sums(measured, surface), _sums(rendered, surface), SCALE_ERROR,
-                              source)
+    return scale_from_signals(surface_sums(measured, surface), surface_sums(rendered, surface),
+                              SCALE_ERROR, source)
 
 
-def _sums(image: np.ndarray, surface: np.ndarray) -> np.ndarray:
+def surface_sums(image: np.ndarray, surface: np.ndarray) -> np.ndarray:
+    """Sums (S, K) of an image (H, W, K) over each surface (H, W), -1 where a pixel does not count.
+    """
     mask = surface >= 0
     members = np.unique(surface[mask], return_inverse=True)[1]
     return np.stack([np.bincount(members, image[mask][:, band]) for band in range(image.shape[2])],
@@ -282,9 +284,9 @@ def _block_spread(measured: np.ndarray, variance: np.ndarray, renderings: np.nda
         return np.zeros(measured.shape[2])
     blocks = np.full(mask.shape, -1)
     blocks[mask] = member
-    sums, *models = (np.maximum(_sums(image, blocks)[full], 1e-12)
+    sums, *models = (np.maximum(surface_sums(image, blocks)[full], 1e-12)
                      for image in (measured, *renderings))
-    noise = _sums(variance, blocks)[full] / sums**2         # (B, K) of the logarithm
+    noise = surface_sums(variance, blocks)[full] / sums**2         # (B, K) of the logarithm
     deviation = np.log(sums) - np.log(models)               # (A, B, K)
     deviation -= deviation.mean(axis=1, keepdims=True)
     passes = len(models)

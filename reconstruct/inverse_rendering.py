@@ -29,9 +29,14 @@ from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.transport_engine import require_traceable, solve_views
-from spectrabox.reconstruct.view import PhotoView, ViewSolution, check_views, unknown_materials
+from spectrabox.reconstruct.view import (
+    PhotoView,
+    ViewSolution,
+    check_views,
+    same_response,
+    unknown_materials,
+)
 
-SAME_RESPONSE = 1e-9    # relative: responses closer than this are the same
 # of white: error given to every stacked signal, so that bands which repeat others stay regular
 REDUNDANT = 1e-4
 # engines that take one photo; the others trace the light, and take several
@@ -122,15 +127,15 @@ def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, p
     settings, chosen = settings_for(views, settings)
     solutions: tuple[ViewSolution, ...]
     if settings.engine in SINGLE_VIEW:
-        fit = None
+        fits: tuple[TransportFit | None, ...] = (None,)
         solutions = (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
     else:
-        fit, solutions = solve_views(views, settings, progress, checkpoint)
+        views, fits, solutions = solve_views(views, settings, progress, checkpoint)
     solutions = tuple(replace(solution, notes=chosen + solution.notes) for solution in solutions)
-    return reconstruction_of(views, fit, solutions, settings)
+    return reconstruction_of(views, fits, solutions, settings)
 
 
-def reconstruction_of(views: Sequence[PhotoView], fit: TransportFit | None,
+def reconstruction_of(views: Sequence[PhotoView], fits: Sequence[TransportFit | None],
                       solutions: Sequence[ViewSolution],
                       settings: InversionSettings) -> JointReconstruction:
     """The record of a fit and its solutions, one for each view.
@@ -138,33 +143,38 @@ def reconstruction_of(views: Sequence[PhotoView], fit: TransportFit | None,
     Parameters
     ----------
     views : V of PhotoView
-    fit : TransportFit or None
-        None from an engine that takes a single view.
+    fits : V of TransportFit or None
+        That tells the signals in each view; None from an engine that takes a single view.
     solutions : V of ViewSolution
     settings : InversionSettings
         Of which the errors of surfaces, the number of coefficients and the seed count.
     """
     records = [_record(view, solution, settings)
                for view, solution in zip(views, solutions, strict=True)]
-    return joint_record(views, records, fit, [solution.regions for solution in solutions])
+    return joint_record(views, records, fits, [solution.regions for solution in solutions])
 
 
 def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
-                 fit: TransportFit | None,
+                 fits: Sequence[TransportFit | None],
                  regions: Sequence[RegionTransport | None]) -> JointReconstruction:
     """Several photos of the same materials as one record, the bands of all of them stacked.
 
     Parameters
     ----------
     views, records : V each
-    fit : TransportFit or None
-        None from an engine that takes a single view: its signals are taken as they are.
+    fits : V of TransportFit or None
+        That tells the signals in each view, by which views of the same bands are told apart. None
+        from an engine that takes a single view: its signals are taken as they are.
     regions : of each view
         Left out where a view has none.
     """
     responses = [view.response / white_signal(view.response)[:, None] for view in views]
-    distinct = [number for number, response in enumerate(responses)
-                if not any(_same_response(response, other) for other in responses[:number])]
+
+    def alike(number: int) -> list[int]:
+        """Views of the same bands in the same fit."""
+        return [other for other, view in enumerate(views)
+                if fits[other] is fits[number] and same_response(view, views[number])]
+    distinct = [number for number in range(len(views)) if alike(number)[0] == number]
     materials = tuple(dict.fromkeys(name for record in records for name in record.materials))
     shown = {name: (record, index) for record in reversed(records)
              for index, name in enumerate(record.materials)}
@@ -175,17 +185,23 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
     view_of_band = np.repeat(distinct, [len(views[number].bands) for number in distinct])
     signal = spectra @ response.T
     covariance = np.zeros((len(materials), len(response), len(response)))
-    if fit is None:
-        signal, covariance = np.array(records[0].signal), np.array(records[0].signal_covariance)
-    else:
-        unknown = [materials.index(material.name) for material in unknown_materials(views)]
-        operator = response @ views[0].basis(fit.coefficients.shape[1])
-        signal[unknown], covariance[unknown] = band_signals(fit, operator, len(unknown))
+    for fit in {id(each): each for each in fits}.values():
+        if fit is None:
+            signal, covariance = np.array(records[0].signal), np.array(records[0].signal_covariance)
+            continue
+        own = [number for number, each in enumerate(fits) if each is fit]
+        told = unknown_materials([views[number] for number in own])
+        bands = np.flatnonzero(np.isin(view_of_band, own))
+        unknown = np.array([materials.index(material.name) for material in told])
+        operator = response[bands] @ views[0].basis(fit.coefficients.shape[1])
+        unseen = np.setdiff1d(np.flatnonzero(np.logical_not(known)), unknown)
+        signal[np.ix_(unseen, bands)] = np.nan
+        signal[np.ix_(unknown, bands)], covariance[np.ix_(unknown, bands, bands)] = band_signals(
+            fit, operator, len(unknown))
     model = np.zeros_like(covariance)
     for number in distinct:
         bands = np.flatnonzero(view_of_band == number)
-        same = [record for record, other in zip(records, responses, strict=True)
-                 if _same_response(other, responses[number])]
+        same = [records[other] for other in alike(number)]
         for index, name in enumerate(materials):
             parts = [record.model_covariance[record.materials.index(name)] for record in same
                      if name in record.materials]
@@ -199,7 +215,8 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
         spectra, tuple(f"{views[number].name}: {band}" for number in distinct
                        for band in views[number].bands),
         view_of_band, response, signal, covariance, model,
-        tuple(region for region in regions if region is not None))
+        tuple(region for region in regions if region is not None),
+        lamps=tuple(view.lamp_in_place for view in views))
 
 
 def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings) -> Reconstruction:
@@ -246,10 +263,4 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
         engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
         notes=(*solution.notes, *(misfit.sentence for misfit in misfits),
                *([shift] if shift else [])),
-        misfits=misfits)
-
-
-def _same_response(response: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two responses (K, P) are the same within round-off."""
-    return response.shape == other.shape and bool(
-        np.abs(response - other).max() <= SAME_RESPONSE * np.abs(other).max())
+        misfits=misfits, known_light=solution.known_light)

@@ -23,6 +23,7 @@ from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.transport_engine import (
     nuisances,
     renderings_of,
+    solve_by_lamps,
     solve_traced,
     trace_views,
 )
@@ -73,7 +74,9 @@ def set_stage(views: Sequence[PhotoView], settings: InversionSettings, progress:
     images = {id(view.traced): renderings_of(view, settings) for view in traced}
     shown, _, _ = solve_traced(traced, settings,
                                lambda view, fit: images[id(view.traced)](fit.signals))
-    return Stage(shown, settings)
+    # what known surfaces said of the light is the photos' own: a replay's say it anew
+    return Stage(tuple(replace(view, view=given.view, known_light=None)
+                       for view, given in zip(shown, traced, strict=True)), settings)
 
 
 def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconstruction:
@@ -96,9 +99,9 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
         rendered[id(traced.traced)] = traced.traced.coefficients + error
         # what the first photo showed of errors is the truth's: this photo shows its own
         given.append(replace(traced, view=view, nuisances=nuisances(view, settings)))
-    _, fit, solutions = solve_traced(given, settings, lambda traced, fit: _picture(
+    tied, fits, solutions = solve_by_lamps(given, settings, lambda traced, fit: _picture(
         rendered[id(traced.traced)] @ fit.signals, traced.region, traced.view.measured)[None])
-    return reconstruction_of([traced.view for traced in given], fit, solutions, settings)
+    return reconstruction_of([traced.view for traced in tied], fits, solutions, settings)
 
 
 def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarray,

@@ -10,12 +10,13 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.radiometry.response import relative_operator
-from spectrabox.reconstruct.agreement import scale_from_surfaces, scene_errors, surface_agreement
+from spectrabox.reconstruct.agreement import SceneErrors, scene_errors, surface_agreement
 from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
 from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
 from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
 from spectrabox.reconstruct.fit.transport_fit import TransportFit
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
+from spectrabox.reconstruct.known_light import tie_to_known
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
 from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
@@ -29,7 +30,12 @@ from spectrabox.reconstruct.tracer.transport import (
     trace_transport,
 )
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
-from spectrabox.reconstruct.view import PhotoView, ViewSolution, unknown_materials
+from spectrabox.reconstruct.view import (
+    PhotoView,
+    ViewSolution,
+    same_response,
+    unknown_materials,
+)
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
 FEW_SPP = 2              # and by which most materials are seen to receive light
@@ -39,7 +45,9 @@ VIEW_SEED_STEP = 613     # between the seeds of two views' traces
 
 
 def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
-                checkpoint: Path | None = None) -> tuple[TransportFit, tuple[ViewSolution, ...]]:
+                checkpoint: Path | None = None
+                ) -> tuple[tuple[PhotoView, ...], tuple[TransportFit, ...],
+                           tuple[ViewSolution, ...]]:
     """Spectra that explain all photos together, each traced on its own.
 
     Parameters
@@ -53,8 +61,12 @@ def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progres
 
     Returns
     -------
-    fit : TransportFit
+    views : V of PhotoView
+        With the light that their known surfaces show.
+    fits : V of TransportFit
+        That tells the signals of the materials in each view: see ``solve_by_lamps``.
     solutions : V of ViewSolution
+        Of all views together.
 
     Raises
     ------
@@ -65,10 +77,10 @@ def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progres
     traced = trace_views(views, settings, progress, checkpoint)
     progress(0.7, "fitting spectra")
     images = {id(view.traced): renderings_of(view, settings) for view in traced}
-    _, fit, solutions = solve_traced(traced, settings,
-                                     lambda view, fit: images[id(view.traced)](fit.signals))
+    tied, fits, solutions = solve_by_lamps(traced, settings,
+                                           lambda view, fit: images[id(view.traced)](fit.signals))
     progress(1.0, "")
-    return fit, solutions
+    return tuple(view.view for view in tied), fits, solutions
 
 
 def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
@@ -133,13 +145,51 @@ def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.n
     return joined(first, second)
 
 
+def solve_by_lamps(traced: Sequence[TracedView], settings: InversionSettings,
+                   render: Callable[[TracedView, ViewFit], np.ndarray]
+                   ) -> tuple[tuple[TracedView, ...], tuple[TransportFit, ...],
+                              tuple[ViewSolution, ...]]:
+    """Spectra that explain the photos of traced views together, and the signals in each by itself
+    where the lamp was moved between them.
+
+    What a surface mirrors, and how far a scene is wrong, is another thing under the same lamp in
+    another place: signals are kept apart then, for what follows to compare them. Where no lamp was
+    moved, or a view's light is known by another view alone, all views tell of one signal.
+
+    Parameters
+    ----------
+    traced, settings, render
+        As of ``solve_traced``.
+
+    Returns
+    -------
+    traced, solutions
+        As of ``solve_traced``, of all views together.
+    fits : V of TransportFit
+        Of the views under the same lamps as each: one fit where no lamp was moved.
+    """
+    tied, fit, solutions = solve_traced(traced, settings, render)
+    lamps = [view.view.scene_file.lamps for view in traced]
+    moved = any(same_response(one.view, other.view) and place != elsewhere
+                for one, place in zip(traced, lamps, strict=True)
+                for other, elsewhere in zip(traced, lamps, strict=True))
+    alone = all(view.view.light_scale is not None or _shows_known(view.view) for view in traced)
+    if not (moved and alone):
+        return tied, (fit,) * len(traced), solutions
+    of_lamps = {place: solve_traced([view for view, own in zip(traced, lamps, strict=True)
+                                     if own == place], settings, render)[1]
+                for place in dict.fromkeys(lamps)}
+    return tied, tuple(of_lamps[place] for place in lamps), solutions
+
+
 def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
                  render: Callable[[TracedView, ViewFit], np.ndarray]
                  ) -> tuple[tuple[TracedView, ...], TransportFit, tuple[ViewSolution, ...]]:
     """Spectra that explain the photos of traced views.
 
-    The first fit's renderings show errors of the scene. With these stated, and the light scale from
-    known surfaces alone as in every engine, it is fitted again.
+    The first fit's renderings show errors of the scene, and known surfaces the light on it. With
+    these stated it is fitted again; twice where surfaces are known, since what they receive from
+    others changed with the light.
 
     Parameters
     ----------
@@ -151,7 +201,7 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     Returns
     -------
     traced : V of TracedView
-        With the errors that the scene showed.
+        With the errors that the scene showed, and the light that its known surfaces did.
     fit : TransportFit
     solutions : V of ViewSolution
     """
@@ -159,11 +209,13 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
               for material in unknown_materials([view.view for view in traced])]
     fit = fit_traced(traced, priors)
     images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
-    informed = [replace(view, nuisances=_informed_by(shown, view, settings))
-                for view, shown in zip(traced, images, strict=True)]
-    if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
-        traced, fit = informed, fit_traced(informed, priors, fit.coefficients)
-        images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
+    given = traced
+    for _ in range(2 if any(_shows_known(each.view) for each in given) else 1):
+        informed = [_informed_by(shown, view, settings)
+                    for view, shown in zip(given, images, strict=True)]
+        if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
+            traced, fit = informed, fit_traced(informed, priors, fit.coefficients)
+            images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
     return tuple(traced), fit, _solutions(traced, fit, images, settings)
 
 
@@ -219,11 +271,12 @@ def nuisances(view: PhotoView, settings: InversionSettings) -> Nuisances:
     Parameters
     ----------
     view : PhotoView
-        Of which the light scale counts, and whether it has several lights.
+        Of which the light scale counts unless known surfaces are to tell it, and whether it has
+        several lights.
     settings : InversionSettings
         Of which the errors count.
     """
-    scale = view.light_scale
+    scale = None if _shows_known(view) else view.light_scale
     return Nuisances(None if scale is None else scale.value, settings.surface_error,
                      settings.brightness_error,
                      settings.light_error if len(view.light_groups) > 1 else 0.0,
@@ -308,24 +361,36 @@ def renderings_of(traced: TracedView, settings: InversionSettings
                              passes=IMAGES)
 
 
-def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSettings) -> Nuisances:
-    """Nuisances with what first renderings (A, H, W, K) show: light scale, errors of the scene."""
-    view, given = traced.view, traced.nuisances
-    known_surface = view.known_surface
-    if given.scale is None and (known_surface >= 0).any():
-        given = replace(given, scale=scale_from_surfaces(view.measured, images.mean(axis=0),
-                                                         known_surface, "").value)
-    if not settings.errors_from_scene:
-        return given
+def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSettings) -> TracedView:
+    """The view with what renderings (A, H, W, K) for a light scale of 1 show: the light on known
+    surfaces, errors of the scene.
+    """
+    view, given, light = traced.view, traced.nuisances, traced.known_light
+    if _shows_known(view):
+        rendered = images.mean(axis=0)
+        view, light = tie_to_known(view, rendered, None)
+        view, light = tie_to_known(traced.view, rendered, _errors_of(images, view, traced))
+        assert view.light_scale is not None
+        given = replace(given, scale=view.light_scale.value)
+    errors = _errors_of(images, view, traced) if settings.errors_from_scene else None
+    if errors is not None:
+        given = replace(given, surface_error=max(given.surface_error, errors.colour),
+                        block_error=max(given.block_error, errors.block),
+                        brightness_error=max(given.brightness_error, errors.brightness))
+    return replace(traced, view=view, nuisances=given, known_light=light)
+
+
+def _errors_of(images: np.ndarray, view: PhotoView, traced: TracedView) -> SceneErrors | None:
+    """By which surfaces of one material disagree under the light of a view."""
+    scale = 1.0 if view.light_scale is None else view.light_scale.value
     agreement = surface_agreement(tuple(view.scene_file.surfaces), view.surface_materials,
-                                  view.photo, images * (given.scale or 1.0), view.surface,
-                                  view.used)
-    errors = scene_errors(agreement, frozenset(view.known), len(traced.group))
-    if errors is None:
-        return given
-    return replace(given, surface_error=max(given.surface_error, errors.colour),
-                   block_error=max(given.block_error, errors.block),
-                   brightness_error=max(given.brightness_error, errors.brightness))
+                                  view.photo, images * scale, view.surface, view.used)
+    return scene_errors(agreement, frozenset(view.known), len(traced.group))
+
+
+def _shows_known(view: PhotoView) -> bool:
+    """Whether pixels of a view show a surface of known spectrum."""
+    return bool((view.known_surface >= 0).any())
 
 
 def _solutions(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],
@@ -350,7 +415,7 @@ def _solutions(traced: Sequence[TracedView], fit: TransportFit, images: Sequence
             f"{name} ({_bounces(view.view, settings)} bounces, {len(view.traced.exponents)} "
             "products)", view.traced.spp, Outcome.ILL_POSED if ill_posed else fit.outcome,
             sentences(determined) + part.sentences(view.view.bands, lights),
-            (part.scale, part.scale_error), view.regions(part)))
+            (part.scale, part.scale_error), view.regions(part), view.known_light))
     return tuple(solutions)
 
 

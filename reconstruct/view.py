@@ -15,7 +15,7 @@ from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.scenes import LearntSpectra, RegionTransport
+from spectrabox.radiometry.records.scenes import KnownLight, LearntSpectra, RegionTransport
 from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthGrid
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -28,6 +28,7 @@ from spectrabox.reconstruct.scene.surfaces import surface_map
 PHOTO_FLOOR = 0.01       # of a band's median signal: black level and stray light
 PHOTO_ERROR = 0.02  # relative: pose, light profile, lens; keeps bright pixels from ruling the fit
 PLACEHOLDER = 0.5
+SAME_RESPONSE = 1e-9    # relative: responses closer than this are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,8 @@ class PhotoView:
         another view of known scale shows too.
     light_spectra : mapping from light id to Spectrum
         Of lights of the scene whose spectrum is not the calibration's.
+    lamp : str
+        By which views are told to be under one lamp, whatever its filter; the scene says its place.
     """
 
     name: str
@@ -75,6 +78,7 @@ class PhotoView:
     materials: tuple[MaterialSpec, ...]
     light_scale: LightScale | None = None
     light_spectra: Mapping[str, Spectrum] = field(default_factory=dict)
+    lamp: str = ""
 
     # ---- the photo -------------------------------------------------------------------------------
 
@@ -83,15 +87,17 @@ class PhotoView:
         """Width and height in pixels."""
         return self.photo.signal.shape[1], self.photo.signal.shape[0]
 
-    def with_photo(self, photo: LinearImage) -> PhotoView:
+    def with_photo(self, photo: LinearImage, light_scale: LightScale | None = None) -> PhotoView:
         """The view with another photo of the same surfaces, compared at the same pixels.
 
         Parameters
         ----------
         photo : LinearImage
             (H, W, K).
+        light_scale : LightScale, optional
+            Of that photo; the view's own where it is left out.
         """
-        other = replace(self, photo=photo)
+        other = replace(self, photo=photo, light_scale=light_scale or self.light_scale)
         vars(other).update(surface=self.surface, used=self.used)  # the scene is the same
         return other
 
@@ -213,6 +219,11 @@ class PhotoView:
                                          self.own_lights.get(name, self.light))
                          for name, in self.light_groups])
 
+    @property
+    def lamp_in_place(self) -> str:
+        """The same for views under one lamp in one place."""
+        return f"{self.lamp} {self.scene_file.lamps}"
+
     # ---- for the renderer ------------------------------------------------------------------------
 
     def xml(self, spectra: Mapping[str, np.ndarray], *,
@@ -278,11 +289,19 @@ class ViewSolution:
     # light scale and its standard error, where no known material sets it
     scale: tuple[float, float | None] = (1.0, None)
     regions: RegionTransport | None = None  # for the samplers, where light was traced
+    known_light: KnownLight | None = None   # what known surfaces said of the light on the view
 
 
 def unknown_materials(views: Sequence[PhotoView]) -> tuple[MaterialSpec, ...]:
     """The materials of any of the views whose spectrum is to be estimated, each once."""
     return tuple({material.bsdf: material for view in views for material in view.unknown}.values())
+
+
+def same_response(one: PhotoView, other: PhotoView) -> bool:
+    """Whether the bands of two views are the same, under the same light, up to their exposure."""
+    responses = [view.response / white_signal(view.response)[:, None] for view in (one, other)]
+    return responses[0].shape == responses[1].shape and bool(
+        np.abs(responses[0] - responses[1]).max() <= SAME_RESPONSE * np.abs(responses[1]).max())
 
 
 # ---- what must hold ------------------------------------------------------------------------------

@@ -15,6 +15,8 @@ from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
+RANK = 1e-10            # relative: directions of a noise of less variance have none
+SAME = 1e-9             # of white: responses closer than this are one
 PROJECTION_STEPS = 300      # of the accelerated projected gradient; 1e-7 of the optimum at N = 31
 
 
@@ -38,7 +40,8 @@ class CoefficientDraws(Record):
 
 
 def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> MeasurementOperator:
-    """The measurement in a B-spline basis of N = ``coefficients`` functions.
+    """The measurement in a B-spline basis of N = ``coefficients`` functions, every different band
+    once.
 
     Parameters
     ----------
@@ -46,9 +49,11 @@ def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> Meas
     coefficients : int
         N, of the spline class.
     """
-    A = measurement.relative_response @ basis_matrix(measurement.grid.nm, coefficients)
     whole = without_states(measurement)
-    return MeasurementOperator(A, whole.signal, whole.noise_covariance)
+    different, repeated = different_bands(measurement.relative_response)
+    gain = gain_of_different(whole.noise_covariance, repeated)
+    A = measurement.relative_response[different] @ basis_matrix(measurement.grid.nm, coefficients)
+    return MeasurementOperator(A, gain @ whole.signal, gain @ whole.noise_covariance @ gain.T)
 
 
 def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
@@ -66,6 +71,44 @@ def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
         measurement, signal=measurement.signal - states.pattern @ states.mean, states=None,
         noise_covariance=measurement.noise_covariance
         + states.pattern @ states.covariance @ states.pattern.T)
+
+
+def different_bands(relative_response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (r,) of bands that are not those of an earlier photo again, and which of them (K, r)
+    each band is: 1, else 0.
+
+    Parameters
+    ----------
+    relative_response : (K, P) array
+    """
+    first = np.array([next(other for other in range(band + 1)
+                           if np.allclose(relative_response[other], own, rtol=0, atol=SAME))
+                      for band, own in enumerate(relative_response)])
+    different = np.unique(first)
+    return different, (first[:, None] == different).astype(float)
+
+
+def gain_of_different(noise: np.ndarray, repeated: np.ndarray) -> np.ndarray:
+    """The gain (r, K) that estimates the signals of different bands from all by generalised least
+    squares.
+
+    Parameters
+    ----------
+    noise : (K, K) array
+        Covariance.
+    repeated : (K, r) array
+        From `different_bands`.
+    """
+    if repeated.shape[0] == repeated.shape[1]:
+        return np.eye(len(repeated))
+    weighted = np.linalg.solve(regular(noise), repeated)
+    return np.asarray(np.linalg.solve(repeated.T @ weighted, weighted.T))
+
+
+def regular(noise: np.ndarray) -> np.ndarray:
+    """A covariance (K, K) that can be inverted, with a little in directions that have no noise."""
+    return np.asarray(noise + np.eye(len(noise)) * (RANK * np.trace(noise)
+                                                    + np.finfo(float).tiny))
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -67,26 +67,43 @@ def mitsuba():
     return start_mitsuba("cpu")
 
 
-@pytest.fixture(scope="session")
-def _captured(tmp_path_factory):
+def small_demo(folder, *, card):
+    """The demo's session, as small as tests can have it, with a grey card in its box or without."""
     from spectrabox.fixtures.demos.demo_session import write_demo_session
-    folder = tmp_path_factory.mktemp("capture") / "box"
-    write_demo_session(folder, 1, size=(208, 312), spp=4)
+    write_demo_session(folder, 1, size=(208, 312), spp=4, card=card)
     text = (folder / "session.toml").read_text(encoding="utf-8")
     text = text.replace("width = 96", "width = 40\nsteps = 80").replace("draws = 4000",
                                                                         "draws = 1000")
     (folder / "session.toml").write_text(text, encoding="utf-8")
+    if not card:
+        (folder / "spectra" / "card.csv").write_text(       # which the template of a box asks for
+            "nm,reflectance\n400,0.45\n700,0.47\n", encoding="utf-8")
+    return folder
+
+
+def _run(folder):
+    from spectrabox.session.config.session_file import read_session
+    from spectrabox.session.pipeline import run_stages
+    run_stages(read_session(folder), device="cpu", only=None, force=False, progress=lambda *_: None)
     return folder
 
 
 @pytest.fixture(scope="session")
+def _captured(tmp_path_factory):
+    return small_demo(tmp_path_factory.mktemp("capture") / "box", card=False)
+
+
+@pytest.fixture(scope="session")
+def finished_demo(tmp_path_factory):
+    """The demo's session as its command writes it, with the results of every stage; not to be
+    changed.
+    """
+    return _run(small_demo(tmp_path_factory.mktemp("demo") / "box", card=True))
+
+
+@pytest.fixture(scope="session")
 def _finished(_captured, tmp_path_factory):
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import run_stages
-    folder = tmp_path_factory.mktemp("finished") / "box"
-    shutil.copytree(_captured, folder)
-    run_stages(read_session(folder), device="cpu", only=None, force=False, progress=lambda *_: None)
-    return folder
+    return _run(shutil.copytree(_captured, tmp_path_factory.mktemp("finished") / "box"))
 
 
 @pytest.fixture

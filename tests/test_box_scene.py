@@ -74,13 +74,14 @@ def hits(text, unit_mm):
 
 def test_the_template_is_the_scene_that_the_demo_writes_by_hand():
     ours, our_shape = hits(box_xml(template_box(), SIZE), 1.0)
-    theirs, their_shape = hits(box_scene((SIZE[1], SIZE[0])), 10.0)
+    theirs, their_shape = hits(box_scene((SIZE[1], SIZE[0]), card=True), 10.0)
     called = {"lamp": "light", "back": "back_wall", "left": "left_wall", "right": "right_wall"}
     our_shape = np.array([called.get(name, name) for name in our_shape], dtype=object)
     assert np.mean(our_shape == their_shape) > 0.998        # a ray may graze an edge
     same = our_shape == their_shape
     np.testing.assert_allclose(ours[:, same], theirs[:, same], atol=0.01)
-    assert set(our_shape) == {"back_wall", "left_wall", "right_wall", "floor", "ceiling", "block"}
+    assert set(our_shape) == {"back_wall", "left_wall", "right_wall", "floor", "ceiling", "block",
+                              "grey_card"}
 
 
 def surface_signals(text):
@@ -103,7 +104,7 @@ def surface_signals(text):
     region, group = block_regions(shown, np.ones(shown.shape, bool))
     unit = UnitScene(loaded, {paint: paint for paint in paints}, size, scene.max_depth - 1)
     traced = trace_transport(unit, region, spp=32, seed=1)
-    grey = {"white": 0.8, "green": 0.3, "red": 0.25, "cube": 0.4}
+    grey = {"white": 0.8, "green": 0.3, "red": 0.25, "cube": 0.4, "card": 0.5}
     received = signal(traced.coefficients, traced.exponents,
                       np.array([np.full(2, grey[paint]) for paint in paints]),
                       np.full((1, 2), 0.5))[:, 0]
@@ -115,7 +116,7 @@ def surface_signals(text):
 
 def test_the_template_gives_the_demo_s_signals_whatever_the_order_of_its_surfaces():
     import xml.etree.ElementTree as ET
-    theirs = surface_signals(box_scene((SIZE[1], SIZE[0])))
+    theirs = surface_signals(box_scene((SIZE[1], SIZE[0]), card=True))
     text = box_xml(template_box(), SIZE)
     root = ET.fromstring(text)
     shapes = root.findall("shape")
@@ -185,7 +186,7 @@ def test_corners_of_an_object_turn_with_it_and_carry_its_name(captured):
     before, after = (np.subtract(one["block front top left"], middle) for one in (straight, turned))
     angle = np.degrees(np.arctan2(-after[2], after[0]) - np.arctan2(-before[2], before[0]))
     assert angle % 360 == pytest.approx(28)
-    assert len(box_edges(template_box())) == 24
+    assert len(box_edges(template_box())) == 36
 
 
 def test_every_shape_of_object_stands_on_its_base():
@@ -283,7 +284,8 @@ def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(ca
     assert names == ["scene.xml", "chart-scene.xml", "box.png"]
     shutil.copy(captured / "scene.xml", captured / "scene" / "mine.xml")
     taken, drawn = read_scene(captured / "scene" / "mine.xml"), scene_of(stated_scene(config))
-    assert taken.surfaces == drawn.surfaces and set(drawn.surfaces) == {*WALLS, "block"}
+    assert taken.surfaces == drawn.surfaces and set(drawn.surfaces) == {*WALLS, "block",
+                                                                           "grey_card"}
     assert (taken.width, taken.height) == (312, 208)
 
 
@@ -306,3 +308,20 @@ def test_only_what_a_measure_changes_is_stale(captured):
     assert changed("at_mm = [-50, 0, -200]", "at_mm = [-40, 0, -200]") == {"reconstruct"}
     assert changed("at_mm = [50, 270, 380]", "at_mm = [50, 280, 380]") == {"calibrate",
                                                                            "reconstruct"}
+
+
+def test_a_lamp_that_was_moved_for_a_view_stands_there_in_its_scene(captured):
+    shutil.copy(captured / "photos" / "box.dng", captured / "photos" / "second.dng")
+    rewritten(captured, **FAR)
+    path = captured / "session.toml"
+    path.write_text(path.read_text(encoding="utf-8") + '\n[views.second]\n'
+                    'photo = "photos/second.dng"\nlamp_at_mm = [-140, 220, 340]\n',
+                    encoding="utf-8")
+    first, second = (scene_of(view.scene) for view in capture_of(read_session(captured)).views)
+    assert first.lamps != second.lamps
+    assert "-140" in second.lamps and "-140" not in first.lamps
+    assert first.surfaces == second.surfaces
+    path.write_text(path.read_text(encoding="utf-8").replace(
+        "lamp_at_mm = [-140", 'scene = "scene/box.xml"\nlamp_at_mm = [-140'), encoding="utf-8")
+    with pytest.raises(SpectraboxError, match=r"views\.second\.lamp_at_mm moves the lamp"):
+        read_session(captured)

@@ -13,13 +13,13 @@ from spectrabox.measure.surfaces.surface_signals import (
     with_errors,
 )
 from spectrabox.radiometry.error_model import PHOTO_NOISE, SAMPLE_PLANE, SURFACE_REFLECTION
-from spectrabox.radiometry.records.spectra import SpectralMeasurement, SurfaceSignals
+from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
 from spectrabox.radiometry.records.states import CaptureStates, independent_states
 from spectrabox.sampling.error_budget import METAMERISM
 from spectrabox.sampling.further.more_measurements import Reading, condition, same_material
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.spectral_measurement import without_states
+from spectrabox.sampling.spectral_measurement import spline_operator, without_states
 
 from tests.sampling_cameras import response
 
@@ -203,3 +203,22 @@ def test_signals_of_surfaces_carry_their_states_through_bands():
     np.testing.assert_allclose(relative_errors(signals, 0)[SURFACE_REFLECTION], expected)
     few = in_bands(signals, np.array([0, 2, 3]))
     assert measurement(few, 1).states.pattern.shape == (3, 1)
+
+
+def test_a_band_that_photos_repeat_is_one_band_to_what_knows_no_states():
+    """Its signal is the mean by the errors of each photo, and its error that of the mean."""
+    once = seen()
+    twice = SpectralMeasurement(once.grid, np.vstack([once.relative_response] * 2),
+                                np.r_[once.signal, once.signal + 0.01],
+                                np.diag(np.repeat([0.01, 0.02], 3) ** 2))
+    operator, alone = spline_operator(twice, 9), spline_operator(once, 9)
+    np.testing.assert_allclose(operator.A, alone.A)
+    np.testing.assert_allclose(operator.y, once.signal + 0.01 / 5)
+    np.testing.assert_allclose(operator.noise_covariance, np.eye(3) * 0.01**2 * 0.8)
+    surfaces = SurfaceSignals(("one",), (False,), once.grid, np.full((1, once.grid.nm.size), 0.5),
+                              tuple("RGBrgb"), np.repeat([0, 1], 3), twice.relative_response,
+                              twice.signal[None],
+                              (SignalError(PHOTO_NOISE, twice.noise_covariance[None]),))
+    measured = measurement(surfaces, 0)
+    np.testing.assert_allclose(measured.signal, once.signal + 0.01 / 5)
+    np.testing.assert_allclose(measured.noise_covariance, np.eye(3) * 0.01**2 * 0.8)

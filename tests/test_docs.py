@@ -193,9 +193,9 @@ def answers():
 
 
 @pytest.fixture
-def reader(_finished, painting, answers, tmp_path, monkeypatch):
+def reader(finished_demo, painting, answers, tmp_path, monkeypatch):
     """A folder with the demo's session, and the repository's transcripts."""
-    shutil.copytree(_finished, tmp_path / "mybox")
+    shutil.copytree(finished_demo, tmp_path / "mybox")
     (tmp_path / MADE).symlink_to(painting)
     (tmp_path / "fixtures").symlink_to(ROOT / "fixtures")
     monkeypatch.chdir(tmp_path)

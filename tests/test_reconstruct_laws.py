@@ -274,12 +274,14 @@ def test_errors_of_a_model_are_no_smaller_for_a_second_photo_of_it():
     rng, grid = np.random.default_rng(16), visible_grid(5)
     response = rng.uniform(0, 1, (3, grid.nm.size))
     errors = np.array([0.01**2 * (np.eye(3) + 1), 0.02**2 * (np.eye(3) + 1)])
-    view = SimpleNamespace(name="one", response=response, grid=grid, bands=("R", "G", "B"))
+    view = SimpleNamespace(name="one", response=response, grid=grid, bands=("R", "G", "B"),
+                           lamp_in_place="")
     record = SimpleNamespace(materials=("a", "b"), known=(False, False), model_covariance=errors,
                              spectra=np.full((2, grid.nm.size), 0.5), signal=np.full((2, 3), 0.5),
                              signal_covariance=np.zeros((2, 3, 3)))
     for times in (1, 2, 3):
-        joint = joint_record((view,) * times, (record,) * times, None, (None,) * times)
+        joint = joint_record((view,) * times, (record,) * times, (None,) * times,
+                             (None,) * times)
         np.testing.assert_allclose(joint.model_covariance, errors, rtol=1e-12)
 
 

@@ -267,3 +267,26 @@ def test_what_a_material_is_said_to_be_decides_what_the_photo_leaves_open(first)
 def test_what_only_the_prior_says_is_said(first):
     fit = reconstruct_views([first], replace(SETTINGS, coefficients=20), silent).views[0]
     assert "left to the prior" in fit.notes[0] and "Solved, but" in fit.outcome.value
+
+
+def test_signals_are_kept_apart_where_the_lamp_was_moved(folder, first):
+    text = cornell_box_xml(WIDTH, BOUNCES + 1)
+    moved = text.replace("0 0 -0.19 0.99  0 0.19 0 0.01", "0.3 0 -0.19 0.99  0 0.19 0 0.01")
+    assert moved != text
+    second = photographed(view(folder, "moved", text=moved), 74)
+    # every surface mirrors as much more under the moved lamp
+    shining = replace(second, photo=replace(second.photo, signal=second.photo.signal * np.float32(
+        1 + 0.1)))
+    joint = reconstruct_views([first, shining], SETTINGS, silent)
+    assert joint.signal.shape == (3, 6) and joint.view_of_band.tolist() == [0, 0, 0, 1, 1, 1]
+    np.testing.assert_array_equal(joint.response[:3], joint.response[3:])
+    alone = [reconstruct_views([one], SETTINGS, silent) for one in (first, shining)]
+    for number, one in enumerate(alone):
+        bands = slice(3 * number, 3 * number + 3)
+        # the second is traced with paths of its own
+        np.testing.assert_allclose(joint.signal[:, bands], one.signal, rtol=0.03, atol=0.02)
+    assert np.all(joint.signal[0, 3:] > 1.04 * joint.signal[0, :3])
+    np.testing.assert_array_equal(joint.signal_covariance[:, :3, 3:], 0)
+    # a camera elsewhere is not a lamp elsewhere: two photos under one tell of the same signals
+    same = reconstruct_views([first, replace(first, name="again")], SETTINGS, silent)
+    assert same.signal.shape == (3, 3)

@@ -114,7 +114,7 @@ def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(m
     records = records_of(
         chart=chart_records(dict.fromkeys(names, measured_chart())), photo=photo_records(*names),
         calibrate=CalibrationRecords(dict.fromkeys(names, camera), {}, None, {}, ()))
-    scales = {title: scale for title, *_, scale, _ in inversion.views_of(
+    scales = {title: scale for title, *_, scale, _, _ in inversion.views_of(
         scene_capture(*views), records, measured)}
     drifted = {title for title, scale in scales.items()
                if DRIFT in [error.cause for error in scale.common_errors]}

@@ -73,13 +73,19 @@ class SceneResult(CaptureResult):
     @property
     def own_facts(self) -> dict[str, Any]:
         agreement, scale = self.reconstruction.agreement, self.light_scale
+        light = self.reconstruction.known_light
         return {"materials": [surface.facts for surface in self.surfaces],
                 "surfaces": [{"name": name, "ratio": ratio.tolist()} for name, ratio
                              in zip(agreement.names, agreement.ratio, strict=True)],
                 "median_surface_error": median_surface_error(agreement),
                 "light_scale": {"value": scale.value, "standard_error": scale.standard_error,
                                 "common_errors": {error.cause: error.relative
-                                                  for error in scale.common_errors}}}
+                                                  for error in scale.common_errors}},
+                "known_light": None if light is None else {
+                    "materials": list(light.materials), "level": light.level,
+                    "level_error": light.level_error, "expected_error": light.expected_error,
+                    "surfaces_error": light.surfaces_error, "colour": light.colour.tolist(),
+                    "colour_error": light.colour_error.tolist()}}
 
     @property
     def methods(self) -> list[str]:

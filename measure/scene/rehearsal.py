@@ -221,10 +221,11 @@ def _response(traced: TracedView, calibration: Calibration, joint: JointReconstr
     lights = [view.own_lights.get(name, light) for name, in view.light_groups] if separate \
         else [light]
     # what a band reads of white is calibrated, and known to the error of the scale
-    covariance = sum(scale_covariances(calibration, joint.views[index].light_scale).values())
+    scale = view.light_scale or joint.views[index].light_scale
+    covariance = sum(scale_covariances(calibration, scale).values())
     white = white_signal(view.response) * (1 + rng.multivariate_normal(
         np.zeros(len(view.bands)), covariance))
-    factor = joint.views[index].light_scale.value * white / white_signal(
+    factor = scale.value * white / white_signal(
         response_matrix(view.grid, curves, light))
     return np.array([response_matrix(view.grid, curves, each) * factor[:, None]
                      for each in lights])

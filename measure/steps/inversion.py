@@ -157,7 +157,8 @@ def views_of(capture: SceneCapture, records: CaptureRecords,
                               None if own.name else drift)
         scene = scene_of(own.scene)
         views.append(PhotoView(own.title, scene, photo, calibration, bands,
-                               materials_of(capture, scene), scale, dict(own.lights_by_id)))
+                               materials_of(capture, scene), scale, dict(own.lights_by_id),
+                               own.lamp))
     return views
 
 

@@ -19,6 +19,7 @@ from spectrabox.measure.scene.box_camera import lens_of
 from spectrabox.measure.steps.inversion import glare_error, views_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.known_light import in_chart_light
 from spectrabox.reconstruct.pixel_light import trace_pixel_light
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.transport_engine import unit_scene
@@ -74,6 +75,9 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
     if lens is not None:
         photo = undistorted(photo, lens)
     drift = records.reconstruct.drift
+    light = records.reconstruct.joint.views[0].known_light
+    if light is not None:
+        photo = in_chart_light(photo, light)
     view = replace(views_of(capture, records, drift)[0], photo=photo)
     crop = crop_of(photo, section.rect)
     work.progress(0.02, "tracing light")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.measure.surfaces.independent_bands import independent_bands
-from spectrabox.radiometry.covariance import block_diagonal, symmetric
+from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     LIGHT_SPECTRUM,
@@ -25,8 +25,12 @@ from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
 from spectrabox.radiometry.records.states import CaptureStates, added_by_cause
+from spectrabox.sampling.spectral_measurement import different_bands, gain_of_different
 
 FEW_BANDS = 12      # whose signals draws reach one by one
+# correlation of the light scales of photos between which a lamp was moved: chart and card are the
+# same, how they are lit is not
+SHARED_SCALE = 0.5
 
 
 def scene_signals(joint: JointReconstruction,
@@ -42,15 +46,21 @@ def scene_signals(joint: JointReconstruction,
     signals = SurfaceSignals(joint.materials, joint.known, joint.grid, joint.spectra, joint.bands,
                              joint.view_of_band, joint.response, joint.signal, (),
                              _gloss_of(joint))
+    views = np.unique(joint.view_of_band)
     scales = [scale_covariances(calibrations[view], joint.views[view].light_scale)
-              for view in np.unique(joint.view_of_band)]
+              for view in views]
     bands = len(calibrations[0].sensitivity.curves)
     none = np.zeros((bands, bands))
+    # lamps of one spectrum are one lamp that was moved
+    responses = [joint.response[joint.view_of_band == view] for view in views]
+    shared = np.kron([[1.0 if one is other else SHARED_SCALE * np.array_equal(one, other)
+                       for other in responses] for one in responses], np.ones((bands, bands)))
     causes = {RENDERING_NOISE: joint.signal_covariance,
               SENSITIVITIES: sensitivity_covariance(calibrations, signals),
               LIGHT_SPECTRUM: light_covariance(calibrations, signals)}
     for cause in dict.fromkeys(cause for parts in scales for cause in parts):
-        relative = block_diagonal(*(parts.get(cause, none) for parts in scales))
+        roots = np.vstack([symmetric_root(parts.get(cause, none)) for parts in scales])
+        relative = shared * (roots @ roots.T)
         causes[cause] = proportional_covariance(joint.signal, relative)
     for stray in joint.stray_light:
         causes[stray.cause] = added_covariance(stray.relative * joint.signal, joint.view_of_band)
@@ -59,14 +69,14 @@ def scene_signals(joint: JointReconstruction,
 
 
 def _gloss_of(joint: JointReconstruction) -> tuple[CaptureStates, ...]:
-    """What each material may mirror, in photos with lamps in their own places; none where the scene
-    says it of all.
+    """What each material may mirror under each lamp in its place; none where the scene says it of
+    all.
     """
     if not joint.gloss:
         return ()
-    views = [str(view) for view in joint.view_of_band]
-    glosses = [gloss_states(joint.gloss.get(name), views) for name in joint.materials]
-    return tuple(gloss if name in joint.gloss else gloss.through(np.zeros((len(views),) * 2))
+    lamps = [joint.lamps[view] if joint.lamps else str(view) for view in joint.view_of_band]
+    glosses = [gloss_states(joint.gloss.get(name), lamps) for name in joint.materials]
+    return tuple(gloss if name in joint.gloss else gloss.through(np.zeros((len(lamps),) * 2))
                  for name, gloss in zip(joint.materials, glosses, strict=True))
 
 
@@ -139,13 +149,17 @@ def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
 
 def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Indices of the bands that show a surface, among them of those that do not depend on each
-    other, and the gain that estimates their signals from all; of few bands all.
+    other, and the gain that estimates their signals from all; of few bands all that are different,
+    and with states of the capture all.
     """
     seen = np.flatnonzero(np.isfinite(signals.signal[index]))
-    if seen.size <= FEW_BANDS:
+    different, repeated = different_bands(signals.response[seen])
+    if seen.size <= FEW_BANDS and (signals.states or different.size == seen.size):
         return seen, np.arange(seen.size), np.eye(seen.size)
     total = np.sum(list(with_added(_errors_in_bands(signals, index),
                                    _states_in_bands(signals, index)).values()), axis=0)
+    if seen.size <= FEW_BANDS:
+        return seen, different, gain_of_different(total, repeated)
     return seen, *independent_bands(signals.response[seen], symmetric(total))
 
 

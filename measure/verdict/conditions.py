@@ -303,7 +303,7 @@ def _scene_light(found: SceneResult) -> Condition:
     standing, known_by = Standing.ASSUMED, "stated errors of lamp and shutter"
     if found.stated.drift_references:
         standing, known_by = Standing.MEASURED, "grey references in both photos"
-    elif not found.scale_from_chart:
+    elif _tied_to_known(found) or not found.scale_from_chart:
         standing, known_by = Standing.MEASURED, _known_materials(found)
     elif found.stated.chart_in_photo:
         standing, known_by = Standing.MEASURED, "the chart in the photo itself"
@@ -315,8 +315,8 @@ def _scene_light(found: SceneResult) -> Condition:
 
 def _light_place(found: SceneResult) -> Condition:
     standing, known_by = Standing.ASSUMED, "lamp and chart stand as stated"
-    if not found.scale_from_chart:
-        standing, known_by = Standing.STATED, _known_materials(found)
+    if _tied_to_known(found) or not found.scale_from_chart:
+        standing, known_by = Standing.MEASURED, _known_materials(found)
     return Condition("light place", standing, _common_error(found, PLACE_CAUSES), known_by,
                      "lamp and chart stand as stated", f"{percent(DIMMER_FAULT)} less light",
                      darker_by(found.surfaces, DIMMER_FAULT),
@@ -328,6 +328,12 @@ def _geometry(found: SceneResult) -> Condition:
         return Condition("geometry", Standing.STATED, None, "the scene's measures")
     placements = listed([placement.what for placement in found.geometry.placements])
     return Condition("geometry", Standing.MEASURED, None, f"estimated: {placements}")
+
+
+def _tied_to_known(found: SceneResult) -> bool:
+    """Whether surfaces of known spectrum in every photo tie its light."""
+    return all(made.known_light is not None for made in
+               (found.reconstruction, *(view.reconstruction for view in found.views)))
 
 
 def _known_materials(found: SceneResult) -> str:

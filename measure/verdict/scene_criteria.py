@@ -16,8 +16,9 @@ from spectrabox.measure.verdict.criterion import (
     limit_words,
     outcome_criterion,
 )
-from spectrabox.measure.words import deviation_words, percent
+from spectrabox.measure.words import deviation_words, listed, percent
 from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
+from spectrabox.reconstruct.known_light import LAMP_COLOUR_ERROR
 from spectrabox.reconstruct.misfit import FALSE_ALARM, common_cause
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ MEDIAN_LIMITS = (0.02, 0.05)
 WORST_LIMITS = (0.05, 0.15)
 CHART_WARNING, SURFACE_WARNING = 0.03, 0.05     # of what a warning names
 MAX_NAMED = 3                         # surfaces that the verdict names
+# Standard errors: by which known surfaces and chart may differ in the level of the light, or a band
+# of it in colour. One of a hundred right pairs of photos differs by 2.6 in level.
+LIGHT_DOUBTED = 3.0
 # of sessions with a picture, whose surfaces may have as many spectra as pixels
 PATTERNS = ("One spectrum for each material does not fit every surface. It cannot fit those with "
             "patterns, and the picture, with a spectrum for every pixel, does not rest on it; of "
@@ -48,7 +52,7 @@ def scene_criteria(found: SceneResult) -> list[Criterion]:
                    replace(each, status=Status.WARN, sentence=PATTERNS) for each in misfits]
     return [*agreement, *misfits,
             outcome_criterion("Inverse rendering", found.reconstruction.outcome),
-            *_rehearsal(found)]
+            *_known_light(found), *_rehearsal(found)]
 
 
 def _median_surface(agreement: SurfaceAgreement, where: str) -> Criterion:
@@ -97,6 +101,42 @@ def _misfits(made: Reconstruction, bands: tuple[str, ...], where: str) -> Criter
                      status, f"In{where[3:]}: {sentence}" if where else sentence,
                      tuple(dict.fromkeys(materials[misfit.surface] for misfit in made.misfits
                                          if misfit.surface in materials)))
+
+
+def _known_light(found: SceneResult) -> list[Criterion]:
+    """How the light on known surfaces differs from the chart's, and whether it may."""
+    photos = [("", found.reconstruction),
+              *((where_of(view.name), view.reconstruction) for view in found.views)]
+    rows = []
+    for where, made in photos:
+        light = made.known_light
+        if light is None:
+            continue
+        names = listed([f"“{name}”" for name in light.materials])
+        if light.level is not None:
+            rows.append(_doubted(
+                f"Level of the light on known surfaces against the chart's{where}",
+                abs(light.level - 1), light.contradiction,
+                f"On {names}, of known spectrum, the light is {deviation_words(light.level)} than "
+                "chart, positions and exposures give", light.materials))
+        colour = float(np.abs(light.colour - 1).max())
+        rows.append(_doubted(
+            f"Colour of the light on known surfaces against the chart's{where}", colour,
+            colour / LAMP_COLOUR_ERROR,
+            f"On {names} the light of a band is up to {percent(colour)} off the colour that the "
+            "chart's photo gives", light.materials))
+    return rows
+
+
+def _doubted(name: str, size: float, errors: float, sentence: str,
+             materials: tuple[str, ...]) -> Criterion:
+    """What a known surface corrects, doubted where it is beyond what can have changed."""
+    status = Status.PASS if errors <= LIGHT_DOUBTED else Status.WARN
+    return Criterion(name, errors, f"{percent(size)}, {errors:.1f} standard errors",
+                     f"pass up to {LIGHT_DOUBTED:.0f} standard errors", status,
+                     f"{sentence}, which is corrected." if status is Status.PASS else
+                     f"{sentence}, {errors:.1f} standard errors: check its stated spectrum, its "
+                     "place in the scene, and lamp and exposure of both photos.", materials)
 
 
 def _rehearsal(found: SceneResult) -> list[Criterion]:

@@ -70,6 +70,28 @@ class SurfaceMisfit(Record):
 
 
 @dataclass(frozen=True, eq=False)
+class KnownLight(Record):
+    """The light on a scene by its surfaces of known spectrum."""
+
+    materials: tuple[str, ...]                      # that are known and seen
+    level: float | None                     # against what chart, positions and exposures give ...
+    expected_error: float | None            # ... whose relative standard error this is
+    surfaces_error: float                           # relative, of what the known surfaces say
+    level_error: float                              # relative, of both together
+    colour: Annotated[np.ndarray, "K"]              # of the light in each band, against the chart's
+    colour_error: Annotated[np.ndarray, "K"]        # relative
+
+    @property
+    def contradiction(self) -> float:
+        """How many standard errors known surfaces and chart differ by in the level of the light; 0
+        where only one of them tells it.
+        """
+        if self.level is None or self.expected_error is None:
+            return 0.0
+        return float(abs(np.log(self.level)) / np.hypot(self.expected_error, self.surfaces_error))
+
+
+@dataclass(frozen=True, eq=False)
 class Reconstruction(Record):
     """Spectra that explain the photo, and how well they do."""
 
@@ -96,6 +118,7 @@ class Reconstruction(Record):
     outcome: Outcome
     notes: tuple[str, ...] = ()                     # what is data and what is prior, in sentences
     misfits: tuple[SurfaceMisfit, ...] = ()         # worst first
+    known_light: KnownLight | None = None           # None where no known surface tells of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +151,7 @@ class JointReconstruction(Record):
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
     stray_light: tuple[StrayLightError, ...] = ()        # independent of each other
+    lamps: tuple[str, ...] = ()     # of each view, alike under one in one place; () each its own
     # what is stated of the surfaces of materials that may mirror light, of gloss.KINDS; None:
     # nothing. Those that are not named mirror what the scene says
     gloss: dict[str, str | None] = field(default_factory=dict)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from spectrabox.radiometry.records.scenes import LightTransport, RegionTransport
+from spectrabox.radiometry.records.scenes import KnownLight, LightTransport, RegionTransport
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, fit_views
 from spectrabox.reconstruct.fit.view_terms import (
@@ -37,6 +37,7 @@ class TracedView:
     region: np.ndarray              # (H, W)
     group: np.ndarray               # (R,) surface of each region
     nuisances: Nuisances
+    known_light: KnownLight | None = None   # by which the view's photo and light scale are tied
 
     @cached_property
     def measured(self) -> np.ndarray:

@@ -293,6 +293,19 @@ class BoxTable(Table):
         return self.model_copy(update={"objects": tuple(
             moved(one) if one.on_turntable else one for one in self.objects)})
 
+    def lit_from(self, at_mm: Sequence[float] | None) -> BoxTable:
+        """The box with its lamp in another place, facing what it faced; None leaves it there.
+
+        Parameters
+        ----------
+        at_mm : [x, y, z] or None
+        """
+        if at_mm is None:
+            return self
+        lamp = self.lamp.model_copy(update={"at_mm": tuple(at_mm), "moved_mm": None,
+                                            "moved_error_mm": None})
+        return self.model_copy(update={"lamp": lamp})
+
     def corner_positions(self) -> dict[str, tuple[float, float, float]]:
         """Corners in millimetres by name: the eight inner ones, and those of boxes in it."""
         inner = (self.width_mm, self.height_mm, self.depth_mm)

@@ -55,6 +55,14 @@ class SceneFile:
     # light id -> table of light_profile.py
     profiles: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    @property
+    def lamps(self) -> str:
+        """Text of what emits light, with its place: the same where no lamp was moved."""
+        shapes = [shape for shape in self.root.findall("shape")
+                  if shape.find("emitter") is not None]
+        return "".join(ET.tostring(lamp, encoding="unicode").strip()
+                       for lamp in (*self.root.findall("emitter"), *shapes))
+
 
 def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
     """Parse and check a scene.

@@ -64,7 +64,7 @@ def box_photo(config: SessionConfig, view: ViewInputs | None = None) -> BoxPhoto
     view = view or first
     assert box is not None
     box = box.model_copy(update={"chart": None})        # which stands in a scene of its own
-    turned = box.turned(view.turn_deg)
+    turned = box.turned(view.turn_deg).lit_from(view.lamp_at_mm)
     # a view without a camera of its own was taken by the first photo's, which marked its corners
     if view.camera is None:
         camera, marked, taken = box.camera, box, first.photo_files[0]

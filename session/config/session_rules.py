@@ -108,6 +108,9 @@ def _views(config: SessionConfig) -> Iterator[str]:
         yield from _turntable(config, name, view)
         yield from _same_light(config, name, view)
         yield from _camera(config, name, view)
+        if view.lamp_at_mm is not None and (config.box is None or view.scene is not None):
+            yield (f"{FILE_NAME}: views.{name}.lamp_at_mm moves the lamp of [scene.box], and this "
+                   "view's scene is a file, which has its own; leave it out")
     engine = config.reconstruct.engine
     if config.views and engine not in ("auto", "transport"):
         yield (f"{FILE_NAME}: several views are fitted by reconstruct.engine = \"transport\" "

@@ -28,7 +28,7 @@ from spectrabox.measure.steps.declared_steps import Step
 from spectrabox.radiometry.charts.layouts import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
+from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable, Point
 from spectrabox.session.config.curve_sources import (
     FROM_CHART,
     CurvesRef,
@@ -256,6 +256,8 @@ class ViewSection(Table):
     scene: str | None = Field(None, description="its scene; that of [scene] where left out")
     turn_deg: float | None = Field(None, ge=-360, le=360, description="by which the turntable of "
                                    "[scene.box] had turned, counter-clockwise as seen from above")
+    lamp_at_mm: Point | None = Field(None, description="where the lamp of [scene.box] stood for "
+                                     "this photo, if it was moved")
     camera: CameraTable | None = Field(None, description="where its camera stood, as of "
                                        "[scene.box.camera]; there too where left out")
     chart: Photo | None = Field(None, description="the chart under its light; without it, "
@@ -296,6 +298,7 @@ class ViewInputs:
     lights_by_id: dict[str, LightTable]
     turn_deg: float = 0.0               # of the turntable
     camera: CameraTable | None = None   # of a box's photo, where it is not that of [scene.box]
+    lamp_at_mm: Point | None = None     # of a box's lamp, where it was moved
     lamp: str = FIRST_PHOTO             # title of the first photo that this lamp is stated to light
     filter: FilterTable | None = None   # before its lens or lamp
 
@@ -400,7 +403,7 @@ class SessionConfig(SessionTables, ABC):
         return ViewInputs(name, by_band(view.photo), self.chart_of(view, lamp),
                           light or first.light, view.scene or first.scene,
                           {} if light else first.lights_by_id, view.turn_deg or 0.0, view.camera,
-                          lamp, view.filter)
+                          view.lamp_at_mm, lamp, view.filter)
 
     def _lamp_of(self, name: str) -> str:
         """Title of the first photo that is stated to be under the lamp of a view.

@@ -77,7 +77,8 @@ class SceneSpectra(MeasuredSpectra):
     ...                        chart_scene="mybox/scene/chart.xml")
     >>> scene = sb.reconstruct_scene("mybox/photos/box.dng", scene="mybox/scene/box.xml", width=48,
     ...     camera=camera, light="mybox/spectra/light.csv",
-    ...     materials=["white", "green", "red", "cube"])
+    ...     materials={"white": None, "green": None, "red": None, "cube": None,
+    ...                "card": "mybox/spectra/card.csv"})
     >>> scene.outcome
     >>> scene.plot_agreement()
     """
@@ -204,7 +205,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
     >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
     >>> scene = sb.reconstruct_scene("mybox/photos/box.dng", scene="mybox/scene/box.xml",
     ...     camera=camera, light="mybox/spectra/light.csv",
-    ...     materials=["white", "green", "red", "cube"], width=48)
+    ...     materials={"white": None, "green": None, "red": None, "cube": None,
+    ...                "card": "mybox/spectra/card.csv"}, width=48)
     """
     spectrum = as_spectrum(light)
     known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
