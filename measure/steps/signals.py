@@ -97,7 +97,7 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart == view.photo, chart.detection.corners_px, layout,
             records.calibrate.whites[with_chart.name], calibration,
-            None if view.name else drift_of(capture, records), view.lamp,
+            None if view.name else drift_of(capture, records), view.place,
             clipped_bands(chart.samples, layout.neutrals)))
     return photos
 
