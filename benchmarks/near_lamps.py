@@ -194,7 +194,7 @@ def with_gloss(shoot: Shoot, lamp: Lamp, wanted: float) -> Lamp:
 
 def drawn_lamp(rng: np.random.Generator) -> Lamp:
     """A lamp as one puts it up: anywhere about, at 35 to 55 degrees above the table."""
-    return Lamp(rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(35, 55)), rng.uniform(1.4, 3.0),
+    return Lamp(rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(35, 55)), rng.uniform(2.2, 4.0),
                 rng.uniform(0.05, 0.4))
 
 

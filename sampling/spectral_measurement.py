@@ -9,12 +9,14 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.covariance import is_covariance
+from spectrabox.radiometry.covariance import is_covariance, symmetric
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
+RANK = 1e-10            # relative: directions of a noise of less variance have none
+SAME = 1e-9             # of white: responses closer than this are one
 PROJECTION_STEPS = 300      # of the accelerated projected gradient; 1e-7 of the optimum at N = 31
 
 
@@ -46,14 +48,15 @@ def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> Meas
     coefficients : int
         N, of the spline class.
     """
-    A = measurement.relative_response @ basis_matrix(measurement.grid.nm, coefficients)
     whole = without_states(measurement)
+    A = whole.relative_response @ basis_matrix(whole.grid.nm, coefficients)
     return MeasurementOperator(A, whole.signal, whole.noise_covariance)
 
 
 def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
     """The measurement with what the states of its capture add as one Gaussian error, for what knows
-    no states: the signal less its mean, the noise with its covariance.
+    no states: the signal less its mean, the noise with its covariance; bands that several photos
+    repeat are estimated as one.
 
     Parameters
     ----------
@@ -62,10 +65,48 @@ def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
     states = measurement.states
     if states is None:
         return measurement
-    return replace(
-        measurement, signal=measurement.signal - states.pattern @ states.mean, states=None,
-        noise_covariance=measurement.noise_covariance
-        + states.pattern @ states.covariance @ states.pattern.T)
+    signal = measurement.signal - states.pattern @ states.mean
+    noise = measurement.noise_covariance + states.pattern @ states.covariance @ states.pattern.T
+    different, repeated = different_bands(measurement.relative_response)
+    if different.size < signal.size:
+        gain = gain_of_different(noise, repeated)
+        signal, noise = gain @ signal, symmetric(gain @ noise @ gain.T)
+    return replace(measurement, relative_response=measurement.relative_response[different],
+                   signal=signal, noise_covariance=noise, states=None)
+
+
+def different_bands(relative_response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (r,) of bands that are not those of an earlier photo again, and which of them (K, r)
+    each band is: 1, else 0.
+
+    Parameters
+    ----------
+    relative_response : (K, P) array
+    """
+    first = np.array([next(other for other in range(band + 1)
+                           if np.allclose(relative_response[other], own, rtol=0, atol=SAME))
+                      for band, own in enumerate(relative_response)])
+    different = np.unique(first)
+    return different, (first[:, None] == different).astype(float)
+
+
+def gain_of_different(noise: np.ndarray, repeated: np.ndarray) -> np.ndarray:
+    """The gain (r, K) that estimates the signals of different bands from all by generalised least
+    squares.
+
+    Parameters
+    ----------
+    noise : (K, K) array
+    repeated : (K, r) array
+        From `different_bands`.
+    """
+    weighted = np.linalg.solve(with_rank(noise), repeated)
+    return np.asarray(np.linalg.solve(repeated.T @ weighted, weighted.T))
+
+
+def with_rank(noise: np.ndarray) -> np.ndarray:
+    """A covariance (K, K) with some variance in every direction."""
+    return noise + np.eye(len(noise)) * (RANK * np.trace(noise) + np.finfo(float).tiny)
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -162,7 +203,8 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
                              "measure it again")
     check_noise(measurement.noise_covariance)
     response = measurement.relative_response
-    check_bands(response if measurement.states is None else np.unique(response, axis=0))
+    check_bands(response if measurement.states is None
+                else response[different_bands(response)[0]])
 
 
 def check_bands(response: np.ndarray) -> None:

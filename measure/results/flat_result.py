@@ -175,7 +175,7 @@ def _lamp_words(view: View) -> str:
     """What lights a photo."""
     lamp = view.light_words if view.lamp == view.title else f"the lamp of {view.lamp!r}"
     if view.moved:
-        lamp += " in another place" if view.moved == view.title else f", where {view.moved!r} has it"
+        lamp += " in another place" if view.moved == view.title else f" as in {view.moved!r}"
     if view.filter is None:
         return f"light: {lamp}"
     return f"light: {lamp} through {view.filter_words}"

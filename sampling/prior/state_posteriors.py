@@ -29,9 +29,13 @@ from spectrabox.sampling.prior.mixture_posterior import (
     posterior,
     with_floor,
 )
+from spectrabox.sampling.spectral_measurement import (
+    RANK,
+    different_bands,
+    gain_of_different,
+    with_rank,
+)
 
-RANK = 1e-10            # relative: directions of a noise of less variance have none
-SAME = 1e-9             # of white: responses closer than this are one
 MAX_REDRAWS = 50        # of a variable that is less than it can be; it then is what it least can be
 
 
@@ -165,36 +169,19 @@ def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
             float(min(novelty(prior, part.mixture, part.noise)[0] for part in parts)))
 
 
-def different_bands(relative_response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (r,) of bands that are not those of an earlier photo again, and which of them (K, r)
-    each band is: 1, else 0.
-
-    Parameters
-    ----------
-    relative_response : (K, P) array
-    """
-    first = np.array([next(other for other in range(band + 1)
-                           if np.allclose(relative_response[other], own, rtol=0, atol=SAME))
-                      for band, own in enumerate(relative_response)])
-    different = np.unique(first)
-    return different, (first[:, None] == different).astype(float)
-
-
 def _different(signal: np.ndarray, noise: np.ndarray,
                repeated: np.ndarray) -> tuple[np.ndarray, float]:
-    """The gain (r, K) that estimates the signals of different bands from all (K,) by generalised
-    least squares, and the log density of what then is left: differences between repeated bands.
+    """The gain (r, K) that estimates the signals of different bands from all (K,), and the log
+    density of what then is left: differences between repeated bands.
     """
     bands, count = repeated.shape
     if bands == count:
         return np.eye(bands), 0.0
-    own = noise + np.eye(bands) * (RANK * np.trace(noise) + np.finfo(float).tiny)
-    weighted = np.linalg.solve(own, repeated)
-    gain = np.linalg.solve(repeated.T @ weighted, weighted.T)
     contrasts = np.linalg.svd(repeated.T)[2][count:]            # (K - r, K), of no different bands
-    spread, off = contrasts @ own @ contrasts.T, contrasts @ signal
-    return gain, float(-(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
-                         + off.size * np.log(2 * np.pi)) / 2)
+    spread, off = contrasts @ with_rank(noise) @ contrasts.T, contrasts @ signal
+    return gain_of_different(noise, repeated), float(
+        -(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
+          + off.size * np.log(2 * np.pi)) / 2)
 
 
 def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixturePosterior:

@@ -56,8 +56,8 @@ class Mark(Table):
     stated: dict[str, str] = Field(
         default_factory=dict, description="of a region: family, surface, truth (a file), and "
         "known: its reflectance, a file or one number at all wavelengths; of the session: name, "
-        "light, and picture, \"on\"; of a view: photo, light, same_light_as, lamp, filter. Nothing is "
-        "stated by an empty text")
+        "light, and picture, \"on\"; of a view: photo, light, same_light_as, lamp, filter. Nothing "
+        "is stated by an empty text")
 
 
 class MarkedSession:
