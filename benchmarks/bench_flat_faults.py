@@ -2,8 +2,8 @@
 
 Cameras and lamps of a folder, the camera's maker left out of the prior, a chart drawn among
 editions and copies, nine published test colours in two rows beside it, photographed by near lamps
-(``near_lamps.py``, which shares no model with the inversion): each shoot once as it should be, and
-once with each fault, by one photo and by three ways to take more of them:
+(``fixtures/near_lamps.py``, which shares no model with the inversion): each shoot once as it should
+be, and once with each fault, by one photo and by three ways to take more of them:
 
     gels        two photos more, each through a filter of known transmittance before the lens
     lamp        a photo more under another unknown lamp in another place
@@ -34,34 +34,33 @@ import numpy as np
 import spectrabox
 from spectrabox.calibrate.prior.camera_prior import save_camera_prior
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
-from spectrabox.fixtures.paints import NM
-from spectrabox.radiometry.chart import REFERENCES
-from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.radiometry.spectra.spectrum_files import read_table
-
-from benchmarks.bench_unknown_makers import makers_of, prior_without
-from benchmarks.near_lamps import (
+from spectrabox.fixtures.near_lamps import (
     ABOVE,
     REGIONS,
     Lamp,
     Place,
     Shoot,
-    chart_copies,
-    drawn_chart,
     drawn_lamp,
     moved,
     photograph,
     rectangles,
     with_gloss,
 )
+from spectrabox.fixtures.paints import NM, chart_copy
+from spectrabox.radiometry.chart import COPIES_SINCE_2014, REFERENCES
+from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import read_table
+
+from benchmarks.bench_unknown_makers import makers_of, prior_without
 
 FAULTS = ("none", "gloss 1.5 %", "gloss 3 %", "shadow 10 %", "shadow edge", "other plane",
           "chart tilted", "brightener", "two lamps")
 PROTOCOLS = ("one", "gels", "lamp", "moved")
 GELS = ("Tiffen Red1(25)", "Tiffen 80A")
 SHADOW, EDGE_SHADOW = 0.10, 0.15
+LATER_EDITION = 0.9         # share of charts in use
 HIGHER, TURNED, CHART_TURNED = 0.04, np.radians(3.0), np.radians(10.0)
 
 
@@ -160,7 +159,7 @@ def measure(data: Path, cases: int, seed: int, faults: Sequence[str], protocols:
     Parameters
     ----------
     data : Path
-        With cameras/, lights/, filters/, flea3_chart/ and chart_copies/.
+        With cameras/, lights/ and filters/.
     cases, seed : int
     faults, protocols : sequence of str
         Of FAULTS and PROTOCOLS.
@@ -177,15 +176,17 @@ def measure(data: Path, cases: int, seed: int, faults: Sequence[str], protocols:
     padded = np.pad(colours, ((0, 0), (20, 30)), mode="edge")
     table = read_table(data / "filters" / "photographic_filters_27.csv")
     filters = [np.interp(NM, table.nm, table.values[table.names.index(name)]) for name in GELS]
-    copies, rows = chart_copies(data), []
+    rows = []
     with tempfile.TemporaryDirectory() as written:
         folder = Path(written)
         for case in range(cases):
             start = time.perf_counter()
             camera, lamps = int(rng.integers(len(makers))), rng.choice(len(spectra), 3, False)
+            edition = COPIES_SINCE_2014 if rng.random() < LATER_EDITION else REFERENCES[0]
             shoot = Shoot(
                 np.array([np.interp(NM, database.nm, row) for row in database.curves[camera]]),
-                drawn_chart(rng, copies), padded[rng.choice(len(padded), REGIONS, replace=False)],
+                chart_copy(rng, edition),
+                padded[rng.choice(len(padded), REGIONS, replace=False)],
                 "matt", Place(), Place(), rng.uniform(0, 0.12), rng.uniform(0, 0.012),
                 rng.uniform(0.85, 1.0))
             prior = _prior_without(database, makers, makers[camera], folder)
@@ -248,7 +249,7 @@ def main() -> None:
     """Print a table of the faults."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--data", type=Path, required=True,
-                        help="folder with cameras/, lights/, filters/ and copies of charts")
+                        help="folder with cameras/, lights/ and filters/")
     parser.add_argument("--cases", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--faults", nargs="*", default=list(FAULTS), choices=FAULTS)

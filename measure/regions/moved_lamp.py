@@ -210,7 +210,8 @@ def _compared(signals: SurfaceSignals, index: int, name: str, first: np.ndarray,
         more, less = (one, two) if mean[0] > 0 else (two, one)
         yield (f"sample {name!r} mirrors {100 * abs(mean[0]):.1f} ± {100 * error[0]:.1f} % of "
                f"white more in {more} than in {less}: gloss")
-    if abs(mean[1]) > max(NAMED_LEVEL, SURE * error[1]):
+    usual = np.sqrt(wanted[1] @ states.covariances[0] @ wanted[1])
+    if abs(mean[1]) > max(NAMED_LEVEL, SURE * usual, SURE * error[1]):
         dark, right = (one, two) if mean[1] < 0 else (two, one)
         yield (f"sample {name!r} is {100 * abs(mean[1]):.0f} ± {100 * error[1]:.0f} % darker "
                f"beside the chart in {dark} than in {right}: a shadow on it there, or it does not "
