@@ -285,6 +285,11 @@ class Capture(ABC):
         return tuple(view for view in self.views if view.chart)
 
     @property
+    def lamp_moved(self) -> bool:
+        """Whether photos show one lamp in two places, which tells gloss, plane and shadow."""
+        return any(view.moved for view in self.views)
+
+    @property
     def layout(self) -> Chart:
         """Of the chart.
 
@@ -389,13 +394,6 @@ class FlatCapture(Capture):
         """Reflectances (P,) of the regions that are swatches of the samples' material."""
         return {name: region.swatch for name, region in self.regions.items()
                 if region.swatch is not None}
-
-    @property
-    def lamp_moved(self) -> bool:
-        """Whether a region is shown with one lamp in two places, which tells gloss, plane and
-        shadow.
-        """
-        return any(view.moved and self.regions_in(view) for view in self.views)
 
     @property
     def picture_views(self) -> tuple[View, ...]:
