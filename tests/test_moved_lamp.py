@@ -1,8 +1,10 @@
 """One lamp in two places: gloss, plane and shadow of each sample are measured."""
+import json
 import re
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.fixtures import lamp
@@ -25,6 +27,10 @@ from spectrabox.radiometry.error_model import PHOTO_NOISE
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.session.cli import app
+from spectrabox.session.config.captured_session import capture_of
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.page.marks import Mark, marked
 
 from tests.sampling_cameras import response
 
@@ -117,6 +123,33 @@ def test_lobes_mirror_what_lies_in_their_way(shoot):
     assert abs(gloss_of(shoot, with_gloss(shoot, FIRST, 0.03)) - 0.03) < 1e-3
     # a rough lobe is much the same from everywhere, so that an instrument reads it as well
     assert by_instrument("matt") > 0.01 > by_instrument("satin")
+
+
+def test_the_command_takes_a_photo_with_the_lamp_moved(shoot, tmp_path):
+    rng, power = np.random.default_rng(4), lamp.radiance(NM)
+    for name, place in (("a", FIRST), ("b", ELSEWHERE)):
+        photograph(tmp_path / f"{name}.dng", shoot, [(place, power)], rng)
+    rectangle = ",".join(map(str, rectangles()[0]))
+    outcome = CliRunner().invoke(app, [
+        "flat", str(tmp_path / "a.dng"), "--also", f"{tmp_path / 'b.dng'}=moved",
+        "--region", f"s0={rectangle}", "--json"])
+    assert outcome.exit_code in (0, 1), outcome.stderr
+    answer = json.loads(outcome.stdout)
+    (region,) = answer["regions"]
+    assert [place["photo"] for place in region["lamp_places"]] == ["photo", "b"]
+    assert region["gloss"] == region["lamp_places"][0]["gloss"]
+    assert answer["photos"][1]["says"].startswith("light: the lamp of 'photo' in another place")
+    capture = capture_of(read_session(tmp_path / "a-flat"))
+    assert capture.lamp_moved and len({view.place for view in capture.views}) == 2
+    # the picture of spectra is made of what stands in one light
+    assert capture.picture_views == capture.views[:1]
+
+
+def test_the_page_writes_a_photo_with_the_lamp_moved():
+    text = marked('[photos]\nobject = "a.dng"\n', Mark(
+        kind="view", name="b", stated={"photo": "b.dng", "same_light_as": "photo",
+                                       "lamp": "moved"}))
+    assert '[views.b]' in text and 'lamp = "moved"' in text
 
 
 @pytest.mark.parametrize("gloss, shade", [(0.03, 0.0), (None, 0.1)])
