@@ -48,7 +48,7 @@ from spectrabox.fixtures.near_lamps import (
     with_gloss,
 )
 from spectrabox.fixtures.paints import NM, chart_copy
-from spectrabox.radiometry.chart import COPIES_SINCE_2014, REFERENCES
+from spectrabox.radiometry.chart import COPIES_BEFORE_2014, COPIES_SINCE_2014, REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
@@ -192,7 +192,7 @@ def measure(data: Path, cases: int, seed: int, faults: Sequence[str], protocols:
         for case in range(cases):
             start = time.perf_counter()
             camera, lamps = int(rng.integers(len(makers))), rng.choice(len(spectra), 3, False)
-            edition = COPIES_SINCE_2014 if rng.random() < LATER_EDITION else REFERENCES[0]
+            edition = COPIES_SINCE_2014 if rng.random() < LATER_EDITION else COPIES_BEFORE_2014
             shoot = Shoot(
                 np.array([np.interp(NM, database.nm, row) for row in database.curves[camera]]),
                 chart_copy(rng, edition),
