@@ -99,6 +99,8 @@ class View:
     light: Spectrum | UnknownLight          # of its lamp
     light_words: str                        # how the lamp was stated
     lamp: str = FIRST_PHOTO                 # title of the first photo that this lamp lights
+    # title of the photo for which its lamp was put elsewhere; empty where it stands as in the first
+    moved: str = ""
     filter: Filter | None = None            # before its lens or lamp
     filter_words: str = ""                  # how the filter was stated
     filter_known: bool = True               # whether its transmittance was stated
@@ -131,8 +133,15 @@ class View:
         """Whether the spectrum of what lights it, filter included, is stated."""
         return self.light_stated and (self.filter is None or self.filter_known)
 
+    @property
+    def place(self) -> str:
+        """Its lamp and where that stands: the same for photos of one field of light."""
+        return f"{self.lamp}, moved for {self.moved}" if self.moved else self.lamp
+
     def same_light(self, other: View) -> bool:
-        """Whether both are stated to be under one lamp, through one filter if any."""
+        """Whether both are stated to be under one lamp, wherever it stands, through one filter if
+        any.
+        """
         return self.lamp == other.lamp and (self.filter is None) == (other.filter is None) \
             and self.filter_words == other.filter_words
 
@@ -277,6 +286,11 @@ class Capture(ABC):
         return tuple(view for view in self.views if view.chart)
 
     @property
+    def lamp_moved(self) -> bool:
+        """Whether photos show one lamp in two places, which tells gloss, plane and shadow."""
+        return any(view.moved for view in self.views)
+
+    @property
     def layout(self) -> Chart:
         """Of the chart.
 
@@ -385,12 +399,12 @@ class FlatCapture(Capture):
     @property
     def picture_views(self) -> tuple[View, ...]:
         """Views whose photos a picture of spectra is made from: the first, and those that show a
-        region of it in another photo.
+        region of it in another photo, but for those whose lamp was moved.
         """
         first, *others = self.views
         shown = self.regions_in(first).keys()
         return (first, *(view for view in others if shown & self.regions_in(view).keys()
-                         and view.photo != first.photo))
+                         and view.photo != first.photo and not view.moved))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.covariance import is_covariance
+from spectrabox.radiometry.covariance import is_covariance, symmetric
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
@@ -50,15 +50,16 @@ def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> Meas
         N, of the spline class.
     """
     whole = without_states(measurement)
-    different, repeated = different_bands(measurement.relative_response)
+    different, repeated = different_bands(whole.relative_response)
     gain = gain_of_different(whole.noise_covariance, repeated)
-    A = measurement.relative_response[different] @ basis_matrix(measurement.grid.nm, coefficients)
+    A = whole.relative_response[different] @ basis_matrix(whole.grid.nm, coefficients)
     return MeasurementOperator(A, gain @ whole.signal, gain @ whole.noise_covariance @ gain.T)
 
 
 def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
     """The measurement with what the states of its capture add as one Gaussian error, for what knows
-    no states: the signal less its mean, the noise with its covariance.
+    no states: the signal less its mean, the noise with its covariance; bands that several photos
+    repeat are estimated as one.
 
     Parameters
     ----------
@@ -67,10 +68,14 @@ def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
     states = measurement.states
     if states is None:
         return measurement
-    return replace(
-        measurement, signal=measurement.signal - states.pattern @ states.mean, states=None,
-        noise_covariance=measurement.noise_covariance
-        + states.pattern @ states.covariance @ states.pattern.T)
+    signal = measurement.signal - states.pattern @ states.mean
+    noise = measurement.noise_covariance + states.pattern @ states.covariance @ states.pattern.T
+    different, repeated = different_bands(measurement.relative_response)
+    if different.size < signal.size:
+        gain = gain_of_different(noise, repeated)
+        signal, noise = gain @ signal, symmetric(gain @ noise @ gain.T)
+    return replace(measurement, relative_response=measurement.relative_response[different],
+                   signal=signal, noise_covariance=noise, states=None)
 
 
 def different_bands(relative_response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,20 +100,18 @@ def gain_of_different(noise: np.ndarray, repeated: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     noise : (K, K) array
-        Covariance.
     repeated : (K, r) array
         From `different_bands`.
     """
     if repeated.shape[0] == repeated.shape[1]:
         return np.eye(len(repeated))
-    weighted = np.linalg.solve(regular(noise), repeated)
+    weighted = np.linalg.solve(with_rank(noise), repeated)
     return np.asarray(np.linalg.solve(repeated.T @ weighted, weighted.T))
 
 
-def regular(noise: np.ndarray) -> np.ndarray:
-    """A covariance (K, K) that can be inverted, with a little in directions that have no noise."""
-    return np.asarray(noise + np.eye(len(noise)) * (RANK * np.trace(noise)
-                                                    + np.finfo(float).tiny))
+def with_rank(noise: np.ndarray) -> np.ndarray:
+    """A covariance (K, K) with some variance in every direction."""
+    return noise + np.eye(len(noise)) * (RANK * np.trace(noise) + np.finfo(float).tiny)
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -205,7 +208,8 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
                              "measure it again")
     check_noise(measurement.noise_covariance)
     response = measurement.relative_response
-    check_bands(response if measurement.states is None else np.unique(response, axis=0))
+    check_bands(response if measurement.states is None
+                else response[different_bands(response)[0]])
 
 
 def check_bands(response: np.ndarray) -> None:

@@ -45,10 +45,12 @@ def documented():
             facts = {fact.name: {} for fact in SURFACE_FACTS}
             commands["run"]["materials"] = {name: {} for name in facts
                                             if name not in ("light", "light_error", "scatter",
-                                                            "edge")}
+                                                            "edge", "lamp_places")}
             commands["flat"]["regions"] = {name: {} for name in facts
-                                           # no region has an edge (test_region_edges.py)
-                                           if name not in ("rmse_inverse_rendering", "edge")}
+                                           # no region has an edge (test_region_edges.py), and no
+                                           # lamp was moved (test_moved_lamp.py)
+                                           if name not in ("rmse_inverse_rendering", "edge",
+                                                           "lamp_places")}
             for command in ("run", "flat"):
                 commands[command]["conditions"] = {fact.name: {} for fact in CONDITION_FACTS}
             return commands

@@ -188,7 +188,21 @@ def test_photos_are_under_one_lamp_by_statement_and_never_by_a_word(tmp_path, fi
     assert [view.lamp for view in read_session(tmp_path).all_views] == lamps
 
 
+@pytest.mark.parametrize("b, c, moved", [
+    ('lamp = "moved"', 'same_light_as = "b"', ["", "b", "b"]),
+    ('same_light_as = "photo"\nlamp = "moved"', 'lamp = "moved"', ["", "b", "c"]),
+    ('lamp = "moved"', 'same_light_as = "b"\nlamp = "moved"', ["", "b", "c"])])
+def test_a_lamp_that_was_moved_is_the_same_lamp_elsewhere(tmp_path, b, c, moved):
+    text = FLAT.format(first='"unknown"', b=b, c=c)
+    (tmp_path / "session.toml").write_text(text, encoding="utf-8")
+    views = read_session(tmp_path).all_views
+    assert [view.lamp for view in views] == ["photo"] * 3
+    assert [view.moved for view in views] == moved
+    assert views[1].chart_files == ("photos/b.dng",)        # whose field of light is its own
+
+
 @pytest.mark.parametrize("b, c, complaint", [
+    ('light = "A"\nlamp = "moved"', "", "views.b.light names one; leave one out"),
     ('same_light_as = "d"', "", "views.b.same_light_as names 'd'; the session's photos are photo, "
      "b, c"),
     ('same_light_as = "c"', 'same_light_as = "b"', "b -> c -> b goes round in a circle"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
+from spectrabox.measure.regions.moved_lamp import gloss_and_level
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, PhotoWhite, white_at_regions
 from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
@@ -56,8 +57,9 @@ SHARED_BY_PHOTOS = {SAMPLE_PLANE: (1.0, 0.0), SURFACE_REFLECTION: (1.0, SAME_SUR
 def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],
                  families: Mapping[str, Sequence[str]], known: Mapping[str, np.ndarray],
                  bands: Sequence[str], errors: FlatErrors) -> SurfaceSignals:
-    """Signals of all regions in the bands of all photos; photos of one response are averaged, and
-    bands that are dark or saturated on a region are not a number there.
+    """Signals of all regions in the bands of all photos; photos of one response are averaged but
+    for those whose lamp was moved, and bands that are dark or saturated on a region are not a
+    number there.
 
     Photos of one chart err alike in part, those under one lamp, through filters, nearly as one.
 
@@ -76,7 +78,7 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     errors : FlatErrors
     """
     responses = [photo.response for photo in photos]
-    of_photo = first_of_response(responses)
+    of_photo = first_alike(photos)
     distinct = sorted(set(of_photo))
     names = tuple(families)
     count = len(bands)
@@ -110,10 +112,15 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     spectra = np.array([known[name] if name in known
                         else _expected_spectrum(families[name], response, signal[index])
                         for index, name in enumerate(names)])
+    moved = any(photos[number].moved for number in distinct)
+    states = tuple(gloss_and_level(errors.surfaces.get(name), signal[index], lamp_of_band,
+                                   causes[SAMPLE_PLANE][index]) if moved
+                   else gloss_states(errors.surfaces.get(name), lamp_of_band)
+                   for index, name in enumerate(names))
+    if moved:
+        del causes[SAMPLE_PLANE]        # it is the level of the states
     signals = SurfaceSignals(names, tuple(name in known for name in names), FINE_GRID, spectra,
-                             labels, np.repeat(distinct, count), response, signal, (), tuple(
-                                 gloss_states(errors.surfaces.get(name), lamp_of_band)
-                                 for name in names))
+                             labels, np.repeat(distinct, count), response, signal, (), states)
     filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
     calibrations = [photo.calibration for photo in photos]
     causes[SENSITIVITIES] = sensitivity_covariance(calibrations, filled)
@@ -229,6 +236,15 @@ def _expected_spectrum(families: Sequence[str], response: np.ndarray,
     mixture = posterior(of_families(load_prior(), families), coarse, signal[None, seen],
                         EXPECTED**2 * np.eye(int(seen.sum())))
     return np.interp(FINE_GRID.nm, PRIOR_GRID.nm, mean_and_spread(mixture)[0][0])
+
+
+def first_alike(photos: Sequence[FlatPhoto]) -> list[int]:
+    """Of each photo the first that has the same response, and its lamp where it was moved."""
+    alike = first_of_response([photo.response for photo in photos])
+    return [next(other for other in range(number + 1) if alike[other] == alike[number]
+                 and (photos[other].lamp == photo.lamp
+                      or not (photo.moved or photos[other].moved)))
+            for number, photo in enumerate(photos)]
 
 
 def first_of_response(responses: Sequence[np.ndarray]) -> list[int]:

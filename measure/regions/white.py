@@ -56,6 +56,7 @@ class FlatPhoto:
     calibration: Calibration        # of the camera under this light
     drift: LightDrift | None = None     # of the light from the chart photo to this one
     lamp: str | None = None         # the same for photos under one lamp that stayed; None: its own
+    moved: bool = False             # the lamp of an earlier photo stands elsewhere in this one
     # (K,) bool: bands in which too little of the chart can be read; None: there is none
     lost: np.ndarray | None = None
 

@@ -176,6 +176,8 @@ def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
 def _lamp_words(view: View) -> str:
     """What lights a photo."""
     lamp = view.light_words if view.lamp == view.title else f"the lamp of {view.lamp!r}"
+    if view.moved:
+        lamp += " in another place" if view.moved == view.title else f" as in {view.moved!r}"
     if view.filter is None:
         return f"light: {lamp}"
     return f"light: {lamp} through {view.filter_words}"

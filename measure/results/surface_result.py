@@ -1,13 +1,14 @@
 """What was found of one surface: a material of a scene, or a region of a flat sample."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from spectrabox.measure.regions.edge_words import edge_facts
+from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
 from spectrabox.measure.results.facts import Fact, known_facts
 from spectrabox.measure.surfaces.metamers import MetamerPair, metamer_pair
 from spectrabox.measure.surfaces.surface_signals import noise_and_disagreement, relative_errors
@@ -61,6 +62,8 @@ class SurfaceResult:
     families: tuple[FamilyCoverage, ...] = ()
     # what the signal says of its gloss; None without the learnt prior, or where none may be
     gloss: StateEstimate | None = None
+    # of a region under a lamp that was moved: gloss and level in each of its places
+    places: tuple[InPlace, ...] = ()
     # of a region: light relative to the chart's mean, and its relative standard error
     light: tuple[float, float] | None = None
     # of a region: relative scatter of its pixels beyond noise and a plane, in the worst band
@@ -171,7 +174,8 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
     return SurfaceResult(
         **common, spectrum=inverse_rendering, summary=spectrum.summary, samples=spectrum.samples,
         error_budget=relative_errors(signals, index), scores=scores,
-        variance_shares=spectrum.variance_shares, families=families, gloss=spectrum.states)
+        variance_shares=spectrum.variance_shares, families=families, gloss=spectrum.states,
+        places=found_in_places(signals, index, spectrum.states))
 
 
 def _shown_bands(surface: SurfaceResult) -> np.ndarray:
@@ -224,6 +228,11 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     Fact("gloss_error", "standard error of that share",
          lambda surface: surface.gloss and float(surface.gloss.standard_deviation[0]),
          "gloss known to", percent),
+    Fact("lamp_places", "of a region under a lamp that was moved, for each of its places: `photo` "
+         "(the first with it there), `gloss`, `gloss_error` (shares of white), `level`, "
+         "`level_error` (light on the region against the chart's, relative)",
+         lambda surface: [asdict(place) for place in surface.places] or None, "gloss, level",
+         lambda places: "; ".join(InPlace(**place).text for place in places)),
     Fact("gloss_kinds", "probability of each kind of surface, by its gloss",
          lambda surface: surface.gloss and surface.gloss.shares),
     _of_scores("coverage_95", "share of wavelengths at which the 95 % band holds the truth",

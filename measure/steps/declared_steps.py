@@ -31,7 +31,7 @@ def inputs_of_charts(capture: Capture) -> dict[str, Any]:
 
 def lights_of(capture: Capture) -> dict[str, Any]:
     """What is stated of the light of each view."""
-    return {view.name: [view.light, view.lamp, view.filter, view.filter_words]
+    return {view.name: [view.light, view.place, view.filter, view.filter_words]
             for view in capture.views}
 
 

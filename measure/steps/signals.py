@@ -8,6 +8,7 @@ from spectrabox.capture.chart.patches import clipped_bands
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.records import CaptureRecords, RegionLight, SignalRecords
 from spectrabox.measure.regions.flat_signals import flat_signals
+from spectrabox.measure.regions.moved_lamp import moved_notes
 from spectrabox.measure.regions.white import (
     FlatErrors,
     FlatPhoto,
@@ -57,6 +58,7 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
                 light_map(photo, known, errors))
     signals = flat_signals(photos, whites, capture.families, known | capture.swatches,
                            capture.band_names(records.photo.bands), errors)
+    notes += moved_notes(signals, [photo.name for photo in photos])
     drift = photos[0].drift
     return SignalRecords(signals, lights, drift,
                          notes if drift is None else (*notes, drift.sentence))
@@ -96,8 +98,8 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart == view.photo, chart.detection.corners_px, layout,
             records.calibrate.whites[with_chart.name], calibration,
-            None if view.name else drift_of(capture, records), view.lamp,
-            clipped_bands(chart.samples, layout.neutrals)))
+            None if view.name else drift_of(capture, records), view.place,
+            bool(view.moved), clipped_bands(chart.samples, layout.neutrals)))
     return photos
 
 

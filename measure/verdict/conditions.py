@@ -146,13 +146,8 @@ def statements_of(capture: Capture) -> Statements:
         curves="" if capture.sensitivity.curves is None else capture.sensitivity.source,
         chart_in_photo=all(view.shows_chart for view in views),
         drift_references=bool(capture.drift.chart_px),
-        lamp_moved=lamp_moved(capture), dark_frames=bool(capture.development.dark_frames),
+        lamp_moved=capture.lamp_moved, dark_frames=bool(capture.development.dark_frames),
         bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
-
-
-def lamp_moved(capture: Capture) -> bool:
-    """Whether a further photo shows the surfaces with the same lamp in another place."""
-    return False
 
 
 def flat_conditions(found: FlatResult) -> tuple[Condition, ...]:

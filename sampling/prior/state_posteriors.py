@@ -33,7 +33,7 @@ from spectrabox.sampling.spectral_measurement import (
     RANK,
     different_bands,
     gain_of_different,
-    regular,
+    with_rank,
 )
 
 MAX_REDRAWS = 50        # of a variable that is less than it can be; it then is what it least can be
@@ -171,17 +171,17 @@ def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
 
 def _different(signal: np.ndarray, noise: np.ndarray,
                repeated: np.ndarray) -> tuple[np.ndarray, float]:
-    """The gain (r, K) that estimates the signals of different bands from all (K,) by generalised
-    least squares, and the log density of what then is left: differences between repeated bands.
+    """The gain (r, K) that estimates the signals of different bands from all (K,), and the log
+    density of what then is left: differences between repeated bands.
     """
     bands, count = repeated.shape
     if bands == count:
         return np.eye(bands), 0.0
-    gain, own = gain_of_different(noise, repeated), regular(noise)
     contrasts = np.linalg.svd(repeated.T)[2][count:]            # (K - r, K), of no different bands
-    spread, off = contrasts @ own @ contrasts.T, contrasts @ signal
-    return gain, float(-(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
-                         + off.size * np.log(2 * np.pi)) / 2)
+    spread, off = contrasts @ with_rank(noise) @ contrasts.T, contrasts @ signal
+    return gain_of_different(noise, repeated), float(
+        -(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
+          + off.size * np.log(2 * np.pi)) / 2)
 
 
 def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixturePosterior:

@@ -42,7 +42,8 @@ def flat(
         "--also", metavar="PHOTO=WHAT",
         help="A further photo under a light or through a filter of which "
         "something is known: filter:FILE or filter:unknown (before the first photo's light), "
-        "light:LIGHT as of --light, or same (the first photo's light). May be repeated.")] = (),
+        "light:LIGHT as of --light, same (the first photo's light), or moved (the first photo's "
+        "lamp in another place, which measures gloss, plane and shadow). May be repeated.")] = (),
     region: Annotated[tuple[str, ...], typer.Option(
         "--region", metavar=f"NAME={RECTANGLE}", help="A region by two opposite corners in pixels "
         "of the first photo; may be repeated. Without one, the command looks for the chart and "
@@ -239,9 +240,11 @@ def _light_of(photo: Path, said: str) -> dict[str, Any]:
     kind, _, what = said.partition(":")
     if said == "same":
         return {"same_light_as": FIRST_PHOTO}
+    if said == "moved":
+        return {"same_light_as": FIRST_PHOTO, "lamp": "moved"}
     if not what or kind not in ("filter", "light"):
         raise InputError(f"--also {photo}={said}: PHOTO=filter:FILE, PHOTO=filter:unknown, "
-                         "PHOTO=light:LIGHT or PHOTO=same is needed")
+                         "PHOTO=light:LIGHT, PHOTO=same or PHOTO=moved is needed")
     if kind == "light":
         return {"light": file_or_word(what)}
     return {"same_light_as": FIRST_PHOTO, "filter": file_or_word(what)}

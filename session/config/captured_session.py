@@ -174,7 +174,7 @@ def _stated_of_view(config: SessionConfig, reader: _Reader, view: ViewInputs) ->
     table = view.filter
     return {"name": view.name, "photo": reader.photo(view.photo), "chart": reader.photo(view.chart),
             "light": reader.read(read_light, config, view.light), "light_words": _words(view.light),
-            "lamp": view.lamp,
+            "lamp": view.lamp, "moved": view.moved,
             "filter": None if table is None else reader.read(read_filter, config, table),
             "filter_words": "" if table is None else _words_of_filter(table),
             "filter_known": table is None or table.file is not None}

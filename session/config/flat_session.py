@@ -41,11 +41,12 @@ class FlatSession(SessionConfig):
 
     def chart_of(self, view: ViewSection, lamp: str) -> dict[str, tuple[str, ...]]:
         """As of ``SessionConfig``; without one of its own, the view's photo shows the chart where
-        its light is another or through a filter, or where the first photo shows it.
+        its light is another, elsewhere or through a filter, or where the first photo shows it.
         """
         if view.chart is not None:
             return by_band(view.chart)
-        shows_chart = lamp != FIRST_PHOTO or view.filter is not None or self.photos.chart is None
+        shows_chart = lamp != FIRST_PHOTO or view.filter is not None or view.lamp is not None \
+            or self.photos.chart is None
         return by_band(view.photo) if shows_chart else {}
 
     def faults(self) -> Iterator[str]:

@@ -128,6 +128,12 @@ def _turntable(config: SessionConfig, name: str, view: ViewSection) -> Iterator[
 def _same_light(config: SessionConfig, name: str, view: ViewSection) -> Iterator[str]:
     """Faults of what a view says of the lamp that it has in common with another."""
     place, other = f"{FILE_NAME}: views.{name}.same_light_as", view.same_light_as
+    if view.lamp is not None and view.light is not None:
+        yield (f"{FILE_NAME}: views.{name}.lamp says that the lamp of another photo was moved and "
+               f"views.{name}.light names one; leave one out")
+    if view.lamp is not None and not config.regions:
+        yield (f"{FILE_NAME}: views.{name}.lamp belongs to flat samples; where a lamp stands in a "
+               f"scene the scene says: give views.{name}.scene")
     if other is None:
         return
     if view.light is not None:

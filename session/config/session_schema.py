@@ -251,6 +251,8 @@ class ViewSection(Table):
                                    "same lamp, where left out")
     same_light_as: str | None = Field(None, description="in place of light: the view whose lamp "
                                       "shines here too, unchanged; \"photo\" is that of [photos]")
+    lamp: Literal["moved"] | None = Field(None, description="of flat samples: \"moved\", the lamp "
+                                          "is the same and stands elsewhere")
     filter: FilterRef | None = Field(None, description="a filter before lens or lamp: the file of "
                                      "its transmittance, or \"unknown\"")
     scene: str | None = Field(None, description="its scene; that of [scene] where left out")
@@ -300,6 +302,7 @@ class ViewInputs:
     camera: CameraTable | None = None   # of a box's photo, where it is not that of [scene.box]
     lamp_at_mm: Point | None = None     # of a box's lamp, where it was moved
     lamp: str = FIRST_PHOTO             # title of the first photo that this lamp is stated to light
+    moved: str = ""                     # title of the photo for which its lamp was put elsewhere
     filter: FilterTable | None = None   # before its lens or lamp
 
     @property
@@ -403,7 +406,19 @@ class SessionConfig(SessionTables, ABC):
         return ViewInputs(name, by_band(view.photo), self.chart_of(view, lamp),
                           light or first.light, view.scene or first.scene,
                           {} if light else first.lights_by_id, view.turn_deg or 0.0, view.camera,
-                          view.lamp_at_mm, lamp, view.filter)
+                          view.lamp_at_mm, lamp, self._moved_for(name), view.filter)
+
+    def _moved_for(self, name: str) -> str:
+        """Title of the photo for which the lamp of a view was put where it stands; empty where it
+        stands as in the first photo under it.
+        """
+        passed: list[str] = []
+        while name in self.views and name not in passed:
+            if self.views[name].lamp is not None:
+                return name
+            passed.append(name)
+            name = self.views[name].same_light_as or FIRST_PHOTO
+        return ""
 
     def _lamp_of(self, name: str) -> str:
         """Title of the first photo that is stated to be under the lamp of a view.

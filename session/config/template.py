@@ -85,6 +85,7 @@ file = "scene/scene.xml"            # geometry, camera pose and light in their p
 # photo = "photos/warm.dng"
 # light = "spectra/warm.csv"        # or "unknown"; without it the lamp above
 # same_light_as = "warm"            # in place of light: the lamp of another view
+# lamp = "moved"                    # of flat samples: the same lamp, in another place
 # filter = "spectra/orange.csv"     # its transmittance, or "unknown"; before lens or lamp
 # chart = "photos/chart_warm.dng"   # without it: materials in common tell its strength
 

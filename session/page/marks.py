@@ -30,7 +30,7 @@ from spectrabox.session.page.written_session import STATED, Pixel
 MAX_UNDO = 200
 RECEIVED = "spectra/"       # where spectra lie that the page was given
 OF_SESSION = {"name": ("session", "name"), "light": ("light", "spectrum")}
-OF_VIEW = {"photo", "same_light_as", "light", "filter"}
+OF_VIEW = {"photo", "same_light_as", "light", "lamp", "filter"}
 DECIMALS = 1            # of a pixel: no hand marks finer
 BYTE_ORDER_MARK = "\ufeff"
 LINE_FEED_ALONE = re.compile(r"(?<!\r)\n")
@@ -56,8 +56,8 @@ class Mark(Table):
     stated: dict[str, str] = Field(
         default_factory=dict, description="of a region: family, surface, truth (a file), and "
         "known: its reflectance, a file or one number at all wavelengths; of the session: name, "
-        "light, and picture, \"on\"; of a view: photo, light, same_light_as, filter. Nothing is "
-        "stated by an empty text")
+        "light, and picture, \"on\"; of a view: photo, light, same_light_as, lamp, filter. Nothing "
+        "is stated by an empty text")
 
 
 class MarkedSession:

@@ -53,7 +53,7 @@ from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 
-SAME_LAMP = "same"
+SAME_LAMP, MOVED_LAMP = "same", "moved"
 # what is done of the whole when a step begins
 BEGIN = {"chart": 0.0, "photo": 0.15, "calibrate": 0.2, "signals": 0.5, "sample": 0.6,
          "picture": 0.8, "": 1.0}
@@ -170,7 +170,9 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
         first; bands that are saturated on a region drop out there.
     also : mapping, optional
         Further photos of the same view, each with the chart in it, by their light: "same" for the
-        first photo's lamp, else as ``light``. Every photo under another light adds its bands.
+        first photo's lamp, "moved" for that lamp in another place, which measures what the samples
+        mirror and whether light and plane are those of the chart, else as ``light``. Every photo
+        under another light adds its bands.
     flat_field : path, optional
         An evenly lit white card in the samples' place, which every photo is divided by.
     picture : path, optional
@@ -265,7 +267,9 @@ def _views(first: PhotoFiles, light: Any, light_words: str, chart_photo: str | P
     for file, lamp in also.items():
         own = _photo_files(file)
         name = _name(file, views)
-        if lamp == SAME_LAMP or (isinstance(lamp, str | Path) and views[0].light_stated
+        if isinstance(lamp, str) and lamp == MOVED_LAMP:
+            views.append(View(name, own, own, light, light_words, moved=name))
+        elif lamp == SAME_LAMP or (isinstance(lamp, str | Path) and views[0].light_stated
                                  and str(lamp) == light_words):
             views.append(View(name, own, own if chart_photo is None else {}, light, light_words))
         else:

@@ -304,7 +304,9 @@ async function addPhoto() {
   if (!file) { say("choose a photo first"); return; }
   try {
     const photo = await upload(file), name = photo.replace(/^photos\/|\.[^.]*$/g, "").replace(/^[^\p{L}\d]+/u, "") || "further photo";
-    const stated = filtered ? { photo, same_light_as: "photo", filter: measured ? await upload(measured) : "unknown" } : { photo, light: "unknown" };
+    const lit = filtered ? { same_light_as: "photo", filter: measured ? await upload(measured) : "unknown" }
+      : $("further-how").value === "moved" ? { same_light_as: "photo", lamp: "moved" } : { light: "unknown" };
+    const stated = { photo, ...lit };
     if (await mark({ kind: "view", name, stated })) { say(`${name} is added`); $("further").value = $("further-filter").value = ""; }
   } catch (error) { say(error.message); }
 }
