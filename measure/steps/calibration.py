@@ -297,11 +297,12 @@ def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
         for view in views[1:]:
             if view.chart and view.same_light(first) and (
                     shown := difference(first, view)) > OTHER_LIGHT:
+                remedy = "put the lamp lower, where no patch mirrors it, and light nothing else" \
+                    if view.moved else "give the view a light of its own (light = \"unknown\")"
                 raise CheckError(
                     f"{view.chart_names[0]} is stated to be under the lamp of "
                     f"{first.chart_names[0]}, and its chart shows a light that differs by "
-                    f"{shown:.0%}: give the view a light of its own (light = \"unknown\"), or "
-                    "take both photos under one lamp that has warmed up")
+                    f"{shown:.0%}: {remedy}, or take both photos under one lamp that has warmed up")
         before = None
         if not any(view.light_stated for view in capture.views):
             before = next((group for group in groups
