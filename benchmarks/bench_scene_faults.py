@@ -64,7 +64,9 @@ CARD_CM, CARD_HALF_CM, CARD_REFLECTANCE = np.array([12.0, 4.6, -12.0]), 4.5, 0.4
 CARD_ERROR, CARD_OFF_CM, CARD_TILT_DEG = 0.01, 0.2, 1.5
 SECOND_LAMP_CM = np.array([-14.0, 22.0, 34.0])
 # what the verdict has to say of the fault if it passes: a word of its line
-NAMED = {"exposure 5 %": "light", "lamp moved 2 cm": "light", "lamp dimmed 5 %": "light",
+NAMED = {"exposure 5 %": "lamp and shutter repeated",
+         "lamp moved 2 cm": "lamp and chart stand as stated",
+         "lamp dimmed 5 %": "lamp and shutter repeated",
          "veil 2 %": "veil", "gloss 3 %": "matt", "eggshell": "matt", "eggshell cube": "matt",
          "semi-gloss": "matt", "side 2 % wrong": "geometry"}
 FILAMENT_K = 2900.0                     # whose dimming the light's colour follows

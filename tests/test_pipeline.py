@@ -15,7 +15,7 @@ from spectrabox.measure.surfaces.surface_signals import measurement, scene_signa
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
-from spectrabox.sampling.spectral_measurement import response_on
+from spectrabox.sampling.spectral_measurement import response_on, without_states
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished, stage_states
@@ -130,7 +130,7 @@ def test_the_recovered_signals_are_those_of_the_truth(finished):
     response = response_matrix(made.grid, calibration.sensitivity.curves, light)
     for index, name in enumerate(made.materials):
         truth = spectrum_on_grid(capture.materials[name].truth, made.grid)
-        operator = measurement(scene_signals(made, [calibration]), index)
+        operator = without_states(measurement(scene_signals(made, [calibration]), index))
         error = response @ truth / response.sum(axis=1) - operator.signal
         chi_square = error @ np.linalg.solve(operator.noise_covariance, error)
         # Three bands: 21.1 is exceeded once in ten thousand if the stated covariance is right.
@@ -144,7 +144,7 @@ def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
     for index, name in enumerate(made.materials):
         samples, summary = (records.sample.spectra[name].samples,
                             records.sample.spectra[name].summary)
-        operator = measurement(scene_signals(made, [calibration]), index)
+        operator = without_states(measurement(scene_signals(made, [calibration]), index))
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
         residual = samples.spectra @ response_on(operator, samples.grid).T - operator.signal
         chi_square = np.einsum("tk,kl,tl->t", residual, np.linalg.inv(operator.noise_covariance),

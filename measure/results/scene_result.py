@@ -114,6 +114,8 @@ def scene_result(capture: SceneCapture, records: CaptureRecords,
                   in zip(capture.views, records.calibrations(capture.views), joint.views,
                          strict=True) if view.name)
     common = common_findings(capture, records)
+    if len(set(joint.lamps)) > len({view.lamp for view in capture.views}):
+        common["stated"] = dataclasses.replace(common["stated"], lamp_moved=True)
     surfaces = [surface_of_records(capture, records, name, joint.spectra[names.index(name)])
                 for name in capture.surfaces if name in names]
     if not views:       # the bands of a single photo are not named after it

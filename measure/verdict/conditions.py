@@ -20,6 +20,7 @@ from spectrabox.radiometry.error_model import (
     DRIFT,
     DRIFT_OF_COLOUR,
     FILTER,
+    KNOWN_SURFACES,
     LAMP_AT_CHART,
     LIGHT_FIELD,
     LIGHT_SCALE,
@@ -294,7 +295,8 @@ def _camera(found: CaptureResult) -> Condition:
 
 
 def _scene_light(found: SceneResult) -> Condition:
-    error = _common_error(found, BETWEEN_PHOTOS)
+    causes = (*BETWEEN_PHOTOS, KNOWN_SURFACES)
+    error = _common_error(found, causes)
     standing, known_by = Standing.ASSUMED, "stated errors of lamp and shutter"
     if found.stated.drift_references:
         standing, known_by = Standing.MEASURED, "grey references in both photos"
@@ -305,7 +307,7 @@ def _scene_light(found: SceneResult) -> Condition:
     return Condition("light on the scene", standing, error, known_by, "lamp and shutter repeated",
                      f"{percent(DIMMER_FAULT)} less light",
                      darker_by(found.surfaces, DIMMER_FAULT),
-                     allowed_share(found.surfaces, BETWEEN_PHOTOS))
+                     allowed_share(found.surfaces, causes))
 
 
 def _light_place(found: SceneResult) -> Condition:
