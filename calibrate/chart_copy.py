@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import copy_patterns
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
-from spectrabox.calibrate.copy_errors import copy_posterior, edition_errors
+from spectrabox.calibrate.copy_errors import copy_posterior, edition_errors, with_level_of_fit
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.radiometry.records.calibration import ChartCopy
 from spectrabox.radiometry.records.spectra import WavelengthGrid
@@ -51,6 +51,7 @@ def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
             photo.signal, ~photo.readable, photo.reflectances, means[:, shown.used], photo.power,
             grid).reshape(len(further), -1) for photo, shown in zip(used, photos, strict=True)],
             axis=1)
+    errors, mine = with_level_of_fit(errors, mine, fit.posterior.best_error.common)
     found = copy_posterior(fit.explained, errors, others, mine, grid)
     nats = {mine.name: 0.0, **dict(zip((edition.name for edition in further),
                                        found.log_odds.tolist(), strict=True))}

@@ -11,7 +11,7 @@ chart, exposure, glare and camera are in W: where they look like a darker patch,
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -55,7 +55,8 @@ class CopyPosterior(Record):
 
 def copy_errors(signal: np.ndarray, clipped: np.ndarray, copies: ChartCopies,
                 weights_nm: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
-    """Signals (I, K, R) by the terms of a copy: R = I Q of the patches' own, then S in common.
+    """Signals (I, K, R) by the terms of a copy: R = I Q of the patches' own, then S in common; of
+    the first of a patch's own, its level, the least part.
 
     Parameters
     ----------
@@ -71,6 +72,7 @@ def copy_errors(signal: np.ndarray, clipped: np.ndarray, copies: ChartCopies,
     seen, shares = _seen(signal, clipped, copies.mean, weights_nm, grid)
     patches, bands = signal.shape
     own = seen[:, :, None] * np.einsum("ikp,ipq->ikq", shares, copies.own)
+    own[..., 0] *= copies.least_level[:, None]
     common = seen[:, :, None] * np.einsum("ikp,ips->iks", shares, copies.common)
     each = np.einsum("ikq,ij->ikjq", own, np.eye(patches)).reshape(patches, bands, -1)
     return np.concatenate([each, common], axis=2)
@@ -155,6 +157,28 @@ def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
     departure = np.einsum("ipq,iq->ip", copies.own, terms[:patches * own].reshape(patches, own)) \
         + copies.common @ terms[patches * own:]
     return CopyPosterior(values[0], values[1], values[2], values[3], departure, log_odds)
+
+
+def with_level_of_fit(errors: np.ndarray, copies: ChartCopies,
+                      common: float) -> tuple[np.ndarray, ChartCopies]:
+    """Signals (Y, R) by the terms of a copy, and the copies, where levels scatter as a fit found.
+
+    Parameters
+    ----------
+    errors : (Y, R) array
+        From ``copy_errors``.
+    copies : ChartCopies
+    common : float
+        Relative error of a patch that its bands have in common.
+    """
+    level = np.abs(copies.own[:, :, 0]).max(axis=1)
+    found = np.hypot(copies.least_level * level, common) / level        # (I,)
+    patches, _, terms = copies.own.shape
+    own = copies.own.copy()
+    own[:, :, 0] *= found[:, None]
+    errors = errors.copy()
+    errors[:, :patches * terms:terms] *= found / copies.least_level
+    return errors, replace(copies, own=own)
 
 
 def _mean_departure(copies: ChartCopies, chosen: np.ndarray) -> np.ndarray:

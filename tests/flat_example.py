@@ -13,7 +13,9 @@ from spectrabox.fixtures.flat_sample import (
     vignetting,
     write_photo,
 )
-from spectrabox.fixtures.paints import NM, chart_copy, paint
+from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.chart import COPIES_SINCE_2014, chart_reflectances
+from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 
@@ -45,6 +47,16 @@ def light_over(size=SIZE, corner=0.9):
     return light / light.max()
 
 
+def usual_chart(seed=1):
+    """Reflectances (24, P) of a copy near the mean of its edition, each patch off by 1 %.
+
+    The paints lie up to a chart's width away, where the patches of an odd copy tilt the light by a
+    fifth (test_chart_generation.py, benchmarks/bench_flat_faults.py draw those).
+    """
+    usual = chart_reflectances(COPIES_SINCE_2014, grid_from_nm(NM))
+    return usual * np.exp(0.01 * np.random.default_rng(seed).standard_normal((24, 1)))
+
+
 def picture(size=SIZE, *, chart=CHART, paints=PAINTS, light=None, seed=1, power=None):
     """Light (H, W, 3) that reaches the sensor from chart and paints, under a lamp of a power (P,).
     """
@@ -52,8 +64,8 @@ def picture(size=SIZE, *, chart=CHART, paints=PAINTS, light=None, seed=1, power=
     areas = [(box(left, top, left + SIDE, top + SIDE), paint(name)[1])
              for name, (left, top) in paints.items()]
     corners = None if chart is None else chart_corners(*chart)
-    flat = surface_signals(size, responses, chart_copy(np.random.default_rng(seed)), corners,
-                           areas, np.full(NM.size, 0.2))
+    flat = surface_signals(size, responses, usual_chart(seed), corners, areas,
+                           np.full(NM.size, 0.2))
     return flat * (light_over(size) if light is None else light)[..., None]
 
 

@@ -68,9 +68,8 @@ def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(_finished_
     on = {name: light[int(y0):int(y1), int(x0):int(x1)].mean()
           for name, (x0, y0, x1, y1) in ((name, rect_of(name)) for name in PAINTS)}
     assert max(on.values()) / min(on.values()) > 1.15   # the regions are lit differently
-    # this copy's own patches tilt the light, at the regions next to the chart less
-    wall = signals.names.index("white_wall")
-    assert np.abs(signals.signal / true_signals(signals) - 1)[wall].max() < 0.12
+    # uncorrected, the darkest would be off by more than this
+    assert np.abs(signals.signal / true_signals(signals) - 1).max() < 0.04
 
 
 def light_errors(finished):
@@ -140,8 +139,7 @@ def test_a_flat_field_under_the_same_light_leaves_it_even(flat_session):
     finished = run(flat_session)
     light = finished.records.flat_signals.light[""]
     np.testing.assert_allclose(light.level, 1, atol=0.02)   # twice what a card is taken to leave
-    # the card tells the field, not the plane; a copy's patches tell the level within 1 %
-    assert light.error.max() < np.hypot(0.016, 0.03)
+    assert light.error.max() < np.hypot(0.012, 0.03)     # the card tells the field, not the plane
     signals = finished.records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
@@ -242,8 +240,7 @@ def test_one_command_goes_from_a_photo_to_its_report(tmp_path):
     assert all(len(cube[name]) == count for name in ("mean", "standard_deviation", "lower", "upper",
                                                      "bound_lower", "bound_upper"))
     assert len(cube["signal"]) == len(cube["lab_d65"]) == 3
-    # the cube lies a chart's width away, where this copy's patches tilt the light by a fifth
-    assert cube["rmse_mean"] < 0.15 and cube["coverage_95"] > 0.6
+    assert cube["rmse_mean"] < 0.08 and cube["coverage_95"] > 0.7
     assert not {name.split(".")[0] for name in modules} & {"mitsuba", "drjit"}
 
 
@@ -282,7 +279,7 @@ def with_card(folder, name, factor):
 
 def test_a_card_stated_far_from_its_level_is_refused(flat_session):
     with_card(flat_session, "white_wall", 0.5)
-    with pytest.raises(CheckError, match=r"is stated to reflect 0\.42 and reads 0\.[78]"):
+    with pytest.raises(CheckError, match=r"is stated to reflect 0\.42 and reads 0\.8"):
         run(flat_session)
 
 

@@ -32,6 +32,11 @@ DARK, DARK_NEUTRAL = 0.003, 0.001
 # in common: a yellowing of neutrals, in proportion to their reflectance, at 400 nm, and the
 # wavelengths over which it fades; the level of a whole chart
 YELLOWING, YELLOWING_NM, CHART_LEVEL = 0.05, 80.0, 0.01
+# The least that a fit takes for the error of a patch's own level, as a share of the above; of white,
+# which dirt and yellowing darken first, all. How far levels of this chart scatter beyond that, its
+# photo tells, as the error that a fit finds common to the bands of a patch: taken for sure, 2.5 %
+# would hide how a near lamp falls off.
+LEAST_LEVEL = 0.4
 KEPT = 0.995            # of the variance of shapes, by their principal terms
 ANOTHER = 1.5           # of a chart of which one copy alone is known: its errors over a Classic's
 # share of charts in use that were made before November 2014, where no date says more
@@ -48,6 +53,7 @@ class ChartCopies(Record):
     mean: Annotated[np.ndarray, "I P"]              # reflectance
     own: Annotated[np.ndarray, "I P Q"]             # log reflectance by a patch's own terms
     common: Annotated[np.ndarray, "I P S"]
+    least_level: Annotated[np.ndarray, "I"]         # of the first own term, its level, in a fit
     share: float = 1.0                              # of charts in use that are of this edition
 
     def drawn(self, rng: np.random.Generator) -> np.ndarray:
@@ -92,7 +98,9 @@ def copies_of(name: str, mean: np.ndarray, neutrals: tuple[int, ...], grid: Wave
     own = np.concatenate([np.broadcast_to(level[:, None, None], (*mean.shape, 1)), shapes], axis=2)
     yellow = YELLOWING * np.exp((grid.nm[0] - grid.nm) / YELLOWING_NM) * mean * is_neutral
     common = np.stack([yellow, np.full(mean.shape, CHART_LEVEL)], axis=2)
-    return ChartCopies(name, mean, larger * own, larger * common, share)
+    least = np.full(len(mean), LEAST_LEVEL)
+    least[list(neutrals[:1])] = 1.0
+    return ChartCopies(name, mean, larger * own, larger * common, least, share)
 
 
 def _principal(grid: WavelengthGrid, width_nm: float) -> np.ndarray:
