@@ -24,7 +24,7 @@ CHART = (0.06, 0.08, 0.45)      # left, top and width of the patch grid
 PAINTS = {"white_wall": (0.58, 0.06), "green_wall": (0.78, 0.06), "red_wall": (0.58, 0.36),
           "cube": (0.78, 0.36)}
 SIDE = 0.16
-LAMPS = [(0.1, 0.2, 1.4, 1.0)]
+LAMPS = [(0.1, 0.2, 2.4, 1.0)]
 HEAD = """[photos]
 object = "photos/sample.dng"
 [light]
