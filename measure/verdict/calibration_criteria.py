@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.calibrate.chart_copy import COPY_ERROR
 from spectrabox.measure.results.chart_words import held_out_sentence, poor_patches
 from spectrabox.measure.verdict.criterion import Criterion, Status, graded, limit_words
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.records.calibration import Calibration, CalibrationDoubt, HeldOutPatches
 
 if TYPE_CHECKING:
-    from spectrabox.measure.results.capture_result import CaptureResult
+    from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 
 CHART_LIMITS = (0.03, 0.10)   # rms of (photo - predicted) / photo
 # of wavelengths of patches left out, that the band should hold and does not: simulated charts of
@@ -116,6 +117,19 @@ def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> lis
     return rows
 
 
+def chart_limits(chart: ChartResult | None) -> tuple[float, float]:
+    """Residuals of a chart up to which it passes, and beyond which it fails.
+
+    A copy departs from what is predicted, the mean of copies, by what they differ by.
+
+    Parameters
+    ----------
+    chart : ChartResult or None
+    """
+    copied = COPY_ERROR if chart is not None and chart.copy is not None else 0.0
+    return float(np.hypot(CHART_LIMITS[0], copied)), float(np.hypot(CHART_LIMITS[1], copied))
+
+
 def chart_agreement(found: CaptureResult) -> list[Criterion]:
     """How well each calibration reproduces the first chart that it was fitted to."""
     name, chart = "Chart residual, rms over patches and bands", found.chart
@@ -129,7 +143,7 @@ def chart_agreement(found: CaptureResult) -> list[Criterion]:
     for view, made in found.other_calibrations.items():
         assert chart is not None and made.sensitivity.residuals is not None
         each[view] = root_mean_square(made.sensitivity.residuals[chart.others[view].judged])
-    return [graded(name + where_of(view), value, CHART_LIMITS, "The calibration"
+    return [graded(name + where_of(view), value, chart_limits(chart), "The calibration"
                     f"{where_of(view)} reproduces the chart within {percent(value)} rms.")
             for view, value in each.items() if value is not None]
 

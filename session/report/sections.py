@@ -11,7 +11,7 @@ from spectrabox.measure.results.chart_words import held_out_sentence
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
 from spectrabox.measure.verdict.calibration_criteria import (
-    CHART_LIMITS,
+    chart_limits,
     chart_residuals,
     root_mean_square,
 )
@@ -154,7 +154,7 @@ class ChartSection:
     rms: float | None
     irradiance: Markup
     left_out: Markup | None         # each patch by a calibration without it
-    limit: float = CHART_LIMITS[0]
+    limit: float
 
     @property
     def left_out_sentence(self) -> str:
@@ -178,9 +178,10 @@ def chart_section(found: CaptureResult) -> ChartSection | None:
     return ChartSection(
         chart, _patches(chart, residuals, fit.held_out_residuals), swatches, prior_figure, families,
         chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals, found.bands,
-                              CHART_LIMITS[0]),
+                              chart_limits(chart)[0]),
         root_mean_square(residuals),
-        irradiance_figure("irradiance", chart.irradiance, chart.layout.rows), left_out_drawn)
+        irradiance_figure("irradiance", chart.irradiance, chart.layout.rows), left_out_drawn,
+        chart_limits(chart)[0])
 
 
 def _patches(chart: ChartResult, residuals: np.ndarray,
