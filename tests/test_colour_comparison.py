@@ -25,7 +25,7 @@ def region(reflectance, *, noise=0.002, white=0.0, error=0.0):
               SignalError(WHITE, proportional_covariance(signal, np.full((3, 3), white**2))[None]))
     return RegionSignal(SurfaceSignals(("a",), (False,), FINE_GRID, reflectance[None],
                                        ("R", "G", "B"), np.zeros(3, int), BANDS, signal[None],
-                                       errors), (1.0, 0.0), 0.0)
+                                       errors), (1.0, 0.0), 0.0, None)
 
 
 def test_an_error_of_white_that_both_share_does_not_hide_a_difference():
