@@ -121,8 +121,10 @@ def _expected(scale: LightScale | None, bands: int) -> tuple[float, float, float
 def _combined(expected: np.ndarray | float, expected_error: np.ndarray | float,
               seen: np.ndarray | float,
               seen_error: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of two values by their errors, and its standard error."""
-    share = 1 / (1 + (np.asarray(seen_error) / expected_error) ** 2)
+    """Mean of two values by their errors, and its standard error: what was given without one stays.
+    """
+    with np.errstate(divide="ignore"):
+        share = 1 / (1 + (np.asarray(seen_error) / expected_error) ** 2)
     return expected + share * (np.asarray(seen) - expected), np.sqrt(share) * seen_error
 
 

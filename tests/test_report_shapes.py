@@ -25,6 +25,7 @@ from spectrabox.session.report.small_figures import (
 )
 
 SOILED = 7
+WHITE_PATCH = (240, 240, 232)   # of the reference below under D65, as sRGB
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +80,10 @@ def test_an_ideal_camera_sees_the_colours_of_the_chart(session):
     by_patch = {pair.patch: pair for pair in section.pairs}
     level = {key: [int(value) for value in re.findall(r"\d+", getattr(by_patch[18], key))]
              for key in ("measured", "predicted")}
-    # the white patch reflects 88 to 92 % at all wavelengths: 240 to 248 as sRGB, within noise
-    assert all(236 <= value <= 252 for values in level.values() for value in values)
+    # the white patch of copies since 2014 reflects 87 %, and 82 % in the violet: as sRGB, within
+    # noise
+    assert all(abs(value - white) <= 4 for values in level.values()
+               for value, white in zip(values, WHITE_PATCH, strict=True))
     one, other = ([int(value) for value in re.findall(r"\d+", getattr(by_patch[SOILED], key))]
                   for key in ("measured", "predicted"))
     assert all(a <= b for a, b in zip(one, other, strict=True)) and sum(one) < sum(other) - 30

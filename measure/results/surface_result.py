@@ -52,7 +52,7 @@ class SurfaceResult:
     model_covariance: np.ndarray      # (J, J) relative: photo and model disagree
     summary: SpectrumSummary | None = None      # None where the spectrum was given
     samples: SpectrumSamples | None = None
-    # cause -> (K,) relative standard error of this surface's signal
+    # cause -> relative standard error of this surface's signal in the bands that show it
     error_budget: dict[str, np.ndarray] = field(default_factory=dict)
     truth: Spectrum | None = None
     scores: Scores | None = None

@@ -13,7 +13,7 @@ from spectrabox.measure.words import percent
 from spectrabox.radiometry.records.calibration import Calibration, CalibrationDoubt, HeldOutPatches
 
 if TYPE_CHECKING:
-    from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
+    from spectrabox.measure.results.capture_result import CaptureResult
 
 CHART_LIMITS = (0.03, 0.10)   # rms of (photo - predicted) / photo
 # of wavelengths of patches left out, that the band should hold and does not: simulated charts of
@@ -117,16 +117,16 @@ def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> lis
     return rows
 
 
-def chart_limits(chart: ChartResult | None) -> tuple[float, float]:
+def chart_limits(found: CaptureResult) -> tuple[float, float]:
     """Residuals of a chart up to which it passes, and beyond which it fails.
 
-    A copy departs from what is predicted, the mean of copies, by what they differ by.
+    Where nobody stated its reflectances, it departs from the mean of copies by what they differ by.
 
     Parameters
     ----------
-    chart : ChartResult or None
+    found : CaptureResult
     """
-    copied = COPY_ERROR if chart is not None and chart.copy is not None else 0.0
+    copied = 0.0 if found.stated.chart_stated else COPY_ERROR
     return float(np.hypot(CHART_LIMITS[0], copied)), float(np.hypot(CHART_LIMITS[1], copied))
 
 
@@ -143,7 +143,7 @@ def chart_agreement(found: CaptureResult) -> list[Criterion]:
     for view, made in found.other_calibrations.items():
         assert chart is not None and made.sensitivity.residuals is not None
         each[view] = root_mean_square(made.sensitivity.residuals[chart.others[view].judged])
-    return [graded(name + where_of(view), value, chart_limits(chart), "The calibration"
+    return [graded(name + where_of(view), value, chart_limits(found), "The calibration"
                     f"{where_of(view)} reproduces the chart within {percent(value)} rms.")
             for view, value in each.items() if value is not None]
 
