@@ -393,8 +393,9 @@ def darker_by(surfaces: Sequence[SurfaceResult], share: float) -> float | None:
 
 def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
     """Standard error of the share of light that surfaces mirror, of that where it is largest."""
+    # the budget is of the bands that show a surface
     shares = [float(np.max(surface.error_budget[SURFACE_REFLECTION]
-                           * surface.signal[np.isfinite(surface.signal)]))    # the bands that show it
+                           * surface.signal[np.isfinite(surface.signal)]))
               for surface in surfaces if SURFACE_REFLECTION in surface.error_budget
               and np.isfinite(surface.signal).any()]
     return max(shares, default=None)
