@@ -32,10 +32,10 @@ DARK, DARK_NEUTRAL = 0.003, 0.001
 # in common: a yellowing of neutrals, in proportion to their reflectance, at 400 nm, and the
 # wavelengths over which it fades; the level of a whole chart
 YELLOWING, YELLOWING_NM, CHART_LEVEL = 0.05, 80.0, 0.01
-# The least that a fit takes for the error of a patch's own level, as a share of the above; of white,
-# which dirt and yellowing darken first, all. How far levels of this chart scatter beyond that, its
-# photo tells, as the error that a fit finds common to the bands of a patch: taken for sure, 2.5 %
-# would hide how a near lamp falls off.
+# The least that a fit takes for the error of a patch's own level, as a share of the above; of
+# white, which dirt and yellowing darken first, all. How far levels of this chart scatter beyond
+# that, its photo tells, as the error that a fit finds common to the bands of a patch: taken for
+# sure, 2.5 % would hide how a near lamp falls off.
 LEAST_LEVEL = 0.4
 KEPT = 0.995            # of the variance of shapes, by their principal terms
 ANOTHER = 1.5           # of a chart of which one copy alone is known: its errors over a Classic's
