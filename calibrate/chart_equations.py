@@ -381,7 +381,8 @@ def noise_of_photos(photos: Sequence[ChartEquations], error: PatchError) -> np.n
         rows, columns = (slice(patch * bands, (patch + 1) * bands) for patch in (mine, theirs))
         block = _model_covariance(repeated, levels[:, mine], levels[:, theirs],
                                   photos[0].band_correlation)
-        covariance[rows, columns], covariance[columns, rows] = block, block.T
+        covariance[rows, columns] += block
+        covariance[columns, rows] += block.T
     return covariance
 
 

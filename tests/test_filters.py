@@ -92,6 +92,12 @@ def test_patches_of_a_photo_through_a_filter_err_as_those_without():
     # a photo without a filter that is taken again errs alike too, or errors would contradict
     again = noise_of_photos([*photos, bare()], PatchError(1e-4, 0.01))
     assert np.linalg.eigvalsh(again).min() > 0
+    # what a chart's copy departs by is in all photos, beside what they repeat
+    patterns = 0.02 * np.random.default_rng(3).standard_normal((24, 3, 40))
+    copies = [dataclasses.replace(photo, copy_errors=patterns) for photo in photos]
+    by_copy = noise_of_photos(copies, PatchError(0.01, 0.01)) - covariance
+    both = np.tile(patterns.reshape(72, 40), (2, 1))
+    np.testing.assert_allclose(by_copy, both @ both.T, atol=1e-12)
     # two photos without a filter are no photos of one light
     np.testing.assert_array_equal(rows_of_patch([bare(), bare()], 3), [9, 10, 11])
 
