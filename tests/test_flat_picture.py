@@ -192,11 +192,14 @@ def test_a_pixel_in_all_bands_errs_as_a_region_of_one_pixel_does(session, monkey
     lit = lit_photo(finished.capture, finished.records, work(finished.capture))
     block, pixel = lit.block(0, 8, direct=True), np.array([lit.size[1] * 2 + 1])
     # a region's points are spread over it, where the light is even to 1e-5
-    np.testing.assert_allclose(block.measured[pixel[0]], signals.signal[dot], rtol=1e-4)
+    gloss = signals.states[dot]     # a pixel's signal is without its mean
+    np.testing.assert_allclose(block.measured[pixel[0]] + gloss.pattern @ gloss.mean,
+                               signals.signal[dot], rtol=1e-4)
     covariance = lit.errors.at_white(block.measured[pixel], block.white.rows(pixel),
                                      block.variance[pixel])[0] \
         + lit.errors.by_curves(block.measured[pixel], 0)[0]
-    of_region = np.sum([error.covariance[dot] for error in signals.errors], axis=0)
+    of_region = np.sum([error.covariance[dot] for error in signals.errors], axis=0) \
+        + gloss.pattern @ gloss.covariance @ gloss.pattern.T
     size = np.sqrt(np.diag(of_region))
     # the share of the light's error in that of white depends on the signal a little
     np.testing.assert_allclose(covariance / np.outer(size, size),

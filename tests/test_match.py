@@ -13,7 +13,7 @@ from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
 from spectrabox.sampling.further.planner import photo_candidate, ranked
-from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.prior.mixture import drawn_reflectances, load_prior
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior, with_floor
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.session.cli import app
@@ -86,14 +86,11 @@ def test_evidence_and_misfit_are_those_of_the_gaussian_in_closed_form():
 
 
 def test_evidence_of_the_prior_is_the_mean_density_of_its_draws():
-    rng, prior = np.random.default_rng(2), load_prior()
-    counts = rng.multinomial(60000, prior.weights / prior.weights.sum())
-    logits = np.vstack([rng.multivariate_normal(mean, covariance, count, method="cholesky")
-                        for mean, covariance, count in zip(
-                            prior.means, prior.covariances.astype(float), counts, strict=True)
-                        if count])
+    prior = load_prior()
+    # of every family and level as the prior has them: a mixture times a function of the level
+    spectra = drawn_reflectances(prior, 60000)
     signal, noise = np.array([0.35, 0.30, 0.25]), 0.03**2 * SPREAD
-    residual = signal - 1 / (1 + np.exp(-logits)) @ RESPONSE.T
+    residual = signal - spectra @ RESPONSE.T
     covariance = with_floor(noise)
     density = np.exp(-np.einsum("nk,kl,nl->n", residual, np.linalg.inv(covariance), residual) / 2) \
         / np.sqrt((2 * np.pi)**3 * np.linalg.det(covariance))

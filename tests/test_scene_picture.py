@@ -145,8 +145,9 @@ def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, m
         light = scene_light.converge_light(scene, lambda _: None)
         return scores(*near_the_walls(light.photo, truth))
 
-    # the light's strength as from a chart, which no light from walls can make up for
-    scene = replace(scene, view=replace(scene.view, light_scale=lighting.scale))
+    # the light's strength as from a chart, which no light from walls can make up for; and the
+    # simulated paints mirror nothing: the usual gloss taken off would be an error of all lights
+    scene = replace(scene, view=replace(scene.view, light_scale=lighting.scale), surface="matt")
     whole = scored(scene)
     made = scene_light.illumination
     lamp = scene.view.light
@@ -174,7 +175,9 @@ def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     own = np.einsum("nq,qkp->nkp", maps, light.shapes)
     white = own.sum(axis=2)
     measured = (lit.photo.signal.reshape(-1, 3) - errors.glare)[picked]
-    signals = np.clip(measured / rows.white.signal[picked], 1e-4, 1)
+    # what surfaces mirror is the same share of white under every light: less its mean, as shared
+    gloss = errors.gloss.pattern @ errors.gloss.mean
+    signals = np.clip(measured / rows.white.signal[picked] - gloss, 1e-4, 1)
     covariance = errors.at_white(rows.within, rows.white, rows.variance)[picked]
     alone = [uplift_signals(errors.prior, response, signal[None], error[None])
              for response, signal, error in zip(own / white[..., None], signals, covariance,

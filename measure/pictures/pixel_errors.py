@@ -96,12 +96,14 @@ class PixelErrors:
         Parameters
         ----------
         signals : (n, K) array
+            Less the mean gloss, which errors of white and light act on as well.
         white : White
             Where they were photographed.
         variance : (n, K) array
             Of the photo's noise there.
         """
         inverse = 1 / white.signal
+        signals = signals + self.gloss.pattern @ self.gloss.mean
         between = signals[:, :, None] * white.log_and_glare * inverse[:, None, :]
         covariance = _outer(signals) * (white.log + self.relative) \
             + between + between.transpose(0, 2, 1) \

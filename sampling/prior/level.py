@@ -76,7 +76,12 @@ def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray
     beyond = GRID - np.clip(GRID, -OUTERMOST, OUTERMOST)
     # log density of the logit of a reflectance that is uniform between 0 and 1
     uniform = -np.log(4) - 2 * np.log(np.cosh(GRID / 2)) - beyond**2 / 2
-    return LevelWeight(np.array([uniform - known, -slope - beyond, -bend - (beyond != 0)]),
+    log_weight = uniform - known
+    # the product is a density again: evidence is compared with that of other priors
+    density = np.exp(log_weight - (GRID - mean[:, None])**2 / variance[:, None] / 2) \
+        * (weights / np.sqrt(2 * np.pi * variance))[:, None]
+    log_weight -= np.log(density.sum() * (GRID[1] - GRID[0]) / weights.sum())
+    return LevelWeight(np.array([log_weight, -slope - beyond, -bend - (beyond != 0)]),
                        mean, variance, with_level)
 
 
