@@ -161,7 +161,8 @@ def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, m
     begun = scene.traced.exponents.sum(axis=1) <= 1
     alone = scored(replace(scene, traced=replace(
         scene.traced, coefficients=scene.traced.coefficients * begun)))
-    assert whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 2
+    # what matt surfaces may mirror is left of the errors: some .3 % of white
+    assert whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 1.7
     assert whole[1] > 0.9 and as_grey[1] < whole[1]
 
 
