@@ -208,7 +208,8 @@ def test_errors_of_a_pixel_are_those_of_draws_of_white_glare_and_noise(model):
                          None, None)
     signal = np.array([[0.15, 0.4, 0.25]])
     draws = rng.multivariate_normal(np.zeros(6), covariance, DRAWS)
-    photo_signal = signal * LEVEL + GLARE
+    # what is mirrored on the mean is read with the surface, and taken off
+    photo_signal = (signal + mirrored.mean) * LEVEL + GLARE
     read = (photo_signal + np.sqrt(noise) * rng.standard_normal((DRAWS, 3))
             + rng.standard_normal((DRAWS, 1)) * veil - GLARE - draws[:, 3:]) \
         / (LEVEL * np.exp(draws[:, :3]))

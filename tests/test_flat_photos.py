@@ -97,7 +97,7 @@ def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, o
     # three surfaces of one photo, of which nobody says that they are matt
     assert both[known, 1].mean() > 0.9
     # The cube's blue rises again towards 700 nm, which few paints of the prior do.
-    assert both[~known, 1].min() > 0.75
+    assert both[~known, 1].min() > 0.6
 
 
 def write_unknown(folder, views):
