@@ -202,8 +202,8 @@ def test_a_pixel_in_all_bands_errs_as_a_region_of_one_pixel_does(session, monkey
     of_region = np.sum([error.covariance[dot] for error in signals.errors], axis=0) \
         + gloss.pattern @ gloss.covariance @ gloss.pattern.T
     size = np.sqrt(np.diag(of_region))
-    # the share of the light's error in that of white depends on the signal a little, and what photos
-    # have in common with it
+    # the share of the light's error in that of white depends on the signal a little, and what
+    # photos have in common with it
     np.testing.assert_allclose(covariance / np.outer(size, size),
                                of_region / np.outer(size, size), atol=0.03)
 
