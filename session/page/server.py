@@ -19,6 +19,7 @@ from spectrabox.session.page.session_page import SessionPage
 from spectrabox.session.page.start_page import StartPage
 
 HOST = "127.0.0.1"
+PIECES = HERE.parent.parent / "pieces"      # parts that the report has too
 GRACE_S = 1             # for answers under way when the page ends
 
 
@@ -40,7 +41,8 @@ def page_app(page: SessionPage | StartPage, token: str,
         yield
         await run_in_threadpool(page.close)
 
-    application = Starlette(routes=[Mount("/static", StaticFiles(directory=HERE))],
+    application = Starlette(routes=[Mount("/static/pieces", StaticFiles(directory=PIECES)),
+                                    Mount("/static", StaticFiles(directory=HERE))],
                             lifespan=lifespan)
     routes = application.router.routes
     application.router.redirect_slashes = False
