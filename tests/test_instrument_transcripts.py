@@ -33,7 +33,8 @@ START = "# spectrabox transcript: 1\n# instrument: pr655\n# line: 9600\n"
 
 def test_a_serial_number_that_changes_between_two_answers_is_refused():
     answers = iter([Identity("PR-655", "65123456", "1.19"), Identity("PR-655", "65123457", "1.19")])
-    meter = SimpleNamespace(identify=lambda: next(answers), line=SimpleNamespace(name="COM3"))
+    meter = SimpleNamespace(identify=lambda: next(answers), checks_bytes=False,
+                            line=SimpleNamespace(name="COM3"))
     with pytest.raises(UntrustedReadingError, match="asked twice"):
         trusted_identity(meter)
 

@@ -2,7 +2,7 @@
 
 No instrument's text protocol has a checksum. A changed digit is caught by reading the held result
 twice and comparing byte for byte, and by what the instrument computed from the same spectrum
-(stated.py).
+(stated.py). Where packets have a check byte, they are read once.
 """
 from __future__ import annotations
 
@@ -77,7 +77,8 @@ def open_instrument(name: str, port: str, log: Log, pace: Pace | None = None,
 
 
 def trusted_identity(instrument: Instrument) -> Identity:
-    """Who answers, asked twice: a changed digit in a serial number would otherwise go unseen.
+    """Who answers, asked twice unless replies have a check byte: a changed digit in a serial number
+    would otherwise go unseen.
 
     Parameters
     ----------
@@ -87,7 +88,8 @@ def trusted_identity(instrument: Instrument) -> Identity:
     ------
     InstrumentError
     """
-    first, second = instrument.identify(), instrument.identify()
+    first = instrument.identify()
+    second = first if instrument.checks_bytes else instrument.identify()
     if first != second:
         raise UntrustedReadingError(f"{instrument.line.name}: asked twice, the instrument named "
                                     f"itself {first} and {second}; check the cable")
@@ -96,7 +98,8 @@ def trusted_identity(instrument: Instrument) -> Identity:
 
 def take_reading(instrument: Instrument, identity: Identity, *,
                  transcript: str = "") -> SpectralReading:
-    """Measure once and read the result until two readings in a row agree.
+    """Measure once and read the result until two readings in a row agree, or one whose bytes the
+    instrument lets us check.
 
     Parameters
     ----------
@@ -120,7 +123,7 @@ def take_reading(instrument: Instrument, identity: Identity, *,
     if not measured.outcome.has_spectrum:
         return SpectralReading(spectrum=None, quantity=None, integration_ms=None, luminance=None,
                                flags=measured.flags, **facts)
-    held = _read_twice(instrument)
+    held = _trusted_result(instrument)
     luminance = None if held.stated.luminance is None else held.stated.luminance.value
     if _is_dark(held):
         facts["outcome"] = ReadingOutcome.TOO_DARK
@@ -133,16 +136,20 @@ def take_reading(instrument: Instrument, identity: Identity, *,
     spectrum = Spectrum(grid_from_nm(held.nm), held.values, held.quantity, source)
     return SpectralReading(spectrum=spectrum, quantity=held.quantity,
                            integration_ms=held.integration_ms, luminance=luminance,
-                           flags=(*measured.flags, *held.flags, *_value_flags(held)), **facts)
+                           flags=(*measured.flags, *held.flags, *_value_flags(held),
+                                  *_calibration_flags(instrument)),
+                           lab=held.lab, calibration=_calibration(instrument), **facts)
 
 
-def _read_twice(instrument: Instrument) -> HeldResult:
+def _trusted_result(instrument: Instrument) -> HeldResult:
     before: HeldResult | None = None
     last: InstrumentError | None = None
     silent = 0
     for _ in range(READS):
         try:
             held = instrument.read()
+            if instrument.checks_bytes:
+                return held
             if before is not None and held.raw == before.raw:
                 instrument.line.drain(0.05)
                 return held
@@ -170,6 +177,20 @@ def _value_flags(held: HeldResult) -> tuple[str, ...]:
     negative = int(np.sum(held.values[inside] < 0))
     flags = [f"{negative} of {int(inside.sum())} values between 400 and 700 nm are negative: the "
              "light is near the instrument's noise"] if negative else []
-    if held.stated.luminance is None:
+    if held.stated.luminance is None and held.quantity is not Quantity.REFLECTANCE:
         flags.append("the instrument reports no luminance: the spectrum was not checked against it")
     return tuple(flags)
+
+
+def _calibration(instrument: Instrument) -> str | None:
+    """What the instrument was calibrated with and when; None of one that needs no calibration."""
+    if not instrument.calibrations:
+        return None
+    return ", ".join(f"{which} {when}" for which, when in instrument.calibrated.items()) \
+        or "none before these readings"
+
+
+def _calibration_flags(instrument: Instrument) -> tuple[str, ...]:
+    missing = [which for which in instrument.calibrations if which not in instrument.calibrated]
+    return (f"no {' and '.join(missing)} calibration was made before this reading: it rests on the "
+            "one that the instrument had",) if missing else ()

@@ -21,6 +21,7 @@ from spectrabox.radiometry.system.words import file_stem, name_fault, shortened
 READING = re.compile(r"(\d{3,})\.json")
 FACTS = ("instrument", "serial_number", "firmware", "integration_ms", "luminance", "taken_at",
          "transcript")
+OF_REFLECTANCE = ("lab", "calibration")     # readings of a light may lack them
 
 
 def readings_folder(spectra: Path, name: str) -> Path:
@@ -98,7 +99,7 @@ def reading_facts(reading: SpectralReading) -> dict[str, Any]:
     ----------
     reading : SpectralReading
     """
-    facts: dict[str, Any] = {name: getattr(reading, name) for name in FACTS}
+    facts: dict[str, Any] = {name: getattr(reading, name) for name in (*FACTS, *OF_REFLECTANCE)}
     facts.update(outcome=reading.outcome.name.lower(), sentence=reading.outcome.value,
                  flags=list(reading.flags), quantity=None, unit=None, wavelengths_nm=None,
                  values=None)
@@ -133,7 +134,10 @@ def read_reading(path: Path) -> SpectralReading:
                              "wavelengths")
         return SpectralReading(spectrum=spectrum, quantity=quantity,
                                outcome=ReadingOutcome[facts["outcome"].upper()],
-                               flags=tuple(facts["flags"]), **{name: facts[name] for name in FACTS})
+                               flags=tuple(facts["flags"]),
+                               lab=None if (lab := facts.get("lab")) is None else tuple(lab),
+                               calibration=facts.get("calibration"),
+                               **{name: facts[name] for name in FACTS})
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the file of a reading") from None
     except OSError as error:

@@ -196,8 +196,40 @@ class SerialLine:
             late = time.monotonic() > deadline
             self._take(wait=True)
 
-    def await_bytes(self, limit_s: float) -> None:
-        """Return as soon as something arrives, or after ``limit_s``; nothing is taken.
+    def read_count(self, count: int, limit_s: float) -> bytes:
+        """The next ``count`` bytes, of a reply whose length is known.
+
+        Parameters
+        ----------
+        count : int
+        limit_s : float
+            Wall clock.
+
+        Raises
+        ------
+        NoReplyError
+            If fewer came within ``limit_s`` seconds of the wall clock.
+        """
+        deadline = time.monotonic() + self.pace.limit_s(limit_s)
+        late = False
+        while len(self._buffer) < count:
+            if late:
+                raise self._no_reply(limit_s)
+            late = time.monotonic() > deadline
+            self._take(wait=True)
+        taken = bytes(self._buffer[:count])
+        del self._buffer[:count]
+        self.unanswered = False
+        return taken
+
+    @property
+    def waiting(self) -> bytes:
+        """What arrived and was not taken yet."""
+        return bytes(self._buffer)
+
+    def await_bytes(self, limit_s: float) -> bool:
+        """Whether something arrives within ``limit_s``; returns as soon as it does, nothing is
+        taken.
 
         Parameters
         ----------
@@ -208,6 +240,7 @@ class SerialLine:
         while not self._buffer and time.monotonic() < deadline:
             self._take(wait=True)
         self.unanswered = False
+        return bool(self._buffer)
 
     def drain(self, quiet_s: float) -> bytes:
         """Drop what arrives until the line is quiet; gives the bytes dropped.

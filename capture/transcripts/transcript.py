@@ -47,6 +47,7 @@ class Transcript:
     facts: dict[str, str]
     events: tuple[Event, ...]
     file: str
+    sniffed: bool = False       # written by another program, which says nothing of the instrument
 
     @property
     def baud(self) -> int:

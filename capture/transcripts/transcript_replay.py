@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from spectrabox.capture.meter.instruments.cr30 import Cr30
 from spectrabox.capture.meter.instruments.drivers import driver_named
-from spectrabox.capture.meter.instruments.interface import MeterSettings
+from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
+from spectrabox.capture.transcripts.cr30_traffic import cr30_traffic
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Transcript, TranscriptWriter
 from spectrabox.radiometry.errors import InputError
@@ -20,6 +22,7 @@ from spectrabox.radiometry.system.words import is_whole_number
 SETTINGS = {"integration_ms": float, "averages": int, "sync_hz": float}
 PLAYED_LIMIT_S = 2.0        # shortest wait for a played reply
 AT_ONCE = 0.01
+UNKNOWN_CR30 = Identity("CR30", "not recorded", None)   # where a recording began later
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,8 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
         If the driver cannot make sense of it.
     """
     name = transcript.facts.get("instrument")
+    if name == Cr30.name or transcript.sniffed:
+        return _replay_cr30(transcript, speed, over_socket)
     if name is None:
         raise InputError(f"{transcript.file} names no instrument; a line such as '# instrument: "
                          "pr655' is needed")
@@ -93,6 +98,31 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
         for _ in range(count):
             readings.append(take_reading(meter, identity, transcript=transcript.file))
     return Played(name, "synthetic" in transcript.facts, tuple(readings), tuple(player.problems))
+
+
+def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Played:
+    """Play what a CR30 said, to whatever program it said it."""
+    traffic = cr30_traffic(transcript)
+    scale = 1 / speed if speed else 0.0
+    pace = Pace(scale or AT_ONCE, shortest_limit_s=PLAYED_LIMIT_S)
+    player = TranscriptPlayer(traffic.transcript(transcript.facts, transcript.file),
+                              time_scale=scale, over_socket=over_socket)
+    identity = UNKNOWN_CR30
+    readings: list[SpectralReading] = []
+    # the player after the line is open: a press of the button may be the first that is heard
+    with open_instrument(Cr30.name, player.port, lambda direction, data: None, pace) as meter, \
+            player:
+        assert isinstance(meter, Cr30)
+        for step in traffic.steps:
+            if step.what == "connect":
+                identity = meter.identify()
+            elif step.what in meter.calibrations:
+                meter.calibrate(step.what)
+            else:
+                meter.by_button = step.by_button
+                readings.append(take_reading(meter, identity, transcript=transcript.file))
+    return Played(Cr30.name, "synthetic" in transcript.facts, tuple(readings),
+                  (*traffic.problems, *player.problems))
 
 
 def settings_text(wanted: MeterSettings) -> str:

@@ -50,6 +50,10 @@ class SpectralReading(Record):
     taken_at: str                                   # ISO 8601 with time zone
     transcript: str  # file of the bytes that passed, "" where none was kept
     flags: tuple[str, ...]                          # sentences: what to beware of
+    # L*, a*, b* under D65 for the 10 degree observer, as the instrument shows it; None of a light
+    lab: tuple[float, float, float] | None = None
+    # Of the instrument before the reading: what and when; None where it needs none
+    calibration: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

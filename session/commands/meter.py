@@ -34,7 +34,7 @@ Port = Annotated[str,
                      metavar="PORT",
                      help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'.",
                               show_default=False)]
-METERS = "cs2000|cr250|pr655|pr650|specbos1211|specbos2501"
+METERS = "cs2000|cr250|cr30|pr655|pr650|specbos1211|specbos2501"
 Meter = Annotated[str, typer.Option(metavar=METERS, help="Which instrument it is.",
                                     show_default=False)]
 Drawn = Annotated[bool, typer.Option("--draw", help="Draw the spectrum in the terminal.")]
@@ -160,9 +160,9 @@ def replay(
     """Play a recorded transcript to the driver's own code and show what it reads."""
     check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.measurement_files import reading_facts
-    from spectrabox.capture.transcripts.transcript import read_transcript
+    from spectrabox.capture.transcripts.sniffed_traffic import read_recording
     from spectrabox.capture.transcripts.transcript_replay import replay_transcript
-    played = replay_transcript(read_transcript(transcript), speed=speed,
+    played = replay_transcript(read_recording(transcript), speed=speed,
                                over_socket=over_socket)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
     if plot is not None and spectra:
@@ -421,7 +421,9 @@ def _measured_text(written: Path, series: list[SeriesSummary], spectrum: Spectru
 def _reading_line(number: int, reading: SpectralReading) -> str:
     stated = "" if reading.luminance is None else f", {reading.luminance:.4g} cd/m2 or lx"
     exposure = "" if reading.integration_ms is None else f", {reading.integration_ms:g} ms"
-    return f"reading {number}: {reading.outcome.value.rstrip('.')}{stated}{exposure}"
+    lab = "" if reading.lab is None else \
+        ", L*a*b* {:.2f} {:.2f} {:.2f} on its display (D65, 10 degrees)".format(*reading.lab)
+    return f"reading {number}: {reading.outcome.value.rstrip('.')}{stated}{exposure}{lab}"
 
 
 def _pace() -> Pace:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import difflib
 
+from spectrabox.capture.meter.instruments.cr30 import Cr30
 from spectrabox.capture.meter.instruments.cr250 import Cr250
 from spectrabox.capture.meter.instruments.cs2000 import Cs2000
 from spectrabox.capture.meter.instruments.interface import Instrument
@@ -12,7 +13,8 @@ from spectrabox.capture.meter.instruments.pr655 import Pr655
 from spectrabox.radiometry.errors import InputError
 
 DRIVERS: dict[str, type[Instrument]] = {
-    driver.name: driver for driver in (Cs2000, Cr250, Pr655, Pr650, Specbos1211, Specbos2501)}
+    driver.name: driver for driver in (Cs2000, Cr250, Pr655, Pr650, Specbos1211, Specbos2501,
+                                       Cr30)}
 ALIASES = {"cs2000a": "cs2000", "cr300": "cr250", "pr670": "pr655", "spectrocal": "specbos1211",
            "specbos1201": "specbos1211",
            "spectraval": "specbos2501", "spectraval1501": "specbos2501",

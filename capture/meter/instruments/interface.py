@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 )
 from spectrabox.capture.meter.serial_line import LineSettings, SerialLine, shown
 from spectrabox.capture.meter.stated import Stated
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -78,21 +80,27 @@ class HeldResult:
     integration_ms: float | None
     raw: tuple[str, ...]
     flags: tuple[str, ...] = ()
+    lab: tuple[float, float, float] | None = None   # L*, a*, b* as the instrument shows it
 
 
 class Instrument(abc.ABC):
-    """One spectroradiometer on an open line."""
+    """One instrument on an open line."""
 
     name: str                               # as the operator names it
     family: str                             # as a sentence names it
     line_settings: LineSettings
     errors: Mapping[int, str]               # sentences by the instrument's own codes
+    quantities: tuple[Quantity, ...] = (Quantity.RADIANCE, Quantity.IRRADIANCE)
+    checks_bytes = False                    # its replies have a check byte: one reading is enough
+    # What it must be calibrated with before it measures, and how to hold it for that.
+    calibrations: Mapping[str, str] = MappingProxyType({})
     averages = 1
 
     def __init__(self, line: SerialLine) -> None:
         self.line = line
         self.restore: list[bytes] = []      # commands that undo what was set, sent on leaving
         self.entered = False
+        self.calibrated: dict[str, str] = {}    # when, by kind of calibration, since it was opened
         self.busy_until: float | None = None  # monotonic; None: no measurement is under way
 
     def identify(self) -> Identity:
@@ -129,6 +137,21 @@ class Instrument(abc.ABC):
     @abc.abstractmethod
     def read(self) -> HeldResult:
         """Read the held result; may be called as often as wanted."""
+
+    def calibrate(self, which: str) -> None:
+        """Calibrate, once the instrument is held as ``calibrations`` says.
+
+        Parameters
+        ----------
+        which : str
+            One of ``calibrations``.
+
+        Raises
+        ------
+        InputError
+            If this instrument has no such calibration.
+        """
+        raise InputError(f"a {self.family} has no {which} calibration")
 
     def leave(self) -> None:
         """Give the instrument back to its user, once it is idle and its settings are put back."""
