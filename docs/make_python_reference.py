@@ -15,15 +15,18 @@ REPOSITORY = PAGE.parents[2]
 GROUPS = {
     "From a photo": ["open_photo", "find_chart", "flat", "fit_camera", "reconstruct_scene"],
     "From signals": ["sample", "uplift", "match"],
+    "From an instrument": ["measure_spectrum"],
     "Priors and their proof": ["train_prior", "certify", "judge"],
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "SpectrumEstimate",
                                   "SpectrumEstimates", "MeasuredSpectra", "FlatSpectra",
-                                  "SceneSpectra", "ChartCheck", "ColourProfile"],
+                                  "SceneSpectra", "ChartCheck", "ColourProfile",
+                                  "MeterReading"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")
-SLOW = {"train_prior"}      # examples that tests/test_docs.py does not run
+# examples that tests/test_docs.py does not run
+NOT_RUN = {"train_prior": "needs-minutes", "measure_spectrum": "needs-meter"}
 HEAD = """\
 # Python reference
 
@@ -166,7 +169,7 @@ def _tables(sections: dict[str, str], name: str = "") -> list[str]:
     if sections.get("Examples"):
         code = "\n".join(line[4:] for line in sections["Examples"].splitlines()
                          if line.startswith((">>> ", "... ")))
-        mark = " needs-minutes" if name in SLOW else ""
+        mark = f" {NOT_RUN[name]}" if name in NOT_RUN else ""
         lines.append(f"```python{mark}\n{code}\n```\n")
     return lines
 

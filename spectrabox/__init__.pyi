@@ -8,6 +8,8 @@ from .api.estimates import MeasuredSpectra as MeasuredSpectra
 from .api.estimates import SpectrumEstimates as SpectrumEstimates
 from .api.flat import FlatSpectra as FlatSpectra
 from .api.flat import flat as flat
+from .api.meter_reading import MeterReading as MeterReading
+from .api.meter_reading import measure_spectrum as measure_spectrum
 from .api.photo import ChartInPhoto as ChartInPhoto
 from .api.photo import Photo as Photo
 from .api.photo import find_chart as find_chart

@@ -8,6 +8,8 @@ import re
 import numpy as np
 import pytest
 
+import spectrabox as sb
+from spectrabox.api.arguments import as_reflectance
 from spectrabox.capture.meter.instruments.cr30 import display_lab, is_packet, request
 from spectrabox.capture.meter.instruments.instrument_errors import (
     InstrumentError,
@@ -27,7 +29,9 @@ from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
+from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 
 from tests.cr30_player import FOLDER, cr30_player, steps_of
 
@@ -289,3 +293,37 @@ def test_settings_that_it_has_not_are_refused():
     with open_instrument("cr30", cr30_player(GREEN).port, lambda direction, data: None,
                          FAST) as meter, pytest.raises(InputError, match="use --repeat"):
         meter.settings(MeterSettings(averages=3))
+
+
+# ---- from Python ---------------------------------------------------------------------------------
+
+
+def test_python_measures_a_spectrum_that_functions_take_as_a_truth(monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr("builtins.input", asked.append)
+    with cr30_player(CALIBRATED) as player:
+        found = sb.measure_spectrum(player.port, "cr30", calibrate=True)
+    assert len(asked) == 2 and "white tile" in asked[0]
+    np.testing.assert_allclose(found.lab, (90.52, -0.98, 0.06), atol=0.01)
+    assert found.quantity == "reflectance" and found.nm.size == 31 and not found.flags
+    found.to_csv(tmp_path / "tile.csv")
+    back = read_spectrum(tmp_path / "tile.csv", role=Quantity.REFLECTANCE)
+    np.testing.assert_allclose(back.values, found.values, rtol=5e-9)
+    assert "white 2" in back.source
+    np.testing.assert_allclose(as_reflectance(found.spectrum, "tile"),
+                               as_reflectance(tmp_path / "tile.csv", "tile"), rtol=5e-9)
+
+
+@pytest.mark.parametrize("instrument, options, words", [
+    ("cr30", {}, "say calibrate=True, or calibrate=False"),
+    ("pr655", {"calibrate": True}, "no calibration to be made"),
+    ("pr655", {"button": True}, "no reading by a button")])
+def test_python_is_told_what_an_instrument_needs(instrument, options, words):
+    with cr30_player(GREEN) as player, pytest.raises(InputError, match=words):
+        sb.measure_spectrum(player.port, instrument, **options)
+
+
+def test_a_radiance_is_no_reflectance():
+    radiance = Spectrum(FINE_GRID, np.ones(301), Quantity.RADIANCE, "a lamp")
+    with pytest.raises(InputError, match="vase is given as radiance"):
+        as_reflectance(radiance, "vase")

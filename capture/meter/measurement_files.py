@@ -157,21 +157,23 @@ def _numbered(folder: Path) -> list[tuple[int, Path]]:
 # ---- what may be written -------------------------------------------------------------------------
 # What a measurement may write: a file of another quantity or role is never replaced.
 
-ROLES = ("light", "white", "paint", "chart")
+ROLES = ("light", "white", "paint", "chart", "swatches")
 ROLE_FILE = "role.txt"          # in a folder of readings
 OF_CHART = r"chart(-\d\d-.*|-radiance|-irradiance)?"
 
 
-def claim(spectra: Path, role: str, names: Sequence[str]) -> None:
+def claim(spectra: Path, role: str, names: Sequence[str], *, reflects: bool = False) -> None:
     """Take names for a role, before anything is measured.
 
     Parameters
     ----------
     spectra : Path
         The session's folder of spectra.
-    role : {"light", "white", "paint", "chart"}
+    role : {"light", "white", "paint", "chart", "swatches"}
     names : sequence of str
         Of the things to be measured.
+    reflects : bool
+        The instrument measures reflectance by itself.
 
     Raises
     ------
@@ -188,11 +190,12 @@ def claim(spectra: Path, role: str, names: Sequence[str]) -> None:
            for folder in (readings_folder(spectra, name) for name in names)):
         return
     by_white = role in ("paint", "chart") and readings_folder(spectra, "white").is_dir()
-    for quantity in ([Quantity.REFLECTANCE] if by_white
+    for quantity in ([Quantity.REFLECTANCE] if by_white or reflects
                      else [Quantity.RADIANCE, Quantity.IRRADIANCE]):
         if (file := _file(spectra, role, names[0], quantity)).exists():
             raise InputError(f"{file} was not measured here and would be replaced: rename it"
-                             + ("" if role == "chart" else ", or choose another --name"))
+                             + (", or choose another --name" if role in ("light", "paint", "white")
+                                else ""))
 
 
 def note_role(spectra: Path, role: str, name: str) -> None:
@@ -214,9 +217,9 @@ def result_file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path
     Parameters
     ----------
     spectra : Path
-    role : {"light", "white", "paint", "chart"}
+    role : {"light", "white", "paint", "chart", "swatches"}
     name : str
-        Of the thing; a chart's is not asked.
+        Of the thing; a chart's or of swatches is not asked.
     quantity : Quantity
 
     Raises
@@ -233,14 +236,14 @@ def result_file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path
 
 
 def _file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path:
-    stem = "chart" if role == "chart" else name
+    stem = role if role in ("chart", "swatches") else name
     bare = role in ("light", "white") or quantity is Quantity.REFLECTANCE
     return spectra / (f"{stem}.csv" if bare else f"{stem}-{quantity.name.lower()}.csv")
 
 
 def _reserved(name: str) -> str | None:
     plain = name.casefold()
-    if plain in ("light", "white"):
+    if plain in ("light", "white", "swatches"):
         return plain
     return "chart" if re.fullmatch(OF_CHART, plain) else None
 

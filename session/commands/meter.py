@@ -1,17 +1,15 @@
-"""Commands for spectroradiometers: which ports there are, who answers, measure into a session, play
+"""Commands for instruments that measure spectra: which ports there are, who answers, measure into a session, play
 a recording.
 """
 from __future__ import annotations
 
-import contextlib
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
@@ -22,12 +20,10 @@ from spectrabox.session.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
+    from spectrabox.capture.meter.instruments.interface import MeterSettings
     from spectrabox.capture.meter.measurement_series import SeriesSummary
-    from spectrabox.capture.meter.meter_calibration import Maker, MeterCalibration
-    from spectrabox.capture.meter.serial_line import Log, Pace
     from spectrabox.radiometry.records.spectra import Spectrum
-    from spectrabox.radiometry.spectra.readings import SpectralReading
+    from spectrabox.session.meters.readers import Source
 
 Port = Annotated[str,
                  typer.Option(
@@ -40,16 +36,11 @@ Meter = Annotated[str, typer.Option(metavar=METERS, help="Which instrument it is
 Drawn = Annotated[bool, typer.Option("--draw", help="Draw the spectrum in the terminal.")]
 Png = Annotated[Path | None, typer.Option(
     "--plot", metavar="PNG", help="Draw the spectrum into this picture.")]
-REPLAY_LIMIT_S = 2.0
-# What takes a reading, once it knows who reads and the check does not object; and what opens that.
-Check: TypeAlias = "Callable[[Maker], None]"
-Taker: TypeAlias = "Callable[[Check], SpectralReading]"
-Source: TypeAlias = "Callable[[Path], contextlib.AbstractContextManager[Taker]]"
 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    meter = Commands(name="meter", help="Spectroradiometers on the serial line.")
+    meter = Commands(name="meter", help="Spectrophotometers and spectroradiometers on the serial line.")
     for function in (identify, measure, replay):
         meter.command()(function)
     meter.command("list")(list_of_ports)
@@ -71,7 +62,8 @@ def list_of_ports() -> Answer:
 def identify(port: Port, instrument: Meter) -> Answer:
     """Ask the instrument who it is, then leave it as found."""
     from spectrabox.capture.meter.measurement import trusted_identity
-    with _instrument(instrument, port, lambda direction, data: None) as meter:
+    from spectrabox.session.meters.readers import operated_instrument
+    with operated_instrument(instrument, port, lambda direction, data: None) as meter:
         identity = trusted_identity(meter)
     return Answer({"instrument": identity.model, "serial_number": identity.serial_number,
                    "firmware": identity.firmware, "port": port},
@@ -94,10 +86,11 @@ def measure(
     ambient: Annotated[bool, typer.Option(
         "--ambient", help="With spotread: irradiance, through the diffuser.")] = False,
     role: Annotated[str, typer.Option(
-        "--as", metavar="light|white|paint|chart", help="What is measured; white is the white "
-        "standard.")] = "light",
+        "--as", metavar="light|white|paint|chart|swatches", help="What is measured; white is the "
+        "white standard.")] = "light",
     name: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv.")] = None,
+        metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv; of swatches, "
+        "NAME,NAME,...: the columns of spectra/swatches.csv.")] = None,
     repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1,
     integration_ms: Annotated[float | None, typer.Option(
         min=0.1, help="Fixed exposure in milliseconds; automatic by default.")] = None,
@@ -113,8 +106,12 @@ def measure(
         "readings of several are to be compared.")] = (),
     again: Annotated[bool, typer.Option(
         "--again", help="Start a new series; earlier readings are kept aside.")] = False,
+    calibrate: Annotated[bool, typer.Option(
+        "--calibrate/--no-calibrate", help="Ask for the black and white calibration that a CR30 "
+        "wants; without, the file says that there was none.")] = True,
     wait: Annotated[bool, typer.Option(
-        "--wait/--no-wait", help="Ask before each patch of a chart.")] = True,
+        "--wait/--no-wait", help="Ask before each patch of a chart, and before each thing that a "
+        "CR30 is held on.")] = True,
     draw: Drawn = False,
     plot: Png = None,
 ) -> Answer:
@@ -125,25 +122,31 @@ def measure(
     from spectrabox.capture.meter.instruments.interface import MeterSettings
     from spectrabox.capture.meter.measurement_files import claim
     from spectrabox.capture.meter.meter_calibration import read_calibration
+    from spectrabox.session.meters.measuring import Task, measure_all
+    from spectrabox.session.meters.results import series_of_all, write_result
     names = _names(role, name)
     wanted = MeterSettings(integration_ms, averages, sync_hz)
     source = _source(port, instrument, program, ambient, wanted)
-    calibrations = [read_calibration(text) for text in calibration]
-    spectra = folder / "spectra"
-    claim(spectra, role, names)
+    reflects = _reflects(instrument, role)
+    factors = [read_calibration(text) for text in calibration]
+    task = Task(folder / "spectra", role, names, repeat,
+                wait and (reflects or role in ("chart", "swatches")), calibrate)
+    if reflects and calibrate and not wait:
+        raise typer.BadParameter("a calibration is asked for on the keyboard: leave out --no-wait, "
+                                 "or say --no-calibrate to measure with the calibration that the "
+                                 "instrument has", param_hint="--no-wait")
+    claim(task.spectra, role, names, reflects=reflects)
     if again:
-        _set_aside(spectra, names)
-    readings = _measure_all(spectra, role, names, source, repeat, calibrations,
-                            wait and role == "chart")
-    written, spectrum = _write_result(spectra, role, names, white_reflectance,
-                                      calibrations)
-    series = _series(spectra, names, calibrations)
-    if plot is not None and spectrum is not None:
+        _set_aside(task.spectra, names)
+    readings = measure_all(task, source, factors)
+    written, spectrum = write_result(task, white_reflectance, factors)
+    series = series_of_all(task, factors)
+    if plot is not None:
         from spectrabox.capture.meter.measurement_plot import png_plot
         png_plot(spectrum, plot)
     return Answer({"taken": len(readings), "file": written, "series": series,
                    "png": plot},
-                  _measured_text(written, series, spectrum if draw else None))
+                  _measured_text(written, role, series, spectrum if draw else None))
 
 
 @Command
@@ -171,8 +174,9 @@ def replay(
     facts = {"instrument": played.instrument, "synthetic": played.synthetic,
              "problems": list(played.problems),
              "readings": [reading_facts(reading) for reading in played.readings]}
-    lines = [_reading_line(number, reading) for number, reading in enumerate(played.readings,
-                                                                             1)]
+    from spectrabox.session.meters.measuring import reading_line
+    lines = [reading_line(number, reading)
+             for number, reading in enumerate(played.readings, 1)]
     lines += [f"- {problem}" for problem in played.problems]
     if played.synthetic:
         lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
@@ -182,20 +186,26 @@ def replay(
     return Answer(facts, "\n".join(lines))
 
 
-def _names(role: str, name: str | None) -> list[str]:
+def _names(role: str, name: str | None) -> tuple[str, ...]:
     from spectrabox.capture.meter.measurement_files import ROLES
     from spectrabox.radiometry.chart import PATCH_NAMES
     if role not in ROLES:
         raise typer.BadParameter(f"{role!r} is not one of {', '.join(ROLES)}", param_hint="--as")
     if role == "chart":
-        return [f"chart-{number:02d}-{patch.replace(' ', '-')}" for number,
-                patch in enumerate(PATCH_NAMES, 1)]
+        return tuple(f"chart-{number:02d}-{patch.replace(' ', '-')}" for number,
+                     patch in enumerate(PATCH_NAMES, 1))
+    if role == "swatches":
+        names = tuple(part.strip() for part in (name or "").split(",") if part.strip())
+        if len(set(names)) != len(names) or len(names) < 2:
+            raise typer.BadParameter("swatches need their names, all different, such as --name "
+                                     "red,blue,green", param_hint="--name")
+        return names
     if role == "paint" and name is None:
         raise typer.BadParameter("a paint needs a name, such as --name red", param_hint="--name")
-    return [name or role]
+    return (name or role,)
 
 
-def _set_aside(spectra: Path, names: list[str]) -> None:
+def _set_aside(spectra: Path, names: Sequence[str]) -> None:
     from spectrabox.capture.meter.measurement_files import readings_folder, set_aside
     for name in names:
         if (folder := readings_folder(spectra, name)).is_dir():
@@ -205,207 +215,42 @@ def _set_aside(spectra: Path, names: list[str]) -> None:
 def _source(port: str | None, instrument: str | None, program: str | None, ambient: bool,
             wanted: MeterSettings) -> Source:
     """What opens the instrument that the options name."""
+    from spectrabox.session.meters.readers import line_reader, spotread_reader
     if program is None:
         if port is None or instrument is None or ambient:
             raise typer.BadParameter("an instrument on a serial line needs --port and --instrument "
                                      "(--ambient is for --with spotread)")
-        return lambda folder: _by_serial_line(folder, instrument, port, wanted)
+        return lambda folder: line_reader(folder, instrument, port, wanted)
     if program != "spotread" or instrument is not None or wanted != type(wanted)():
         raise typer.BadParameter("only spotread is known, without --instrument, --integration-ms, "
                                  "--averages and --sync-hz", param_hint="--with")
     if port is not None and not is_whole_number(port):
         raise typer.BadParameter(f"{port!r} is no number of an instrument in spotread's list",
                                  param_hint="--port")
-    return lambda folder: _by_spotread(folder, int(port or 1), ambient)
+    return lambda folder: spotread_reader(folder, int(port or 1), ambient)
 
 
-@contextlib.contextmanager
-def _by_serial_line(folder: Path, instrument: str, port: str,
-                    wanted: MeterSettings) -> Iterator[Taker]:
-    """An instrument on its own line, set as wanted once ``check`` lets it measure."""
-    from spectrabox.capture.meter.measurement import take_reading, trusted_identity
-    from spectrabox.capture.transcripts.transcript_replay import record
-    with record(folder, instrument, wanted) as log, _instrument(instrument, port, log) as meter:
-        identity = trusted_identity(meter)
-        count = 0
-
-        def take(check: Check) -> SpectralReading:
-            nonlocal count
-            if not count:
-                check((identity.model, identity.serial_number))
-                meter.settings(wanted)
-            reading = take_reading(meter, identity, transcript=log.path.name)
-            count += 1
-            log.note("readings", str(count))
-            return reading
-        yield take
-
-
-@contextlib.contextmanager
-def _by_spotread(folder: Path, number: int, ambient: bool) -> Iterator[Taker]:
-    """The installed spotread, which says who it is with its first reading."""
-    from datetime import UTC, datetime
-
-    from spectrabox.capture.meter.spotread import NAME, spotread_reading
-    from spectrabox.capture.transcripts.transcript import TranscriptWriter
+def _reflects(instrument: str | None, role: str) -> bool:
+    """Whether the instrument measures reflectance by itself; refused for the light."""
+    from spectrabox.capture.meter.instruments.drivers import driver_named
     from spectrabox.radiometry.records.spectra import Quantity
-    from spectrabox.radiometry.system.words import plain
-    now = datetime.now(UTC)
-    log = TranscriptWriter(folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript",
-                           {"instrument": NAME, "recorded": now.isoformat(timespec="seconds")})
-    taken: list[SpectralReading] = []
-
-    def take(check: Check) -> SpectralReading:
-        reading = spotread_reading(Quantity.IRRADIANCE if ambient else Quantity.RADIANCE, number,
-                                   log, lambda text: print(plain(text), end="", file=sys.stderr,
-                                                           flush=True),
-                                   calibrated=bool(taken), transcript=log.path.name)
-        check((reading.instrument, reading.serial_number))
-        taken.append(reading)
-        return reading
-    with contextlib.closing(log):
-        yield take
+    if instrument is None:
+        return False
+    driver = driver_named(instrument)
+    reflects = driver.quantities == (Quantity.REFLECTANCE,)
+    if reflects and role in ("light", "white"):
+        raise InputError(f"a {driver.family} measures reflectance, no light, and needs no white "
+                         "standard: measure with --as paint --name NAME, --as chart or --as "
+                         "swatches")
+    if role == "swatches" and not reflects:
+        raise InputError(f"a {driver.family} measures light; swatches are read with an instrument "
+                         "that measures reflectance (cr30)")
+    return reflects
 
 
-def _measure_all(spectra: Path, role: str, names: list[str], source: Source, repeat: int,
-                 calibrations: list[MeterCalibration], wait: bool) -> list[SpectralReading]:
-    """Take the readings that are still missing; those on disk are not taken again."""
-    from spectrabox.capture.meter.measurement_files import (
-        note_role,
-        readings_folder,
-        store_reading,
-        stored_readings,
-    )
-    from spectrabox.capture.meter.meter_calibration import makers_of, require_comparable
-
-    stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
-    have = {name: sum(reading.spectrum is not None for reading in stored[name]) for name in names}
-    missing = [name for name in names if have[name] < repeat]
-    taken: list[SpectralReading] = []
-    if not missing:
-        print(f"{names[0]} has its {repeat} readings already; --again starts a new series",
-              file=sys.stderr)
-        return taken
-    before = makers_of([*(reading for name in names for reading in stored[name]),
-                        *_white_readings(spectra, role)])
-
-    def check(maker: Maker) -> None:
-        require_comparable([*before, maker], calibrations,
-                           names[0] if role != "chart" else "the chart")
-    with source(spectra / "readings") as take:
-        for number, name in enumerate(missing, 1):
-            if wait and not _ready(f"patch {number} of {len(missing)}, {name}"):
-                break
-            for count in range(have[name], repeat):
-                reading = take(check)
-                note_role(spectra, role, name)
-                store_reading(readings_folder(spectra, name), reading)
-                taken.append(reading)
-                print(f"{name}, {_reading_line(count + 1, reading)}", file=sys.stderr, flush=True)
-    return taken
-
-
-@contextlib.contextmanager
-def _instrument(name: str, port: str, log: Log) -> Iterator[Instrument]:
-    """An open instrument that is left as it was found, or else the operator is told so."""
-    from spectrabox.capture.meter.measurement import open_instrument
-    from spectrabox.capture.meter.serial_line import shown
-    from spectrabox.session.terminal.interruption import Interruptions
-    opened: list[Instrument] = []
-    try:
-        with Interruptions() as interruptions, \
-                open_instrument(name, port, log, _pace(), interruptions.held) as meter:
-            opened.append(meter)
-            try:
-                yield meter
-            except KeyboardInterrupt:
-                print("interrupted: the instrument ends what it was told to do and gets its "
-                      "settings back; its measurement may have to end first", file=sys.stderr,
-                      flush=True)
-                raise
-    finally:
-        if opened and opened[0].restore:
-            commands = ", ".join(shown(command) for command in opened[0].restore)
-            print(f"spectrabox: {port}: the {opened[0].family} did not confirm that its settings "
-                  f"were put back ({commands}): look at its settings, or switch it off and on",
-                  file=sys.stderr)
-
-
-def _ready(what: str) -> bool:
-    """Ask the operator to point the instrument; False to stop here and go on another time."""
-    print(f"{what}: point the instrument at it and press Enter (q and Enter to stop here)",
-          file=sys.stderr, flush=True)
-    line = sys.stdin.readline()
-    return bool(line) and line.strip().lower() != "q"
-
-
-def _white_readings(spectra: Path, role: str) -> list[SpectralReading]:
-    """Readings of the white standard, where a result is divided by them."""
-    from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
-    return stored_readings(readings_folder(spectra, "white")) if role in ("paint", "chart") else []
-
-
-def _write_result(spectra: Path, role: str, names: list[str], white_reflectance: float,
-                  calibrations: Sequence[MeterCalibration]) -> tuple[Path, Spectrum | None]:
-    """Write the mean, or the reflectance where a white standard was measured; gives the file and
-    one spectrum.
-    """
-    from spectrabox.capture.meter.measurement_files import (
-        readings_folder,
-        result_file,
-        stored_readings,
-    )
-    from spectrabox.capture.meter.measurement_series import (
-        reflectance_from,
-        series_of,
-        series_spectrum,
-    )
-    from spectrabox.capture.meter.meter_calibration import makers_of, named, require_comparable
-    from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.radiometry.spectra.spectrum_files import table_text
-
-    stored = {name: stored_readings(readings_folder(spectra, name)) for name in names}
-    white_readings = _white_readings(spectra, role)
-    makers = makers_of([*(reading for name in names for reading in stored[name]), *white_readings])
-    require_comparable(makers, calibrations, names[0] if role != "chart" else "the chart")
-    if white_readings and len(makers) == 1:
-        calibrations = ()       # one instrument's factor divides out, and so does its error
-
-    def mean(name: str, readings: list[SpectralReading]) -> Spectrum:
-        instruments = named(makers_of(readings)) + (", each by its calibration" if calibrations
-                                                    else "")
-        return series_spectrum(series_of(readings, name, calibrations),
-                               f"{instruments}, {name}, mean of {len(readings)}")
-
-    measured = [name for name in names if makers_of(stored[name])]
-    if role == "chart" and len(measured) < len(names):
-        raise CheckError(f"{len(measured)} of {len(names)} patches are measured and kept; run the "
-                         "same command again to go on with "
-                         f"{next(name for name in names if name not in measured)}")
-    results = [mean(name, stored[name]) for name in names]
-    if white_readings:
-        white = mean("white", white_readings)
-        results = [reflectance_from(result, white, white_reflectance, result.source)
-                   for result in results]
-    path = result_file(spectra, role, names[0], results[0].quantity)
-    columns = {"value": results[0].values} if role != "chart" else \
-        {name.partition("-")[2]: result.values for name, result in zip(names, results, strict=True)}
-    if role != "chart" and results[0].standard_error is not None:
-        columns["standard_error"] = results[0].standard_error
-    write_text_whole(path, table_text(results[0].grid.nm, columns, quantity=results[0].quantity,
-                                 source=results[0].source))
-    return path, results[0]
-
-
-def _series(spectra: Path, names: list[str],
-            calibrations: Sequence[MeterCalibration]) -> list[SeriesSummary]:
-    from spectrabox.capture.meter.measurement_files import readings_folder, stored_readings
-    from spectrabox.capture.meter.measurement_series import series_of, series_summary
-    return [series_summary(series_of(stored_readings(readings_folder(spectra, name)), name,
-                                     calibrations), name) for name in names]
-
-
-def _measured_text(written: Path, series: list[SeriesSummary], spectrum: Spectrum | None) -> str:
+def _measured_text(written: Path, role: str, series: list[SeriesSummary],
+                   spectrum: Spectrum | None) -> str:
+    from spectrabox.session.meters.results import USES
     lines = []
     for each in series:
         spread = "" if each.relative_spread is None else \
@@ -415,26 +260,4 @@ def _measured_text(written: Path, series: list[SeriesSummary], spectrum: Spectru
     if spectrum is not None:
         from spectrabox.capture.meter.measurement_plot import text_plot
         lines.append(text_plot(spectrum))
-    return "\n".join([*lines, f"wrote {written}: name it in session.toml"])
-
-
-def _reading_line(number: int, reading: SpectralReading) -> str:
-    stated = "" if reading.luminance is None else f", {reading.luminance:.4g} cd/m2 or lx"
-    exposure = "" if reading.integration_ms is None else f", {reading.integration_ms:g} ms"
-    lab = "" if reading.lab is None else \
-        ", L*a*b* {:.2f} {:.2f} {:.2f} on its display (D65, 10 degrees)".format(*reading.lab)
-    return f"reading {number}: {reading.outcome.value.rstrip('.')}{stated}{exposure}{lab}"
-
-
-def _pace() -> Pace:
-    """Real time; a recording played for a test may run faster."""
-    import os
-
-    from spectrabox.capture.meter.serial_line import Pace
-    text = os.environ.get("SPECTRABOX_METER_PACE", "1")
-    try:
-        scale = float(text)
-    except ValueError:
-        raise InputError(
-            f"SPECTRABOX_METER_PACE is {text!r}; a number such as 0.01 is needed") from None
-    return Pace() if scale == 1 else Pace(scale, shortest_limit_s=REPLAY_LIMIT_S)
+    return "\n".join([*lines, f"wrote {written}: {USES[role]}"])

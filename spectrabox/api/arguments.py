@@ -40,7 +40,7 @@ Result = TypeVar("Result")
 Curves = tuple[ArrayLike, ArrayLike]        # wavelengths (Q,) in nm, values
 LightLike = str | Path | Spectrum | UnknownLight | Curves
 FilterLike = str | Path | Filter | Curves
-KnownSpectrum = str | Path | float | Curves
+KnownSpectrum = str | Path | float | Spectrum | Curves
 CameraLike = Union[str, Path, "CameraEstimate", Calibration, Curves]
 
 
@@ -132,20 +132,25 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
 
 
 def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
-    """A known reflectance (P,) on the working grid: a number, a file, or (nm, values).
+    """A known reflectance (P,) on the working grid: a number, a file, a spectrum, or (nm, values).
 
     Parameters
     ----------
-    known : float, str, Path or (nm, values)
+    known : float, str, Path, Spectrum or (nm, values)
     name : str
         Of the surface, for messages.
 
     Raises
     ------
     InputError
-        If the file cannot be read, the values do not cover the grid, or a number is no fraction of
-        1.
+        If the file cannot be read, the values do not cover the grid, a spectrum is no reflectance,
+        or a number is no fraction of 1.
     """
+    if isinstance(known, Spectrum):
+        if known.quantity is not Quantity.REFLECTANCE:
+            raise InputError(f"{name} is given as {known.quantity.name.lower()}; a reflectance is "
+                             "needed")
+        return spectrum_on_grid(known, FINE_GRID)
     if isinstance(known, int | float):
         require_fraction(known, name)
         return np.full(FINE_GRID.nm.size, float(known))

@@ -59,9 +59,7 @@ DISPLAY_WHITE = np.array([94.81, 100.0, 107.32])
 
 
 class Cr30(Instrument):
-    """CR30 hand spectrophotometer. ``by_button``: the next reading is the one that is taken when
-    the button on the instrument is pressed.
-    """
+    """CR30 hand spectrophotometer."""
 
     name = "cr30"
     family = "CR30"
@@ -70,8 +68,7 @@ class Cr30(Instrument):
     quantities = (Quantity.REFLECTANCE,)
     checks_bytes = True
     calibrations = MappingProxyType({which: advice for which, (_, advice) in CALIBRATIONS.items()})
-
-    by_button = False
+    has_button = True
 
     def settings(self, wanted: MeterSettings) -> None:
         if wanted != MeterSettings():
@@ -86,12 +83,6 @@ class Cr30(Instrument):
         self.calibrated[which] = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
 
     def pressed(self, limit_s: float) -> bool:
-        """Whether the button is pressed within a time; the reading is then taken by ``measure``.
-
-        Parameters
-        ----------
-        limit_s : float
-        """
         return self.line.await_bytes(limit_s)
 
     def measure(self) -> Measured:

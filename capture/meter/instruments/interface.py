@@ -94,6 +94,8 @@ class Instrument(abc.ABC):
     checks_bytes = False                    # its replies have a check byte: one reading is enough
     # What it must be calibrated with before it measures, and how to hold it for that.
     calibrations: Mapping[str, str] = MappingProxyType({})
+    has_button = False                      # that takes a reading when it is pressed
+    by_button = False                       # the next reading is the one taken with the button
     averages = 1
 
     def __init__(self, line: SerialLine) -> None:
@@ -152,6 +154,15 @@ class Instrument(abc.ABC):
             If this instrument has no such calibration.
         """
         raise InputError(f"a {self.family} has no {which} calibration")
+
+    def pressed(self, limit_s: float) -> bool:
+        """Whether the instrument's button is pressed within a time.
+
+        Parameters
+        ----------
+        limit_s : float
+        """
+        return False
 
     def leave(self) -> None:
         """Give the instrument back to its user, once it is idle and its settings are put back."""

@@ -1,0 +1,228 @@
+"""Readings of one thing or of many in order, by an operator who points or holds the instrument."""
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+from spectrabox.capture.meter.instruments.instrument_errors import RefusedError
+from spectrabox.capture.meter.instruments.interface import Instrument
+from spectrabox.capture.meter.measurement_files import (
+    note_role,
+    readings_folder,
+    set_aside,
+    store_reading,
+    stored_readings,
+)
+from spectrabox.capture.meter.meter_calibration import (
+    Maker,
+    MeterCalibration,
+    makers_of,
+    require_comparable,
+)
+from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.records.spectra import Spectrum
+from spectrabox.radiometry.spectra.readings import SpectralReading
+from spectrabox.session.meters.chart_picture import chart_picture, nearer_patch
+from spectrabox.session.meters.keyboard import LOOK_S, NO_MORE, Keyboard
+from spectrabox.session.meters.readers import Source
+
+UNDO, SKIP = "u", "s"
+
+
+class Start(Enum):
+    """How the next reading begins, or what is wanted in its place."""
+
+    COMMAND = "command"
+    BUTTON = "button"
+    UNDO = "undo"
+    STOP = "stop"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be measured: ``names`` of things of one role, each ``repeat`` times."""
+
+    spectra: Path
+    role: str
+    names: tuple[str, ...]
+    repeat: int
+    wait: bool                  # ask before each
+    calibrate: bool             # ask for the calibrations that the instrument wants
+
+    @property
+    def title(self) -> str:
+        """Of all of it, for sentences."""
+        return self.names[0] if len(self.names) == 1 else f"the {self.role}"
+
+
+def measure_all(task: Task, source: Source,
+                calibrations: Sequence[MeterCalibration]) -> list[SpectralReading]:
+    """Take the readings that are still missing; those on disk are not taken again.
+
+    Parameters
+    ----------
+    task : Task
+    source : function that opens what takes readings
+    calibrations : sequence of MeterCalibration
+        Factors of instruments that are to be compared.
+    """
+    stored = {name: stored_readings(readings_folder(task.spectra, name)) for name in task.names}
+    have = {name: sum(reading.spectrum is not None for reading in stored[name])
+            for name in task.names}
+    done = [name for name in task.names if have[name] >= task.repeat]
+    todo = [name for name in task.names if name not in done]
+    taken: list[SpectralReading] = []
+    if not todo:
+        print(f"{task.names[0]} has its {task.repeat} readings already; --again starts a new "
+              "series", file=sys.stderr)
+        return taken
+    before = makers_of([*(reading for name in task.names for reading in stored[name]),
+                        *white_readings(task.spectra, task.role)])
+
+    def check(maker: Maker) -> None:
+        require_comparable([*before, maker], calibrations, task.title)
+    keyboard = Keyboard()
+    with source(task.spectra / "readings") as reader:
+        reader.begin(check)
+        if reader.meter is not None and task.calibrate \
+                and not _calibrated(reader.meter, keyboard):
+            return taken
+        while todo:
+            name = todo[0]
+            start = _asked(task, name, len(done), reader.meter, keyboard) if task.wait \
+                else Start.COMMAND
+            if start is Start.STOP:
+                break
+            if start is Start.UNDO:
+                if done:            # else there is nothing to undo
+                    _undo(task.spectra, done[-1])
+                    have[done[-1]] = 0
+                    todo.insert(0, done.pop())
+                continue
+            for count in range(have[name], task.repeat):
+                if reader.meter is not None:
+                    reader.meter.by_button = start is Start.BUTTON and count == have[name]
+                reading = reader.take()
+                note_role(task.spectra, task.role, name)
+                store_reading(readings_folder(task.spectra, name), reading)
+                taken.append(reading)
+                print(f"{name}, {reading_line(count + 1, reading)}", file=sys.stderr, flush=True)
+            _warn_of_another_patch(task, name, taken[-1])
+            done.append(todo.pop(0))
+    return taken
+
+
+def white_readings(spectra: Path, role: str) -> list[SpectralReading]:
+    """Readings of the white standard, where a result is divided by them.
+
+    Parameters
+    ----------
+    spectra : Path
+    role : str
+    """
+    return stored_readings(readings_folder(spectra, "white")) if role in ("paint", "chart") else []
+
+
+def reading_line(number: int, reading: SpectralReading) -> str:
+    """A reading as one line.
+
+    Parameters
+    ----------
+    number : int
+        Of the reading among those of its thing.
+    reading : SpectralReading
+    """
+    stated = "" if reading.luminance is None else f", {reading.luminance:.4g} cd/m2 or lx"
+    exposure = "" if reading.integration_ms is None else f", {reading.integration_ms:g} ms"
+    lab = "" if reading.lab is None else \
+        ", L*a*b* {:.2f} {:.2f} {:.2f} on its display (D65, 10 degrees)".format(*reading.lab)
+    return f"reading {number}: {reading.outcome.value.rstrip('.')}{stated}{exposure}{lab}"
+
+
+def _calibrated(meter: Instrument, keyboard: Keyboard) -> bool:
+    """Ask for each calibration that the instrument wants; False if the operator stops here."""
+    for which, advice in meter.calibrations.items():
+        while which not in meter.calibrated:
+            print(f"{which} calibration of the {meter.family}: {advice},\nthen press Enter "
+                  f"({SKIP} Enter: measure without, and say so; {NO_MORE} Enter: stop)",
+                  file=sys.stderr, flush=True)
+            answer = keyboard.line(None)
+            if answer == NO_MORE:
+                return False
+            if answer == SKIP:
+                break
+            try:
+                meter.calibrate(which)
+            except RefusedError as error:
+                print(error, file=sys.stderr, flush=True)
+    return True
+
+
+def _asked(task: Task, name: str, done: int, meter: Instrument | None,
+           keyboard: Keyboard) -> Start:
+    """What the operator does next: Enter, the instrument's button, or another wish."""
+    button = meter is not None and meter.has_button
+    if task.role == "chart":
+        print(_picture(task, task.names.index(name)), file=sys.stderr)
+    which = "" if len(task.names) == 1 else f"{done + 1} of {len(task.names)}, "
+    what = f"patch {which}{name}" if task.role == "chart" else f"{which}{name}"
+    how = "hold the instrument on it, press its button or Enter" if button else \
+        "point the instrument at it and press Enter"
+    undo = f"{UNDO} Enter: the last again, " if done else ""
+    print(f"{what}: {how} ({undo}{NO_MORE} Enter: stop)", file=sys.stderr, flush=True)
+    while True:
+        answer = keyboard.line(LOOK_S / 2 if button else None)
+        if answer is not None:
+            return {UNDO: Start.UNDO, NO_MORE: Start.STOP}.get(answer, Start.COMMAND)
+        if meter is not None and meter.pressed(LOOK_S / 2):
+            return Start.BUTTON
+
+
+def _picture(task: Task, following: int) -> str:
+    measured: dict[int, Spectrum | None] = {}
+    for index, name in enumerate(task.names):
+        readings = [reading for reading in stored_readings(readings_folder(task.spectra, name))
+                    if reading.spectrum is not None]
+        if readings:
+            reflects = readings[-1].lab is not None
+            measured[index] = readings[-1].spectrum if reflects else None
+    return chart_picture(measured, following, colours=sys.stderr.isatty())
+
+
+def _undo(spectra: Path, name: str) -> None:
+    aside = set_aside(readings_folder(spectra, name))
+    print(f"{name}: its readings are kept aside in {aside.name}", file=sys.stderr, flush=True)
+
+
+def _warn_of_another_patch(task: Task, name: str, reading: SpectralReading) -> None:
+    """Say so where a reflectance looks like another patch of the chart."""
+    if task.role != "chart" or reading.lab is None or reading.spectrum is None:
+        return
+    other = nearer_patch(task.names.index(name), reading.spectrum)
+    if other is not None:
+        print(f"- this looks like {task.names[other]} and not like {name}: if it was another "
+              f"patch, {UNDO} and Enter", file=sys.stderr, flush=True)
+
+
+def require_measured(task: Task) -> None:
+    """Refuse to write a table of which something is not measured yet.
+
+    Parameters
+    ----------
+    task : Task
+
+    Raises
+    ------
+    CheckError
+        With what comes next.
+    """
+    missing = [name for name in task.names
+               if not makers_of(stored_readings(readings_folder(task.spectra, name)))]
+    if len(task.names) > 1 and missing:
+        things = "patches" if task.role == "chart" else "things"
+        raise CheckError(f"{len(task.names) - len(missing)} of {len(task.names)} {things} are "
+                         "measured and kept; run the same command again to go on with "
+                         f"{missing[0]}")

@@ -1,0 +1,206 @@
+"""A CR30 at the command line: calibrated, held on a paint, on swatches, on a chart's 24 patches."""
+import csv
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.sniffed_traffic import read_recording
+from spectrabox.capture.transcripts.transcript import Transcript
+from spectrabox.capture.transcripts.transcript_replay import replay_transcript
+from spectrabox.radiometry.chart import CLASSIC
+from spectrabox.radiometry.charts.references import measured_chart
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.sampling.further.swatch_files import read_swatch_spectra
+from spectrabox.session.cli import app
+
+from tests.cr30_player import FOLDER, measurements, playing, steps_of
+
+ROOT = Path(__file__).resolve().parents[1]
+PACE = {"SPECTRABOX_METER_PACE": "0.01"}
+CALIBRATED = FOLDER / "Calibrate_White_and_Black_and_Test_Target.spm"
+WHITE, BLACK, _ = steps_of(CALIBRATED)
+GREEN, = measurements(FOLDER / "Test_Sample_36.61_-20.75_-2.86.spm")
+PRESSED, = measurements(FOLDER / "button_presses_and_disconnected_presses.spm")
+MANY = measurements(FOLDER / "param_change-and-measure.spm")
+CHART = [*MANY, GREEN, *measurements(CALIBRATED)]
+
+
+def run(*arguments, typed=""):
+    result = CliRunner().invoke(app, ["meter", *map(str, arguments)], input=typed, env=PACE)
+    return result.exit_code, result.stdout, result.stderr
+
+
+def measure(folder, player, *more, typed=""):
+    with player:
+        return run("measure", folder, "--port", player.port, "--instrument", "cr30", *more,
+                   typed=typed)
+
+
+def table(path):
+    lines = path.read_text().splitlines()
+    rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    return [line for line in lines if line.startswith("#")], rows[0], np.array(rows[1:], float)
+
+
+def test_a_paint_is_calibrated_for_measured_and_written_with_its_calibration(tmp_path):
+    player = playing([WHITE, BLACK, GREEN])
+    code, out, err = measure(tmp_path, player, "--as", "paint", "--name", "vase", "--json",
+                             typed="\n\n\n")
+    assert code == 0, err
+    assert not player.problems and player.finished
+    assert err.index("white calibration of the CR30: put it on its white tile,\nthen press Enter") \
+        < err.index("black calibration of the CR30") < err.index("vase: hold the instrument on it")
+    assert "L*a*b* 36.61 -20.75 -2.86 on its display (D65, 10 degrees)" in err
+    facts = json.loads(out)
+    assert facts["taken"] == 1 and facts["series"][0]["flags"] == []
+    head, names, values = table(tmp_path / "spectra" / "vase.csv")
+    assert head[0] == "# quantity: reflectance" and names[1] == "value"
+    assert "calibration of the instrument: white 2" in head[-1] and "black 2" in head[-1]
+    stored = json.loads((tmp_path / "spectra" / "readings" / "vase" / "001.json").read_text())
+    # nine digits are written
+    np.testing.assert_allclose(values[:, 1], stored["values"], rtol=5e-9)
+    np.testing.assert_allclose(stored["lab"], (36.61, -20.75, -2.86), atol=0.01)
+
+
+def test_its_own_recording_plays_back_to_the_same_reading(tmp_path):
+    measure(tmp_path, playing([WHITE, BLACK, GREEN]), "--as", "paint", "--name", "vase",
+            typed="\n\n\n")
+    recording, = (tmp_path / "spectra" / "readings").glob("*.transcript")
+    played = replay_transcript(read_recording(recording))
+    np.testing.assert_allclose(played.readings[0].lab, (36.61, -20.75, -2.86), atol=0.01)
+    assert played.readings[0].serial_number == "CM443L0787" and not played.problems
+
+
+@pytest.mark.parametrize("typed, options", [("s\ns\n\n", ()), ("", ("--no-calibrate",
+                                                                  "--no-wait"))])
+def test_a_calibration_that_was_left_out_is_stated(tmp_path, typed, options):
+    code, out, err = measure(tmp_path, playing([GREEN]), "--as", "paint", "--name", "vase",
+                             *options, typed=typed)
+    assert code == 0, err
+    assert "no white and black calibration was made before this reading" in out
+    head, _, _ = table(tmp_path / "spectra" / "vase.csv")
+    assert "calibration of the instrument: none before these readings" in head[-1]
+
+
+def test_a_calibration_is_never_left_out_silently(tmp_path):
+    code, _, err = measure(tmp_path, playing([GREEN]), "--as", "paint", "--name", "vase",
+                           "--no-wait")
+    assert code == 2 and "--no-calibrate" in err
+
+
+def test_the_button_on_the_instrument_takes_the_reading(tmp_path):
+    """The terminal stays open and silent, as while somebody holds the instrument."""
+    player = playing([PRESSED])
+    with player:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "spectrabox", "meter", "measure", str(tmp_path), "--port",
+             player.port, "--instrument", "cr30", "--as", "paint", "--name", "mat",
+             "--no-calibrate"], cwd=ROOT, text=True, stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            env={**os.environ, **PACE, "PYTHONPATH": str(ROOT)})
+        code = process.wait(60)             # its input stays open until then
+        _, err = process.communicate()
+    assert code == 0, err
+    stored = json.loads((tmp_path / "spectra" / "readings" / "mat" / "001.json").read_text())
+    np.testing.assert_allclose(stored["lab"], (38.68, -19.64, -7.89), atol=0.01)
+    assert not player.problems
+
+
+def test_a_chart_is_read_with_a_picture_an_undo_and_an_interruption(tmp_path):
+    first = playing([WHITE, BLACK, *CHART[:4]])
+    code, _, err = measure(tmp_path, first, "--as", "chart", typed="\n\n\n\n\nu\n\nq\n")
+    assert code == 4 and "3 of 24 patches are measured and kept" in err
+    assert " > 3 < " in err and " 1 ok " in err
+    assert "chart-03-blue-sky: its readings are kept aside in chart-03-blue-sky.before-1" in err
+    # patch 1 was held on something green
+    assert "this looks like chart-" in err and "and not like chart-01-dark-skin" in err
+    assert not (tmp_path / "spectra" / "chart.csv").exists()
+
+    rest = playing(CHART[3:])
+    code, out, err = measure(tmp_path, rest, "--as", "chart", "--no-calibrate",
+                             typed="\n" * 21)
+    assert code == 0, err
+    assert not rest.problems and rest.finished and "--reference" in out
+    assert "patch 4 of 24, chart-04-foliage" in err
+    reflectances = measured_chart(tmp_path / "spectra" / "chart.csv", FINE_GRID, CLASSIC)
+    assert reflectances.shape == (24, 301)
+    _, names, values = table(tmp_path / "spectra" / "chart.csv")
+    assert names[1:3] == ["01-dark-skin", "02-light-skin"]
+    # the third was read again: it is the fourth of the recording
+    fourth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[3], "")).readings[0]
+    np.testing.assert_allclose(values[:, 3], fourth.spectrum.values, rtol=5e-9)
+
+
+def test_swatches_become_one_table_that_the_option_takes(tmp_path):
+    names = ("ochre", "sienna", "umber")
+    code, out, err = measure(tmp_path, playing(CHART[:3]), "--as", "swatches", "--name",
+                             ",".join(names), "--no-calibrate", "--no-wait")
+    assert code == 0, err
+    assert "--swatches" in out
+    spectra = read_swatch_spectra(tmp_path / "spectra" / "swatches.csv", names)
+    assert list(spectra) == list(names)
+
+
+def test_repeats_are_one_press_and_their_mean_has_a_standard_error(tmp_path):
+    code, _, err = measure(tmp_path, playing([MANY[3], MANY[13], MANY[3]]), "--as", "paint",
+                             "--name", "card", "--repeat", "3", "--no-calibrate", typed="\n")
+    assert code == 0, err
+    _, names, values = table(tmp_path / "spectra" / "card.csv")
+    assert names[1:] == ["value", "standard_error"] and (values[:, 2] > 0).all()
+
+
+def test_a_light_is_no_thing_for_it(tmp_path):
+    code, _, err = measure(tmp_path, playing([GREEN]), "--as", "light")
+    assert code == 3 and "measures reflectance, no light" in err
+    code, _, err = run("measure", tmp_path, "--port", "x", "--instrument", "pr655", "--as",
+                       "swatches", "--name", "a,b")
+    assert code == 3 and "measures reflectance (cr30)" in err
+
+
+def test_a_series_interrupted_on_a_terminal_goes_on(tmp_path):
+    """Ctrl-C on a terminal while it waits for the next thing: nothing that was read is lost."""
+    master, slave = pty.openpty()
+    player = playing([GREEN])
+    with player:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "spectrabox", "meter", "measure", str(tmp_path), "--port",
+             player.port, "--instrument", "cr30", "--as", "swatches", "--name", "a,b",
+             "--no-calibrate"], cwd=ROOT, stdin=slave, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, env={**os.environ, **PACE, "PYTHONPATH": str(ROOT)},
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+        os.write(master, b"\n")
+        reading = tmp_path / "spectra" / "readings" / "a" / "001.json"
+        end = time.monotonic() + 60
+        while not reading.exists() and time.monotonic() < end:
+            time.sleep(0.02)
+        time.sleep(0.3)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    os.close(master)
+    os.close(slave)
+    assert process.returncode == 130 and reading.exists(), err
+    code, _, err = measure(tmp_path, playing([MANY[0]]), "--as", "swatches", "--name", "a,b",
+                           "--no-calibrate", "--no-wait")
+    assert code == 0, err
+    assert "2 of 2" not in err and (tmp_path / "spectra" / "swatches.csv").exists()
+
+
+def test_an_unplugged_instrument_keeps_what_was_read(tmp_path):
+    def unplugged(step, data, command):
+        return [(0.0, data[:30]), (0.02, None)] if step > 30 else [(0.0, data)]
+    clean = playing([GREEN, *MANY[:2]]).transcript
+    player = TranscriptPlayer(clean, time_scale=0.0, distort=unplugged)
+    code, _, err = measure(tmp_path, player, "--as", "swatches", "--name", "a,b,c",
+                           "--no-calibrate", "--no-wait")
+    assert code == 6 and "the line broke" in err
+    assert (tmp_path / "spectra" / "readings" / "a" / "001.json").exists()
