@@ -1,5 +1,5 @@
-"""Commands for instruments that measure spectra: which ports there are, who answers, measure into a session, play
-a recording.
+"""Commands for instruments that measure spectra: which ports there are, who answers, measure into
+a session, play a recording.
 """
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Png = Annotated[Path | None, typer.Option(
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    meter = Commands(name="meter", help="Spectrophotometers and spectroradiometers on the serial line.")
+    meter = Commands(name="meter", help="Instruments that measure spectra, on the serial line.")
     for function in (identify, measure, replay):
         meter.command()(function)
     meter.command("list")(list_of_ports)

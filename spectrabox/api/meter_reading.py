@@ -35,6 +35,17 @@ class MeterReading:
         As functions take it for a light, a truth or a known reflectance.
     readings : tuple of SpectralReading
         Each as the instrument gave it.
+
+    References
+    ----------
+    A CR30's L*a*b* is that of CIE 15:2018 for D65 and the 10 degree observer, summed over its 31
+    bands.
+
+    Examples
+    --------
+    >>> vase = sb.measure_spectrum("/dev/ttyUSB0", "cr30", calibrate=False)
+    >>> vase.nm, vase.values, vase.lab, vase.flags
+    >>> vase.to_csv("vase.csv")
     """
 
     spectrum: Spectrum
@@ -98,6 +109,10 @@ class MeterReading:
         ----------
         axes : Axes, optional
             Of Matplotlib; new ones by default.
+
+        Returns
+        -------
+        Axes
         """
         axes = axes_for(axes)
         axes.plot(self.nm, self.values, lw=1.2)
@@ -141,6 +156,10 @@ def measure_spectrum(port: str, instrument: str, *, readings: int = 1,
         If it gave no spectrum: too dark, too bright, unsteady.
     SpectraboxError
         If the line or the instrument fails; exit code 6.
+
+    References
+    ----------
+    What each driver is known from, and what is checked of a reading: docs/reference/meters.md.
 
     Examples
     --------
