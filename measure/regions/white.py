@@ -125,6 +125,23 @@ class PhotoWhite:
         """Of the unknowns: the errors of the exposure, by cause."""
         return slice(self.field_part.stop, self.mean.size)
 
+    def of_regions(self, samples: RegionSamples) -> PhotoWhite:
+        """The same of some of its regions, by name; what they read may be another.
+
+        Parameters
+        ----------
+        samples : RegionSamples
+        """
+        rows = [self.samples.names.index(name) for name in samples.names]
+        light = self.field_part.start
+        kept = np.r_[:light, [light + row for row in rows], self.field_part.stop:self.mean.size]
+        of_light = kept[kept < self.field_part.stop]
+        return dataclasses.replace(
+            self, samples=samples, mean=self.mean[kept], covariance=self.covariance[
+                np.ix_(kept, kept)], level_misfits={}, region_light=dataclasses.replace(
+                self.region_light, field=self.region_light.field[rows],
+                covariance=self.region_light.covariance[np.ix_(of_light, of_light)]))
+
     def clipped(self, region: int) -> np.ndarray:
         """Bands (K,) whose mean says nothing of a region."""
         clipped = self.samples.clipped
@@ -228,8 +245,15 @@ def white_at_regions(photo: FlatPhoto, known: Mapping[str, np.ndarray], errors: 
         As ``condition_on_known``.
     """
     white = white_by_chart(photo, errors, nodes_px)
-    if white is None:
-        return None
+    return None if white is None else white_told_by(photo, white, known, errors)
+
+
+def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.ndarray],
+                  errors: FlatErrors) -> PhotoWhite:
+    """The same after the photo's regions of known spectrum told of the light.
+
+    Parameters and Raises as of ``white_at_regions``.
+    """
     signals = {name: photo.response @ spectrum for name, spectrum in known.items()
                if name in white.samples.names}
     bands = white.glare.size

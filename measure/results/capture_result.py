@@ -2,13 +2,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.advice.advice import Advised
+from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.chart_words import copy_facts, held_out_facts, light_facts
@@ -88,6 +90,13 @@ class CaptureResult(ABC):
     swatches: str = ""                # what they did, in a sentence; empty without any
     picture: PictureRecords | None = None       # the spectra of every pixel, where asked for
     picture_folder: str = ""          # where the picture's files lie, as its reader knows it
+    # forecasts what to do next, which takes as long as a fit: called when it is asked for
+    advise: Callable[[], Advised] = Advised
+
+    @cached_property
+    def advice(self) -> Advised:
+        """What to do next, of all surfaces and of each, the best first."""
+        return self.advise()
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -164,7 +173,8 @@ class CaptureResult(ABC):
                  "chart_generation": None,
                  "light": light_facts(self.calibration), **self.own_facts,
                  "swatches": self.swatches or None,
-                 "known_camera": known_camera(self.photo.camera), "warnings": self.warnings}
+                 "known_camera": known_camera(self.photo.camera), "warnings": self.warnings,
+                 "advice": self.advice.facts}
         if chart is not None and chart.left_out is not None:
             facts["left_out"] = held_out_facts(chart.left_out, chart.layout.names)
             facts["chart_generation"] = copy_facts(chart.copy, chart.layout.names)
@@ -173,7 +183,8 @@ class CaptureResult(ABC):
         return facts
 
     def text(self, title: str = "") -> str:
-        """A row for each condition and surface, what to beware of, and the verdict with its reason.
+        """A row for each condition and surface, what to beware of, the verdict with its reason, and
+        what to do next.
 
         Parameters
         ----------
@@ -190,7 +201,7 @@ class CaptureResult(ABC):
         if known is not None:
             lines.append(known_camera_words(known))
         lines += [f"warning: {sentence}" for sentence in self.warnings]
-        return "\n".join([*lines, self.verdict.line])
+        return "\n".join(filter(None, [*lines, self.verdict.line, self.advice.line]))
 
     def _table(self) -> str:
         estimated = [surface for surface in self.surfaces if not surface.known]
@@ -223,7 +234,8 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "photo": records.photo.photos[""], "stated": statements_of(capture),
             "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),
             "by_flat_field": bool(capture.development.flat_fields), "notes": tuple(records.notes),
-            "swatches": records.sample.swatches, "picture": records.picture}
+            "swatches": records.sample.swatches, "picture": records.picture,
+            "advise": partial(advice_on_capture, capture, records)}
 
 
 def surface_of_records(capture: Capture, records: CaptureRecords, name: str,

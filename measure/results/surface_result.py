@@ -245,7 +245,7 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     _of_scores("delta_e00_mean", "CIEDE2000 of the mean against the truth under D65", "dE00",
                lambda difference: f"{difference:.2f}"),
     Fact("next_measurement_nm", "wavelength in nm at which one more reading would narrow the band "
-         "most", _next, "measure next", lambda nm: f"{nm:.0f} nm"),
+         "most", _next),
     Fact("signal", "relative to white, in the bands that show it",
          lambda surface: surface.signal[_shown_bands(surface)].tolist()),
     Fact("bands", "names of these bands", lambda surface: [

@@ -85,6 +85,22 @@ def with_errors(signals: SurfaceSignals, causes: dict[str, np.ndarray]) -> Surfa
     return replace(signals, errors=tuple(SignalError(*cause) for cause in causes.items()))
 
 
+def alone(signals: SurfaceSignals, index: int) -> SurfaceSignals:
+    """The signals of one surface.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    index : int
+        Of the surface.
+    """
+    own = slice(index, index + 1)
+    return replace(signals, names=signals.names[own], known=signals.known[own],
+                   spectra=signals.spectra[own], signal=signals.signal[own],
+                   errors=tuple(SignalError(error.cause, error.covariance[own])
+                                for error in signals.errors), states=signals.states[own])
+
+
 def in_bands(signals: SurfaceSignals, bands: np.ndarray) -> SurfaceSignals:
     """The signals in some bands alone.
 

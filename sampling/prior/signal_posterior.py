@@ -14,12 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.records.states import StateEstimate
 from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.polytope.tilt import is_reachable
-from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
+from spectrabox.sampling.prior.calibrated_marginals import BETWEEN, COARSE, marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, smoothness_prior
 from spectrabox.sampling.prior.mixture_posterior import (
     MixturePosterior,
@@ -110,9 +111,14 @@ class SignalPosterior:
                                self.measurement.states, self.parts)
 
     @cached_property
+    def _moments(self) -> list[tuple[MixturePosterior, np.ndarray]]:
+        """Of each part the mixture that draws follow, and their covariance (1, 61, 21)."""
+        return [marginal_moments(self.prior, part.relative_response, part.signal[None],
+                                 part.noise[None], part.mixture) for part in self.parts]
+
+    @cached_property
     def _marginals(self) -> MixturePosterior:
-        return merged([marginal_moments(self.prior, part.relative_response, part.signal[None],
-                                        part.noise[None], part.mixture)[0] for part in self.parts],
+        return merged([mixture for mixture, _ in self._moments],
                       np.array([[part.share] for part in self.parts]))
 
     @cached_property
@@ -128,6 +134,15 @@ class SignalPosterior:
     def standard_deviation(self) -> np.ndarray:
         """Standard deviation (61,) of the reflectance."""
         return np.asarray(self._mean_and_deviation[1][0])
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance (61, 61) of the reflectance, linearised within each part."""
+        total = np.zeros(self._moments[0][1].shape[1:])
+        for part, (mixture, within) in zip(self.parts, self._moments, strict=True):
+            off = mean_and_spread(mixture)[0][0] - self.mean
+            total += part.share * (within[0] + np.outer(off, off[COARSE]))
+        return symmetric(total @ BETWEEN.T)
 
     def band(self, level: float) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper reflectance (61,) of the calibrated central band of a level, 0 to 1."""

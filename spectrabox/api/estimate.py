@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from spectrabox.api.notebook import axes_for, spectrum_html
+from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement, with_added
@@ -90,6 +91,15 @@ class SpectrumEstimate:
     samples: SpectrumSamples | None = None
     inverse_rendering: np.ndarray | None = None
     given: tuple[np.ndarray, np.ndarray] | None = None
+    # forecasts what to do next, which takes a while: called when it is asked for
+    advise: Callable[[], tuple[Advice, ...]] = tuple
+
+    @cached_property
+    def advice(self) -> tuple[Advice, ...]:
+        """What to do next, the best first: each with its cost, and the width of the band and the
+        error of the colour to be expected after it.
+        """
+        return self.advise()
 
     @property
     def nm(self) -> np.ndarray:
@@ -409,7 +419,9 @@ def prior_of(capture: Capture, name: str) -> LogitMixture | None:
 
 
 def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, SurfaceSpectrum],
-                     prior: LogitMixture | None, *, rendered: bool) -> SpectrumEstimate:
+                     prior: LogitMixture | None,
+                     advise: Callable[[], tuple[Advice, ...]], *,
+                     rendered: bool) -> SpectrumEstimate:
     """The estimate of one surface of a scene or of a flat sample.
 
     Parameters
@@ -421,6 +433,8 @@ def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, S
         Of every unknown surface.
     prior : LogitMixture or None
         That the spectra were drawn from; None for another method than the learnt prior.
+    advise : callable
+        What to do next of it.
     rendered : bool
         Whether the spectra of ``signals`` are those of inverse rendering.
     """
@@ -431,7 +445,7 @@ def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, S
     return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
                             errors_by_cause(signals, index),
                             None if samples.method.endswith(CORRECTED) else prior, samples,
-                            signals.spectra[index] if rendered else None)
+                            signals.spectra[index] if rendered else None, advise=advise)
 
 
 def _on(nm: np.ndarray, own_nm: np.ndarray, spectra: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from spectrabox.api.estimate import SpectrumEstimate, estimates_to_xarray
 from spectrabox.api.notebook import axes_for, spectrum_html
+from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.plots import frame_wavelengths
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.verdict.conditions import conditions_text
@@ -200,6 +201,13 @@ class MeasuredSpectra(SpectrumEstimates):
         """Paragraphs for the methods section of a paper, as the report has them."""
         return self.found.methods
 
+    @property
+    def advice(self) -> tuple[Advice, ...]:
+        """What to do next of all surfaces together, the best first, as `SpectrumEstimate.advice` of
+        each.
+        """
+        return self.found.advice.overall
+
     def facts(self) -> dict[str, Any]:
         """Everything that was found as plain numbers and sentences, by the keys of
         ``spectrabox run --json`` (docs/reference/json.md).
@@ -228,3 +236,15 @@ class MeasuredSpectra(SpectrumEstimates):
         verdict = Markup("<p>{}</p><pre>{}</pre>").format(
             self.found.verdict.line, conditions_text(self.found.conditions))
         return str(verdict) + super()._repr_html_()
+
+
+def advice_of(found: CaptureResult, name: str) -> tuple[Advice, ...]:
+    """What to do next of one surface.
+
+    Parameters
+    ----------
+    found : CaptureResult
+    name : str
+        Of the surface.
+    """
+    return found.advice.by_surface.get(name, ())

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from spectrabox.api.arguments import (
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import MeasuredSpectra
+from spectrabox.api.estimates import MeasuredSpectra, advice_of
 from spectrabox.api.photo import Photo, as_input_file
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
@@ -90,7 +91,8 @@ class FlatSpectra(MeasuredSpectra):
         found = flat_result(capture, records, picture_folder)
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
-                             rendered=False) for name in signals.names])
+                             partial(advice_of, found, name), rendered=False)
+            for name in signals.names])
         self.signals: SurfaceSignals = signals
         self.picture: PictureRecords | None = records.picture
         self.light: dict[str, tuple[float, float]] = found.light

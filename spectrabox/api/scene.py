@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ from spectrabox.api.arguments import (
 )
 from spectrabox.api.camera import CameraEstimate
 from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import MeasuredSpectra
+from spectrabox.api.estimates import MeasuredSpectra, advice_of
 from spectrabox.api.notebook import axes_for
 from spectrabox.api.photo import Photo, as_input_file, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
@@ -89,7 +90,8 @@ class SceneSpectra(MeasuredSpectra):
         found = scene_result(capture, records, rehearsal, picture_folder)
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
-                             rendered=True) for name in signals.names])
+                             partial(advice_of, found, name), rendered=True)
+            for name in signals.names])
         self.records = records
 
     @property

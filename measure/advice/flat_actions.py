@@ -1,0 +1,241 @@
+"""Flat samples after an action: the same regions as another photo would show them.
+
+Every function gives the signal of one region with the errors that it would have, by the functions
+that find it now: only what the action changes is another.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from spectrabox.measure.advice.forecast import Unknown, left_errors, total_covariance
+from spectrabox.measure.captured import FlatCapture
+from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.regions.flat_signals import flat_signals
+from spectrabox.measure.regions.moved_lamp import LEVEL
+from spectrabox.measure.regions.white import (
+    FlatErrors,
+    FlatPhoto,
+    PhotoWhite,
+    white_by_chart,
+    white_told_by,
+)
+from spectrabox.measure.steps.signals import flat_errors, flat_photos
+from spectrabox.radiometry.error_model import SAMPLE_PLANE
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.photos import RegionSamples
+from spectrabox.radiometry.records.spectra import SurfaceSignals
+from spectrabox.radiometry.records.states import CaptureStates, independent_states
+
+CARD = 0.9                  # reflectance of a white card
+BESIDE = 0.2                # lengths of the chart from the edge of a sample to the middle of a card
+GAP = 0.1                   # lengths of the chart from its patches to a sample right beside it
+MOVED = "moved lamp"
+BESIDE_IT, NEARER = "card beside ", "nearer "      # names of places, before that of their region
+
+
+@dataclass(frozen=True, eq=False)
+class FlatPhotos:
+    """Photos of flat samples with what is stated of them, as the step "signals" has them."""
+
+    capture: FlatCapture
+    photos: list[FlatPhoto]
+    errors: FlatErrors
+    bands: tuple[str, ...]
+
+    @cached_property
+    def whites(self) -> list[PhotoWhite | None]:
+        """Of each photo what white reads by the chart at its regions, at cards beside them, and
+        where they would lie right beside the chart.
+        """
+        return [_at_places(photo, self.errors) for photo in self.photos]
+
+    @cached_property
+    def whites_by_flat_field(self) -> list[PhotoWhite | None]:
+        """The same of photos that were divided by that of a white card."""
+        return [_at_places(photo, replace(self.errors, flat_field=True)) for photo in self.photos]
+
+    def signals(self, name: str, *, place: str = "", card: bool = False, flat_field: bool = False,
+                surface: str | None = None, moved: bool = False) -> SurfaceSignals:
+        """The signal of one region.
+
+        Parameters
+        ----------
+        name : str
+            Of the region.
+        place : str
+            NEARER for one that lies right beside the chart.
+        card : bool
+            Whether a white card lies beside it.
+        flat_field : bool
+            Whether photos were divided by that of a white card.
+        surface : str, optional
+            What is stated of it; by default what the capture states.
+        moved : bool
+            Whether there is one photo more, under the first lamp in another place.
+        """
+        region = place + name
+        photos, known = self.photos, dict(self.capture.known)
+        whites = self.whites_by_flat_field if flat_field else self.whites
+        if moved:
+            photos = [*photos, replace(photos[0], name=MOVED, lamp=MOVED, moved=True)]
+            whites = [*whites, whites[0]]
+        if card:
+            known[BESIDE_IT + name] = np.full(FINE_GRID.nm.size, CARD)
+        stated = surface or self.errors.surfaces.get(name)
+        errors = replace(self.errors, surfaces={} if stated is None else {region: stated})
+        told = [_told(photo, white, (region, *known), known, errors)
+                for photo, white in zip(photos, whites, strict=True)]
+        return flat_signals(photos, told, {region: self.capture.families[name]}, {}, self.bands,
+                            errors)
+
+
+def flat_photos_of(capture: FlatCapture, records: CaptureRecords) -> FlatPhotos:
+    """The photos of a capture.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of the steps up to the signals.
+    """
+    return FlatPhotos(capture, flat_photos(capture, records), flat_errors(capture, records),
+                      capture.band_names(records.photo.bands))
+
+
+def with_white_card(sample: FlatPhotos, name: str) -> SurfaceSignals:
+    """A region with a white card of known reflectance beside it in every photo."""
+    return sample.signals(name, card=True)
+
+
+def with_chart_nearer(sample: FlatPhotos, name: str) -> SurfaceSignals:
+    """A region right beside the chart in every photo."""
+    return sample.signals(name, place=NEARER)
+
+
+def with_flat_field(sample: FlatPhotos, name: str) -> SurfaceSignals:
+    """A region in photos that were divided by that of a white card in the samples' place."""
+    return sample.signals(name, flat_field=True)
+
+
+def stated_matt(sample: FlatPhotos, name: str) -> SurfaceSignals:
+    """A region that is stated to be matt."""
+    return sample.signals(name, surface="matt")
+
+
+def with_lamp_moved(sample: FlatPhotos, name: str) -> SurfaceSignals:
+    """A region with one photo more, under the first lamp in another place.
+
+    The light on it is taken to be as usual in both places: that one is off is rare.
+    """
+    after = sample.signals(name, moved=True)
+    states = after.states[0]
+    level = [name.startswith(LEVEL) for name in states.names]
+    usual = (states.means[:, level] == 0).all(axis=1)
+    weights = states.weights[usual]
+    return replace(after, states=(replace(
+        states, kinds=tuple(np.array(states.kinds)[usual].tolist()),
+        weights=weights / weights.sum(), means=states.means[usual],
+        covariances=states.covariances[usual]),))
+
+
+def with_level(unknown: Unknown) -> Unknown:
+    """The same with the level of the light in the sample's plane as a variable of the capture, as
+    it is between two places of a lamp, in place of an error.
+
+    Parameters
+    ----------
+    unknown : Unknown
+        Under a lamp that was not moved.
+    """
+    now = unknown.signals
+    signal, states = np.nan_to_num(now.signal[0]), now.states[0]
+    plane = next(error.covariance[0] for error in now.errors if error.cause == SAMPLE_PLANE)
+    variance = float((np.diag(plane)[signal > 0] / signal[signal > 0]**2).max())
+    level = CaptureStates((LEVEL,), (SAMPLE_PLANE,), signal[:, None], np.full(1, -1.0), ("",),
+                          np.ones(1), np.zeros((1, 1)), np.full((1, 1, 1), variance))
+    seen = np.isfinite(now.signal[0])
+    found = variance * signal[seen] @ np.linalg.solve(
+        total_covariance(now)[np.ix_(seen, seen)], left_errors(unknown)[seen])
+    return replace(unknown, variables=np.r_[unknown.variables, found], signals=replace(
+        now, states=(independent_states(states, level),),
+        errors=tuple(error for error in now.errors if error.cause != SAMPLE_PLANE)))
+
+
+def _told(photo: FlatPhoto, white: PhotoWhite | None, names: Sequence[str],
+          known: Mapping[str, np.ndarray], errors: FlatErrors) -> PhotoWhite | None:
+    """White at some places of a photo, the first of which it must show, as known ones tell."""
+    if white is None or names[0] not in white.samples.names:
+        return None
+    own = white.of_regions(_rows(white.samples, [name for name in names
+                                                if name in white.samples.names]))
+    return white_told_by(photo, own, known, errors)
+
+
+def _rows(samples: RegionSamples, names: Sequence[str]) -> RegionSamples:
+    """The samples of some places."""
+    chosen = [samples.names.index(name) for name in names]
+    return RegionSamples(
+        tuple(names), samples.mean[chosen], samples.covariance_of_mean[chosen],
+        samples.pixels[chosen], samples.scatter[chosen], samples.points_px[chosen],
+        None if samples.clipped is None else samples.clipped[chosen])
+
+
+def _at_places(photo: FlatPhoto, errors: FlatErrors) -> PhotoWhite | None:
+    """White at regions, then at cards beside them, then where they would lie beside the chart; a
+    card reads what it reflects, and a region reflects there what it does now.
+    """
+    samples = photo.samples
+    if samples is None:
+        return None
+    count = len(samples.names)
+    mean, covariance, pixels, scatter = (np.concatenate(3 * [values]) for values in (
+        samples.mean, samples.covariance_of_mean, samples.pixels, samples.scatter))
+    places = RegionSamples(
+        (*samples.names, *(BESIDE_IT + name for name in samples.names),
+         *(NEARER + name for name in samples.names)), mean, covariance, pixels, scatter,
+        np.concatenate([samples.points_px, _beside(photo), _by_the_chart(photo)]),
+        None if samples.clipped is None else np.concatenate(3 * [samples.clipped]))
+    white = white_by_chart(replace(photo, samples=places), errors)
+    assert white is not None
+    here, beside, nearer = np.split(white.white, 3)
+    mean = np.concatenate([samples.mean, CARD * beside + white.glare,
+                           (samples.mean - white.glare) * nearer / here + white.glare])
+    covariance[count:2 * count] *= (mean[count:2 * count].max(axis=1)
+                                    / samples.mean.max(axis=1))[:, None, None]
+    clipped = white.samples.clipped
+    if clipped is not None:         # a card is exposed well, in all bands that the chart tells of
+        clipped = clipped.copy()
+        clipped[count:2 * count] = photo.lost_bands
+    return replace(white, samples=replace(white.samples, mean=mean, covariance_of_mean=covariance,
+                                          clipped=clipped))
+
+
+def _beside(photo: FlatPhoto) -> np.ndarray:
+    """Points (R, Q, 2) of cards beside the regions of a photo, towards its middle."""
+    assert photo.samples is not None
+    points = photo.samples.points_px
+    size = np.array(photo.image.signal.shape[1::-1]) * photo.image.sensor_step
+    away = np.ptp(points, axis=1).max(axis=1) + BESIDE * _length(photo)
+    inward = size / 2 - points.mean(axis=1)
+    along_x = np.abs(inward[:, 0]) > np.abs(inward[:, 1])
+    turned = np.where(along_x[:, None], [1.0, 0.0], [0.0, 1.0]) * np.where(inward < 0, -1.0, 1.0)
+    return np.asarray(points + (away[:, None] * turned)[:, None])
+
+
+def _by_the_chart(photo: FlatPhoto) -> np.ndarray:
+    """Points (R, Q, 2) of the regions of a photo if they lay right beside its chart."""
+    assert photo.samples is not None
+    points, patches = photo.samples.points_px, photo.patches_px.reshape(-1, 2)
+    half = np.ptp(points, axis=1) / 2 + GAP * _length(photo)
+    middle = points.mean(axis=1)
+    nearest = np.clip(middle, patches.min(axis=0) - half, patches.max(axis=0) + half)
+    return np.asarray(points + (nearest - middle)[:, None])
+
+
+def _length(photo: FlatPhoto) -> float:
+    """Length of the chart in pixels."""
+    return float(np.ptp(photo.patches_px.reshape(-1, 2), axis=0).max())

@@ -1,0 +1,144 @@
+"""How well a spectrum would be known after an action, by the solver that finds it now.
+
+A surface now has a reflectance r and variables v of its capture, such as its gloss; what they leave
+of its signal are the errors e, of covariance S. An action makes the errors of the bands others, or
+adds bands. With S' their covariance after it, and C the part of S' between all bands and the first
+ones, the signal to expect is
+
+    signal' = response' r + pattern' v' + C S^-1 e
+
+since what an action takes off an error is independent of what it leaves. It is solved as the photo
+will be. Of r, v and e the expected values serve: the mean over draws of them is within 1 % of it
+for bands, and takes as many times longer as there are draws.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from spectrabox.measure.surfaces.surface_signals import measurement
+from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records.spectra import SurfaceSignals
+from spectrabox.radiometry.records.states import CaptureStates
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
+
+SLOPE = 1e-3            # of reflectance, by which a colour's derivative is found
+RANK = 1e-9             # of the largest variance: smaller ones are none
+LEAST = 1e-6            # standard deviation of a variable that is certain
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """How well a spectrum is known."""
+
+    width: float            # of the band, mean over wavelength
+    colour: float           # CIEDE2000 under D65 from the mean, root mean square
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """One surface as it is known now."""
+
+    prior: LogitMixture
+    level: float                    # of the band
+    signals: SurfaceSignals         # of it alone
+    spectrum: np.ndarray            # (61,) mean reflectance
+    variables: np.ndarray           # (V,) mean of what its states add
+
+
+def outlook_of(posterior: SignalPosterior, level: float) -> Outlook:
+    """How well a spectrum is known by its posterior.
+
+    Parameters
+    ----------
+    posterior : SignalPosterior
+    level : float
+        Of the band.
+    """
+    lower, upper = posterior.band(level)
+    mean = posterior.mean
+    colour = reflectance_to_lab(PRIOR_GRID.nm, mean)
+    slope = (reflectance_to_lab(PRIOR_GRID.nm, mean + SLOPE * np.eye(mean.size)) - colour).T / SLOPE
+    values, vectors = np.linalg.eigh(slope @ posterior.covariance @ slope.T)
+    off = ciede2000(colour, colour + (np.sqrt(np.maximum(values, 0)) * vectors).T)
+    return Outlook(float(np.mean(upper - lower)), float(np.sqrt(np.sum(off**2))))
+
+
+def outlook_now(unknown: Unknown) -> Outlook:
+    """How well the spectrum is known now."""
+    return outlook_stated(unknown, unknown.signals)
+
+
+def outlook_stated(unknown: Unknown, stated: SurfaceSignals) -> Outlook:
+    """How well the spectrum is known by the signal that there is, once something more is stated.
+
+    Parameters
+    ----------
+    unknown : Unknown
+    stated : SurfaceSignals
+        Of the surface alone.
+    """
+    return outlook_of(solve_posterior(unknown.prior, measurement(stated, 0)), unknown.level)
+
+
+def outlook_after(unknown: Unknown, after: SurfaceSignals) -> Outlook:
+    """How well the spectrum is likely to be known after an action.
+
+    Parameters
+    ----------
+    unknown : Unknown
+    after : SurfaceSignals
+        Of the surface alone, whose first bands are those of now; their signals are not looked at.
+    """
+    return outlook_stated(unknown, replace(after, signal=_expected_signal(unknown, after)[None]))
+
+
+def left_errors(unknown: Unknown) -> np.ndarray:
+    """What reflectance and variables leave of the signal (J,); NaN in bands that do not show it."""
+    now = unknown.signals
+    errors = now.signal[0] - now.response @ interpolation_matrix(
+        PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
+    return np.asarray(errors - now.states[0].pattern @ unknown.variables if now.states else errors)
+
+
+def total_covariance(signals: SurfaceSignals) -> np.ndarray:
+    """Covariance (J, J) of one surface's signal by all errors but its states."""
+    return np.asarray(np.sum([error.covariance[0] for error in signals.errors], axis=0))
+
+
+def _expected_signal(unknown: Unknown, after: SurfaceSignals) -> np.ndarray:
+    """The signal (J,) that the surface is likely to give; NaN in bands that do not show it."""
+    now = unknown.signals
+    seen = np.flatnonzero(np.isfinite(now.signal[0]))
+    before, shared = total_covariance(now)[np.ix_(seen, seen)], total_covariance(after)[:, seen]
+    errors = shared @ np.linalg.lstsq(before, left_errors(unknown)[seen], rcond=RANK)[0]
+    signal = after.response @ interpolation_matrix(PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum \
+        + errors
+    if after.states:
+        signal += after.states[0].pattern @ _variables_given(after.states[0], now.states[0].names,
+                                                             unknown.variables)
+    signal[:now.signal.size][np.isnan(now.signal[0])] = np.nan
+    return np.asarray(signal)
+
+
+def _variables_given(states: CaptureStates, names: Sequence[str],
+                     values: np.ndarray) -> np.ndarray:
+    """Means (V,) of the variables of states, some of which have the values (v,) of these names."""
+    given = [states.names.index(name) for name in names]
+    rest = [index for index in range(len(states.names)) if index not in given]
+    variables = np.zeros(len(states.names))
+    variables[given] = values
+    if rest:
+        own = states.covariances[:, given][:, :, given] + LEAST**2 * np.eye(len(given))
+        off = (values - states.means[:, given])[..., None]
+        solved = np.linalg.solve(own, off)
+        log = np.log(states.weights) - ((off * solved).sum(axis=(1, 2))
+                                        + np.linalg.slogdet(own)[1]) / 2
+        shares = np.exp(log - log.max())
+        means = states.means[:, rest] + (states.covariances[:, rest][:, :, given] @ solved)[..., 0]
+        variables[rest] = shares / shares.sum() @ means
+    return np.maximum(variables, states.least)

@@ -1,0 +1,125 @@
+"""A surface with one measurement more: a photo through a filter, under another lamp, a reading."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from spectrabox.measure.advice.forecast import Unknown, total_covariance
+from spectrabox.measure.more_bands.further_photos import FurtherPhoto
+from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
+from spectrabox.measure.regions.moved_lamp import LEVEL
+from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, measurement
+from spectrabox.radiometry.covariance import block_diagonal
+from spectrabox.radiometry.error_model import PHOTO_NOISE
+from spectrabox.radiometry.gloss import gloss_states
+from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.spectra import SignalError, SurfaceSignals
+from spectrabox.radiometry.records.states import CaptureStates
+from spectrabox.sampling.further.more_measurements import Reading
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+
+READING_ERROR = 0.005       # standard error of a reading: that of a good instrument
+
+
+@dataclass(frozen=True, eq=False)
+class ChartFitted:
+    """What errors of further photos come from, where a chart was fitted."""
+
+    calibration: Calibration        # of the first photo
+    chart: np.ndarray               # (I, 301) reflectances of the patches
+    patch_error: float              # relative, of a patch in one band against the model
+
+
+def with_reading(unknown: Unknown, nm: float) -> SurfaceSignals:
+    """A surface whose reflectance is read at one wavelength.
+
+    Parameters
+    ----------
+    unknown : Unknown
+    nm : float
+    """
+    now = unknown.signals
+    row = Reading.at_wavelength(nm, 0.0).row(now.grid)
+    return _with_bands(now, row[None], block_diagonal(total_covariance(now),
+                                                      np.array([[READING_ERROR**2]])),
+                       tuple(_pad(states, 1) for states in now.states))
+
+
+def may_add_photos(unknown: Unknown, bands: int) -> bool:
+    """Whether what further photos err by is known of a surface: there is one photo, which shows it
+    in all its bands, and they are few.
+
+    Parameters
+    ----------
+    unknown : Unknown
+    bands : int
+        Of a photo.
+    """
+    return bool(np.isfinite(unknown.signals.signal).all()) \
+        and unknown.signals.signal.size == bands <= FEW_BANDS
+
+
+def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndarray,
+                fitted: ChartFitted | None, stated: str | None) -> SurfaceSignals | None:
+    """A surface in further photos through filters or under other lamps; None where what it mirrors
+    under another lamp is not known.
+
+    Parameters
+    ----------
+    unknown : Unknown
+        Whose first bands are those of the photo that filters are used under.
+    photos : sequence of FurtherPhoto
+    white : (K,) array
+        Signal of white in the first photo, that of the brightest band being 1.
+    fitted : ChartFitted or None
+        None: photos err by noise alone.
+    stated : str or None
+        What is stated of its surface, as of ``gloss.gloss_states``.
+    """
+    now = replace(unknown.signals, states=())
+    measured = measurement(now, 0)
+    spectrum = interpolation_matrix(PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
+    response, covariances = joined_errors(
+        [measured], spectrum[None], photos, white, None if fitted is None else [
+            Surface(now, 0, fitted.calibration, fitted.chart, fitted.patch_error)])
+    further = response[measured.signal.size:]
+    seen = [photo.same_lamp for photo in photos for dark in np.isin(
+        np.arange(len(white)), photo.dark) if not dark]
+    states = _states_with(unknown.signals.states, further @ spectrum, now.signal[0], seen, stated)
+    return None if states is None else _with_bands(unknown.signals, further, covariances[0], states)
+
+
+def _states_with(states: tuple[CaptureStates, ...], further: np.ndarray, signal: np.ndarray,
+                 same_lamp: Sequence[bool], stated: str | None) -> tuple[CaptureStates, ...] | None:
+    """What the capture may add to the bands of further photos too, by their signals (n,)."""
+    if not states:
+        return ()
+    own = states[0]
+    if all(same_lamp):
+        scale = np.where([name.startswith(LEVEL) for name in own.names],
+                         further[:, None] / signal[0], 1.0)
+        return (replace(own, pattern=np.vstack([own.pattern, scale * own.pattern[0]])),)
+    if any(name.startswith(LEVEL) for name in own.names) or not own.pattern.any():
+        return None
+    lamps = [own.names[int(row.argmax())] for row in own.pattern]
+    return (gloss_states(stated, lamps + [lamps[0] if same else "another" for same in same_lamp]),)
+
+
+def _with_bands(now: SurfaceSignals, response: np.ndarray, covariance: np.ndarray,
+                states: tuple[CaptureStates, ...]) -> SurfaceSignals:
+    """The surface with bands of these responses (n, P) added, whose signals are not there yet."""
+    count = len(response)
+    return replace(
+        now, bands=now.bands + tuple(f"further {number + 1}" for number in range(count)),
+        view_of_band=np.r_[now.view_of_band, np.full(count, now.view_of_band.max() + 1)],
+        response=np.vstack([now.response, response]),
+        signal=np.hstack([now.signal, np.zeros((1, count))]),
+        errors=(SignalError(PHOTO_NOISE, covariance[None]),), states=states)
+
+
+def _pad(states: CaptureStates, bands: int) -> CaptureStates:
+    """The same, of bands more to which nothing is added."""
+    return states.through(np.eye(len(states.pattern) + bands, len(states.pattern)))
