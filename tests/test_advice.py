@@ -1,0 +1,151 @@
+"""What to do next: forecasts are those of the solver, and name what can be done."""
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flat_example import rect_of, write_flat
+
+import spectrabox as sb
+from spectrabox.measure.advice.advice import ACTIONS, HOW_TO, advice, advised, ranked
+from spectrabox.measure.advice.advise import advice_on_capture
+from spectrabox.measure.advice.flat_actions import flat_photos_of, with_level
+from spectrabox.measure.advice.forecast import (
+    Outlook,
+    Unknown,
+    outlook_after,
+    outlook_now,
+    outlook_of,
+)
+from spectrabox.measure.advice.further import with_reading
+from spectrabox.measure.surfaces.surface_signals import alone
+from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
+from spectrabox.radiometry.records.spectra import SignalError
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
+
+ROOT = Path(__file__).resolve().parents[1]
+REGIONS = ("green_wall", "red_wall", "cube")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("advice")
+    write_flat(folder)
+    return folder
+
+
+def measured(folder, names=REGIONS, **stated):
+    return sb.flat(folder / "photos" / "sample.dng", {name: rect_of(name) for name in names},
+                   light=folder / "spectra" / "light.csv", **stated)
+
+
+@pytest.fixture(scope="module")
+def plain(folder):
+    return measured(folder)
+
+
+def unknown_of(result, name):
+    """A surface of a result, as it is known now."""
+    capture, records = result.found.advise.args
+    signals = alone(records.signals, records.signals.names.index(name))
+    found = records.sample.spectra[name]
+    return Unknown(load_prior(), 0.95, signals, found.samples.spectra.mean(axis=0),
+                   found.states.mean), flat_photos_of(capture, records)
+
+
+def test_every_action_is_explained_on_its_page():
+    page = (ROOT / HOW_TO).read_text(encoding="utf-8")
+    anchors = {title.lower().replace(" ", "-") for title in re.findall(r"^## (.+)$", page, re.M)}
+    assert set(ACTIONS) <= anchors
+
+
+def test_doing_nothing_brings_nothing(plain):
+    unknown, sample = unknown_of(plain, "red_wall")
+    now, after = outlook_now(unknown), outlook_after(unknown, unknown.signals)
+    assert after.width == pytest.approx(now.width, rel=1e-6)
+    again = outlook_after(unknown, sample.signals("red_wall"))
+    assert again.width == pytest.approx(now.width, rel=1e-3)
+    assert again.colour == pytest.approx(now.colour, rel=1e-3)
+
+
+def test_a_level_that_is_a_variable_errs_as_one_that_is_an_error(plain):
+    unknown, _ = unknown_of(plain, "red_wall")
+    now, turned = outlook_now(unknown), outlook_now(with_level(unknown))
+    assert turned.width == pytest.approx(now.width, rel=1e-3)
+
+
+def test_colours_err_as_those_of_draws(plain):
+    unknown, _ = unknown_of(plain, "cube")
+    posterior = solve_posterior(unknown.prior, plain["cube"].measurement)
+    drawn = reflectance_to_lab(PRIOR_GRID.nm, posterior.draws(4000, 1))
+    middle = reflectance_to_lab(PRIOR_GRID.nm, posterior.mean)
+    by_draws = np.sqrt(np.mean(ciede2000(middle, drawn)**2))
+    assert outlook_of(posterior, 0.95).colour == pytest.approx(by_draws, rel=0.1)
+
+
+def test_less_error_is_a_narrower_band_and_the_forecast_signal_stays(plain):
+    unknown, _ = unknown_of(plain, "green_wall")
+    widths = [outlook_after(unknown, replace(unknown.signals, errors=tuple(
+        SignalError(error.cause, share * error.covariance)
+        for error in unknown.signals.errors))).width for share in (1.0, 0.5, 0.1)]
+    assert widths == sorted(widths, reverse=True) and widths[0] > 1.02 * widths[2]
+
+
+def test_a_reading_is_forecast_as_it_comes(plain):
+    unknown, _ = unknown_of(plain, "red_wall")
+    now, after = outlook_now(unknown), outlook_after(unknown, with_reading(unknown, 650.0))
+    assert after.width < now.width
+
+
+def test_the_list_is_of_what_can_still_be_done(folder, plain):
+    actions = {one.action for one in plain["cube"].advice}
+    assert {"gel", "reading", "matt"} <= actions
+    capture, records = measured(folder, (*REGIONS, "white_wall"), known={
+        "white_wall": folder / "spectra" / "white_wall.csv"}, surface="matt").found.advise.args
+    later = advice_on_capture(capture, records)
+    assert "white_wall" not in later.by_surface
+    assert not {"white-card", "matt"} & {one.action for each in later.by_surface.values()
+                                        for one in each}
+
+
+def test_a_white_card_brings_what_was_said(folder, plain):
+    """Carried out: the white paint beside the others is the card."""
+    carded = measured(folder, (*REGIONS, "white_wall"),
+                      known={"white_wall": folder / "spectra" / "white_wall.csv"})
+    sample, _ = unknown_of(plain, REGIONS[0])
+    for name in REGIONS:
+        unknown, sample = unknown_of(plain, name)
+        said = outlook_after(unknown, sample.signals(name, card=True)).width
+        ratio = said / outlook_now(unknown).width
+        got = carded[name].band_width / plain[name].band_width
+        assert ratio == pytest.approx(got, abs=0.1)
+
+
+def test_the_narrowest_comes_first_and_little_is_not_said(plain):
+    for each in (plain.advice, *(one.advice for one in plain.values())):
+        after = [one.width_after for one in each]
+        assert after == sorted(after)
+        assert all(one.width_after < 0.98 * one.width_before for one in each)
+        assert all(one.width_before == pytest.approx(each[0].width_before) for one in each)
+    assert plain["cube"].advice[0].width_before == pytest.approx(plain["cube"].band_width, rel=0.01)
+
+
+def test_a_list_of_all_has_means():
+    wide, narrow = Outlook(0.2, 3.0), Outlook(0.1, 1.0)
+    gel = advice("gel", wide, Outlook(0.1, 1.5), "a gel")
+    together = advised({"one": [gel], "other": []}, {"one": wide, "other": narrow})
+    (found,) = together.overall
+    assert found.width_before == pytest.approx(0.15) and found.width_after == pytest.approx(0.1)
+    assert found.colour_before == pytest.approx(2.0) and found.colour_after == pytest.approx(1.25)
+    assert together.by_surface == {"one": (gel,), "other": ()}
+    assert not ranked([advice("matt", wide, replace(wide, width=0.199))])
+
+
+def test_text_and_json_say_the_same(plain):
+    said = plain.facts()["advice"]
+    assert plain.text().splitlines()[-1] == f"next: {plain.advice[0].text}"
+    assert said["overall"][0] == plain.advice[0].facts
+    assert [one["action"] for one in said["surfaces"]["cube"]] == [
+        one.action for one in plain["cube"].advice]
