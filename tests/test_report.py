@@ -25,6 +25,7 @@ from spectrabox.sampling.prior.family_coverage import (
     FamilyCertificate,
     FamilyCoverage,
 )
+from spectrabox.session.report.cards import assumed_of_all
 from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.numbers import scene_numbers
 from spectrabox.session.report.page import write_report
@@ -202,12 +203,13 @@ def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_show
                                   sentence=Outcome.UNFAMILIAR.value)
     surfaces = (dataclasses.replace(first, samples=samples), *results.found.surfaces[1:])
     page = written(with_found(results, surfaces=surfaces))
-    section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
-    assert f'<p class="doubt">{Outcome.UNFAMILIAR.value}</p>' in section
-    assert 'class="doubt"' not in page.split('<h3 id="material-2">')[1]
+    card = card_of(page, 1)
+    assert f'href="#material-1">{first.name}</a>' in card
+    assert f'<p class="doubt">{Outcome.UNFAMILIAR.value}</p>' in card
+    assert '<p class="doubt"' not in card_of(page, 2)
 
 
-def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path):
+def test_how_a_family_was_certified_is_said_once_and_marked_where_the_material_is_shown(tmp_path):
     results = example_session(tmp_path)
     certificate = FamilyCertificate(False, 2, 600, BandCertificate(0.915, 0.193),
                                     BandCertificate(0.891, 0.164))
@@ -216,8 +218,8 @@ def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path
     results = with_found(results, surfaces=(first, *results.found.surfaces[1:]))
     page = written(results)
     said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"
-    section = page.split(f'<h3 id="material-1">{first.name}</h3>')[1].split("<h3")[0]
-    assert said in section and page.count("Tested on unseen surfaces") == 1
+    assert page.count(said) == page.count("Tested on unseen surfaces") == 1
+    assert '<span class="doubt">textile 70 %</span>' in card_of(page, 1)
     assert "textile" not in results.text()
     facts = results.facts()["materials"]
     assert facts[0]["families"] == [{"name": "textile", "share": 0.7, "stated": False,
@@ -225,6 +227,13 @@ def test_how_a_family_was_certified_is_said_where_the_material_is_shown(tmp_path
     assert facts[1]["families"] == []
     numbers = scene_numbers(results.found)["materials"]
     assert [each["families"] for each in numbers[:2]] == [facts[0]["families"], []]
+
+
+def test_what_all_bands_rest_on_is_said_once(usual):
+    results, text = usual
+    shown = text.split('<script type="application/json" id="spectrabox-results">')[0]
+    sentences = assumed_of_all(results.found.surfaces)
+    assert sentences and all(shown.count(html.escape(one)) == 1 for one in sentences)
 
 
 def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
@@ -313,6 +322,11 @@ def test_residuals_are_relative_to_the_photo_and_absent_where_not_used(usual):
                              (plain_line("a\n b\x07 c" + "d" * 90, 12), "a b c" + "d" * 6 + "…")])
 def test_numbers_are_written_for_people(said, expected):
     assert said == expected
+
+
+def card_of(page, number):
+    """The card of a surface, as HTML."""
+    return page.split(f'<article class="card" id="material-{number}"')[1].split("</article>")[0]
 
 
 def with_ratio(results, ratio):

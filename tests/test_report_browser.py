@@ -122,6 +122,7 @@ def test_plots_are_read_out_and_tables_opened_by_keyboard_alone(opened):
 
 def test_a_table_that_is_wider_than_the_screen_is_scrolled_by_keyboard(opened):
     page = opened(WIDTHS[1])
+    page.evaluate(UNFOLD)
     wide = page.evaluate("[...document.querySelectorAll('.scroll')].filter((box) =>"
                          " !box.closest('details:not([open])')"
                          " && box.scrollWidth > box.clientWidth + 1).length")

@@ -15,7 +15,7 @@ CONTRASTS = """() => {
     if (c.length < 4 || c[3] > 0.5) return c; }
     return [255, 255, 255]; };
   return [...document.querySelectorAll("p, td, th, h1, h2, h3, a, figcaption, summary, code, li")]
-    .filter((n) => n.innerText.trim() && !n.closest("svg")).map((n) => {
+    .filter((n) => !n.closest("svg") && n.innerText.trim()).map((n) => {
       const [a, b] = [light(numbers(getComputedStyle(n).color)), light(behind(n))];
       return [(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05),
               n.tagName + " " + n.innerText.slice(0, 40)]; });

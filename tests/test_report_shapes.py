@@ -137,7 +137,7 @@ def test_page_and_data_hold_the_same_numbers(written):
     embedded = json.loads(report.numbers)
     assert {key: embedded[key] for key in numbers} == numbers
     colour = embedded["chart"]["swatches"]["predicted"][SOILED]
-    assert f'background: {colour}"' in report.page and "width: 70.0%" in report.page
+    assert f'background: {colour}"' in report.page and ">paint 70\u00a0%</span>" in report.page
 
 
 def test_the_share_of_the_prior_is_drawn_as_high_as_it_is():

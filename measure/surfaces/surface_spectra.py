@@ -164,9 +164,9 @@ def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -
     """What the band rests on, in words."""
     errors = ", ".join(f"{100 * error:.2g}"
                        for error in np.sqrt(np.diag(without_states(measured).noise_covariance)))
-    return (f"Assumes Gaussian signal errors of {errors} % of white, the prior and sampler "
-            f"{draws.method}, and, for the exact bounds, splines of "
-            f"{draws.coefficients.shape[1]} coefficients between 0 and 1. {draws.sentence}")
+    return (f"Assumes Gaussian signal errors of {errors} % of white. Prior and sampler: "
+            f"{draws.method}; exact bounds: of splines of {draws.coefficients.shape[1]} "
+            f"coefficients between 0 and 1. {draws.sentence}")
 
 
 def resample_summary(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:

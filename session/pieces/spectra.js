@@ -60,7 +60,7 @@ export function valueWords(spectrum, at) {
 // pointer is at (index -1: none), `onChoose(index)` which one was clicked or, with Enter, chosen.
 // Arrow keys move along a line and to the next. Returns {svg, show(index), choose(indices)}.
 export function spectraPlot(label, spectra, { width = 640, height = 420, onShow = () => {}, onChoose = () => {} } = {}) {
-  const named = spectra.length * 13 <= height - 40, right = width - (named ? 122 : 10), bottom = height - 34;
+  const named = spectra.length * 13 <= height - 40, right = width - (named ? 130 : 10), bottom = height - 34;
   const svg = node("svg", { class: "spectra", role: "img", "aria-label": label, tabindex: 0, viewBox: `0 0 ${width} ${height}` });
   const { parts, ends, across, up, line, band } = axes(spectra, [34, 8, right, bottom], 50, 0.2);
   svg.append(...parts, node("text", { x: (34 + right) / 2, y: height - 4, "text-anchor": "middle" }, "Wavelength (nm)"));
@@ -83,7 +83,7 @@ export function spectraPlot(label, spectra, { width = 640, height = 420, onShow 
     ordered.forEach(([y], k) => places.push(Math.max(y, k ? places[k - 1] + gap : 14)));
     for (let k = places.length - 1, lowest = bottom; k >= 0; k -= 1, lowest = places[k + 1] - gap) places[k] = Math.min(places[k], lowest);
     ordered.forEach(([y, i], k) => {
-      const name = spectra[i].name, short = name.length > 14 ? `${name.slice(0, 13)}…` : name;
+      const name = spectra[i].name, short = name.length > 13 ? `${name.slice(0, 12)}…` : name;
       curves[i].append(node("path", { class: "lead", d: `M${right + 1} ${y.toFixed(1)}L${right + 9} ${places[k].toFixed(1)}` }),
         node("rect", { x: right + 10, y: (places[k] - 5).toFixed(1), width: 10, height: 10, fill: spectra[i].hex, stroke: "#8b929b" }),
         node("text", { x: right + 25, y: (places[k] + 4).toFixed(1) }, short));

@@ -1,27 +1,55 @@
-"""The answer at a glance: one card a surface, with its colour, its spectrum and its doubts."""
+"""One card a surface: its colour, spectrum and doubts at a glance, and folded on it all details."""
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from markupsafe import Markup
 
 from spectrabox.measure.results.surface_result import SurfaceResult
+from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
+from spectrabox.sampling.prior.family_coverage import FamilyCoverage, certified_sentence
+from spectrabox.session.report.metamers import metamer_drawing
 from spectrabox.session.report.patch_colours import css_colour, hex_colour
+from spectrabox.session.report.small_figures import error_budget_bars
+from spectrabox.session.report.spectra import every_10_nm, spectrum_figure, surface_curves
+from spectrabox.session.report.svg import Drawing
 
-LEFT, TOP, WIDTH, HEIGHT = 24.0, 6.0, 220.0, 104.0     # of the plotted area, in SVG units
-TICKS_NM, LEVELS = (400, 500, 600, 700), (0.0, 0.5, 1.0)
+MAX_CAUSES, SMALL_SHARE = 3, 0.01     # of the spectrum's variance, named on a card
 UNTESTED = "band of untested coverage"
+END_OF_SENTENCE = re.compile(r"(?<=\.) ")
+
+
+@dataclass(frozen=True, eq=False)
+class Metamers:
+    """Two spectra of a surface that the photo cannot tell apart, under several lights."""
+
+    pair: MetamerPair
+    drawing: Markup
+
+    @property
+    def lights(self) -> list[tuple[str, str, str, float]]:
+        """Of each light its name, both colours as CSS writes them, and their CIEDE2000."""
+        return [(name, css_colour(one), css_colour(other), float(difference))
+                for name, (one, other), difference
+                in zip(LIGHTS, self.pair.srgb, self.pair.delta_e00, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
 class Card:
-    """What a reader who stops here should know of one surface."""
+    """What the report shows of one surface."""
 
-    id: str                     # of its section on the page
+    id: str                         # on the page
+    index: int                      # among the surfaces of the page's numbers
     surface: SurfaceResult
-    spectrum: Markup            # small SVG
-    doubts: tuple[str, ...]     # in few words; empty where nothing speaks against the estimate
+    doubts: tuple[str, ...]         # in few words; empty where nothing speaks against the estimate
+    figure: Markup
+    budget: Drawing | None
+    metamers: Metamers | None
+    columns: tuple[str, ...]
+    rows: list[list[float]]         # every 10 nm: the wavelength, then the columns
+    assumes: str                    # what its band rests on, and not those of all surfaces
 
     @property
     def css(self) -> str:
@@ -33,58 +61,56 @@ class Card:
         """The colour as web pages write it."""
         return hex_colour(self.surface.srgb)
 
-
-def answer_card(number: int, surface: SurfaceResult, doubts: tuple[str, ...]) -> Card:
-    """The card of one surface.
-
-    Parameters
-    ----------
-    number : int
-        On the page.
-    surface : SurfaceResult
-    doubts : tuple of str
-        Names of the criteria that it does not pass.
-    """
-    if surface.untested:
-        doubts += (UNTESTED,)
-    return Card(f"material-{number}", surface, small_spectrum(surface), doubts)
+    @property
+    def largest_causes(self) -> list[tuple[str, float]]:
+        """Causes of the spectrum's variance with their shares."""
+        causes = sorted(self.surface.variance_shares.items(), key=lambda cause: -cause[1])
+        return [cause for cause in causes[:MAX_CAUSES] if cause[1] >= SMALL_SHARE]
 
 
-def small_spectrum(surface: SurfaceResult) -> Markup:
-    """Mean and band of a surface, and its measured truth where there is one, as a small drawing.
+def answer_cards(surfaces: Sequence[SurfaceResult],
+                 doubts: Mapping[str, tuple[str, ...]]) -> list[Card]:
+    """A card for each surface, those whose spectrum was given last.
 
     Parameters
     ----------
-    surface : SurfaceResult
+    surfaces : sequence of SurfaceResult
+    doubts : mapping
+        From the name of a surface to the criteria that it does not pass.
     """
-    summary, truth, nm, mean = surface.summary, surface.truth, surface.nm, surface.mean
-    tops = [mean, *([] if summary is None else [summary.upper]),
-            *([] if truth is None else [truth.values])]
-    top = max(1.0, *(float(np.nanmax(values)) for values in tops))
+    common = assumed_of_all(surfaces)
+    ordered = sorted(enumerate(surfaces), key=lambda each: each[1].known)
+    return [_card(number, index, surface, doubts.get(surface.name, ()), common)
+            for number, (index, surface) in enumerate(ordered, start=1)]
 
-    def points(x: np.ndarray, values: np.ndarray) -> str:
-        across = LEFT + (x - nm[0]) / (nm[-1] - nm[0]) * WIDTH
-        up = TOP + HEIGHT * (1 - np.clip(values, 0, top) / top)
-        return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True))
 
-    foot, parts = TOP + HEIGHT, []
-    for value in LEVELS:
-        y = TOP + HEIGHT * (1 - value / top)
-        parts.append(f'<path class="grid" d="M{LEFT} {y:.1f}h{WIDTH}"/><text x="{LEFT - 4}" '
-                     f'y="{y + 3.5:.1f}" text-anchor="end">{value:g}</text>')
-    for at in TICKS_NM:
-        if nm[0] <= at <= nm[-1]:
-            x = LEFT + (at - nm[0]) / (nm[-1] - nm[0]) * WIDTH
-            parts.append(f'<path class="grid" d="M{x:.1f} {TOP}V{foot}"/><text x="{x:.1f}" '
-                         f'y="{foot + 13}" text-anchor="middle">{at}</text>')
-    if summary is not None:
-        around = f"{points(nm, summary.lower)} {points(nm[::-1], summary.upper[::-1])}"
-        parts.append(f'<polygon class="band" points="{around}"/>')
-    parts.append(f'<polyline class="mean" points="{points(nm, mean)}"/>')
-    if truth is not None:
-        inside = (truth.grid.nm >= nm[0]) & (truth.grid.nm <= nm[-1]) & np.isfinite(truth.values)
-        drawn = points(truth.grid.nm[inside], truth.values[inside])
-        parts.append(f'<polyline class="truth" points="{drawn}"/>')
-    name = f"Reflectance of {surface.name} over wavelength in nm"
-    return Markup('<svg class="small" role="img" aria-label="{}" viewBox="0 0 {} {}">{}</svg>'
-                  ).format(name, LEFT + WIDTH + 12, foot + 17, Markup("".join(parts)))
+def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ...],
+          common: Sequence[str]) -> Card:
+    curves, metamers = surface_curves(surface), None
+    told = "" if surface.samples is None else surface.samples.sentence  # where it is doubtful
+    if surface.metamers is not None:
+        metamers = Metamers(surface.metamers, metamer_drawing(surface.metamers))
+    return Card(
+        f"material-{number}", index, surface, (*doubts, UNTESTED) if surface.untested else doubts,
+        spectrum_figure(f"spectrum-{number}", surface),
+        error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),
+        every_10_nm(surface.nm, curves),
+        " ".join(one for one in _assumptions(surface) if one not in common and one not in told))
+
+
+def assumed_of_all(surfaces: Sequence[SurfaceResult]) -> list[str]:
+    """Sentences on what the bands of all estimated surfaces rest on."""
+    of_each = [_assumptions(surface) for surface in surfaces if not surface.known]
+    return [one for one in of_each[0] if all(one in others for others in of_each[1:])] \
+        if of_each else []
+
+
+def tested_families(surfaces: Sequence[SurfaceResult]) -> str:
+    """What 95 % bands held of all families that any surface may be of."""
+    families: dict[str, FamilyCoverage] = {family.words: family for surface in surfaces
+                                           for family in surface.families}
+    return certified_sentence(tuple(families.values()))
+
+
+def _assumptions(surface: SurfaceResult) -> list[str]:
+    return [] if surface.summary is None else END_OF_SENTENCE.split(surface.summary.conditional_on)

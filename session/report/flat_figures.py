@@ -1,6 +1,7 @@
 """Figures of photos of flat samples: what they show, and the light over them."""
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,14 @@ from spectrabox.session.report.pictures import (
     picture_data_uri,
     pixels_data_uri,
 )
-from spectrabox.session.report.svg import Plot, nice_ticks, plain_line, tick_labels
+from spectrabox.session.report.svg import (
+    MarkLink,
+    Plot,
+    nice_ticks,
+    path,
+    plain_line,
+    tick_labels,
+)
 
 WIDTH, MAP = 446.0, 216.0           # in points, of the photo and of the map of the light
 BAR, BAR_SHADES = 9.0, 64           # width in points of the bar of colours, and its shades
@@ -21,9 +29,10 @@ CHART, REGION, EDGE, RIM = "#ffffff", "#ffd34d", "#ff5a3c", "#000"
 CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 
-def photo_figure(name: str, photo: PhotoOfRegions, preview: Path) -> Markup:
+def photo_figure(name: str, photo: PhotoOfRegions, preview: Path,
+                 links: Mapping[str, MarkLink]) -> Markup:
     """The photo with its chart and regions outlined, edges across these and the larger part beside
-    them in red; the axes count pixels.
+    them in red; the axes count pixels. A region leads to its card.
 
     Parameters
     ----------
@@ -32,11 +41,17 @@ def photo_figure(name: str, photo: PhotoOfRegions, preview: Path) -> Markup:
     photo : PhotoOfRegions
     preview : Path
         PNG of the whole photo.
+    links : mapping
+        From the name of a region.
     """
     width, height = photo.size_px
-    plot = _over_photo(name, photo, WIDTH, (40, 9, 31, 9))
+    plot = _over_photo(name, photo, WIDTH, (30, 4, 20, 4))
     plot.picture(_corners(photo), picture_data_uri(preview), smooth=True)
-    _outlines(plot, photo)
+    for patch in () if photo.chart_px is None else photo.chart_px:
+        plot.outline(patch, CHART, 0.7)
+    for region, corners in photo.outlines.items():
+        shape = path(plot.x(corners[:, 0]), plot.y(corners[:, 1])) + "z"
+        plot.linked(shape, plain_line(region), links[region], REGION, 1.1)
     plot.lines([edge.line_px for edge in photo.edges.values()], EDGE, 1.6, dash="4 2")
     for edge in photo.edges.values():
         if edge.larger_part_px is not None:
@@ -45,8 +60,8 @@ def photo_figure(name: str, photo: PhotoOfRegions, preview: Path) -> Markup:
     for region, corners in photo.outlines.items():
         plot.words(corners[:, 0].mean(), corners[:, 1].min() - 0.008 * height,
                    plain_line(region, 24), 7, REGION, rim=RIM)
-    plot.x_axis("pixel", nice_ticks(0, width, 8), grid=False)
-    plot.y_axis("pixel", nice_ticks(0, height, 8))
+    plot.x_axis("", nice_ticks(0, width, 8), grid=False)
+    plot.y_axis("", nice_ticks(0, height, 8))
     return plot.drawn(f"Photo {plain_line(photo.name)}",
                       "The photo with the patches of the chart and the measured regions outlined"
                       + (", in red the edges across regions and the part that is free of them."

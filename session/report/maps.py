@@ -26,11 +26,12 @@ from spectrabox.session.report.pictures import (
     png_size,
     rgb_of,
 )
-from spectrabox.session.report.svg import Plot, plain_line
+from spectrabox.session.report.svg import MarkLink, Plot, plain_line
 
 PANEL_PX = 320  # at least, of each picture of a comparison
 WIDE, GAP, TITLE = 691.0, 8.0, 14.0     # in points: a figure across the page, between its panels
 BAR_WIDTH, BAR_HEIGHT, BAR_SHADES = 440.0, 9.0, 65      # of the scale of residuals
+PHOTO_WIDTH = 446.0             # in points, of the photo beside the spectra
 GEOMETRY_WIDTH, MAX_SIDE_PX = 338.0, 480    # in points; pixels of the photo behind the edges
 GREEN, RED = "#16a34a", "#dc2626"
 NICE = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0])  # ends of the residual scale
@@ -106,6 +107,36 @@ def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
         plot.words((left + right) / 2, top - 4, title, 8.5)
     shown = ", ".join(bands[k] for k in chosen)
     return plot.drawn("Photo and rendering", f"Bands {shown} shown as red, green and blue.")
+
+
+def linked_photo(name: str, made: Reconstruction, fit: SensitivityFit,
+                 links: Mapping[str, MarkLink]) -> Markup:
+    """The photo alone; every surface leads to the card of its material.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure on its page, unique there.
+    fit : SensitivityFit
+        Its curves say which bands are shown as red, green and blue.
+    links : mapping
+        From the name of a material.
+    """
+    height, width = made.surface.shape
+    plot = Plot(name, PHOTO_WIDTH, _panel_height(PHOTO_WIDTH, height, width), (-0.5, width - 0.5),
+                (height - 0.5, -0.5), (0, 0, 0, 0))
+    photo, _ = _stretched(made, display_bands(fit))
+    plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pixels_data_uri(photo))
+    for s, material in enumerate(made.agreement.materials):
+        rows, columns = np.nonzero(np.diff(np.pad(made.surface == s, ((0, 0), (1, 1))).astype(int)))
+        starts, ends = columns[::2], columns[1::2]      # of each run of pixels in a row
+        if len(starts):
+            runs = zip(plot.x(starts - 0.5).tolist(), plot.x(ends - 0.5).tolist(),
+                       plot.y(rows[::2] - 0.5).tolist(), plot.y(rows[::2] + 0.5).tolist(),
+                       strict=True)
+            plot.linked("".join(f"M{x0:.1f} {y0:.1f}H{x1:.1f}V{y1:.1f}H{x0:.1f}z"
+                                for x0, x1, y0, y1 in runs), plain_line(material), links[material])
+    return plot.drawn("Photo", "The photo; each surface leads to the card of its material.")
 
 
 def residual_maps(made: Reconstruction) -> np.ndarray:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,11 +22,18 @@ from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.session.outputs.session_results import SessionResults
 from spectrabox.session.report import flat_figures
-from spectrabox.session.report.cards import answer_card
+from spectrabox.session.report.cards import (
+    Card,
+    Metamers,
+    answer_cards,
+    assumed_of_all,
+    tested_families,
+)
 from spectrabox.session.report.figures import loss_figure
 from spectrabox.session.report.maps import (
     GeometrySection,
     geometry_section,
+    linked_photo,
     pair_figure,
     residual_figure,
     residual_limit,
@@ -38,20 +45,18 @@ from spectrabox.session.report.pictures import picture_data_uri, picture_digest
 from spectrabox.session.report.safe_json import json_for_script
 from spectrabox.session.report.sections import (
     ChartSection,
-    Metamers,
     RenderedSurface,
-    SurfaceSection,
     chart_section,
     held_out_rms,
     rendered_surfaces,
-    surface_section,
 )
 from spectrabox.session.report.small_figures import field_whiskers
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
-from spectrabox.session.report.svg import Drawing
+from spectrabox.session.report.svg import Drawing, MarkLink
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
+PIECES = Path(__file__).parent.parent / "pieces"    # parts that the page of a session has too
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
            "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
 # a number and its unit stay on one line, "0.8 %" is written one way; not in scripts and styles
@@ -93,18 +98,20 @@ def write_report(results: SessionResults) -> Path:
 def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
     found = results.found
+    cards = answer_cards(found.surfaces, found.verdict.doubts)
+    links = {card.surface.name: MarkLink(card.id, card.index) for card in cards}
     if isinstance(found, FlatResult):
-        kind = _flat_page(found, results)
+        kind = _flat_page(found, results, links)
     else:
-        kind = _scene_page(found, results)
-    content = _content(results, kind)
+        kind = _scene_page(found, results, links)
+    content = _content(results, kind, cards)
     written = json_for_script(report_numbers(results) | kind.numbers | {
         "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
                   for drawing in _drawings(content)},
         "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
     page = templates().get_template("report.html.j2").render(
         content | {"numbers": written, "style": style_sheet(),
-                   "script": Markup((TEMPLATES / "report.js").read_text(encoding="utf-8"))})
+                   "script": _texts(PIECES / "spectra.js", TEMPLATES / "report.js")})
     return RenderedReport(UNITS.sub(_with_units_kept, page), written)
 
 
@@ -124,7 +131,11 @@ def templates() -> jinja2.Environment:
 
 def style_sheet() -> Markup:
     """The style sheet of all pages."""
-    return Markup((TEMPLATES / "report.css").read_text(encoding="utf-8"))
+    return _texts(PIECES / "pieces.css", TEMPLATES / "report.css")
+
+
+def _texts(*files: Path) -> Markup:
+    return Markup("\n".join(file.read_text(encoding="utf-8") for file in files))
 
 
 @dataclass(frozen=True)
@@ -140,10 +151,11 @@ class KindOfPage:
     files: tuple[tuple[str, str], ...] = ()     # beside the page, and what is in each
 
 
-def _flat_page(found: FlatResult, results: SessionResults) -> KindOfPage:
+def _flat_page(found: FlatResult, results: SessionResults,
+               links: Mapping[str, MarkLink]) -> KindOfPage:
     """Photos with regions and light."""
-    photos = [PhotoSection(photo, flat_figures.photo_figure(f"photo-{number}", photo,
-                                                            results.previews[photo.view]),
+    photos = [PhotoSection(photo, flat_figures.photo_figure(
+                               f"photo-{number}", photo, results.previews[photo.view], links),
                            flat_figures.light_figure(f"light-map-{number}", photo),
                            field_whiskers(photo.light))
               for number, photo in enumerate(found.photos, start=1)]
@@ -153,7 +165,8 @@ def _flat_page(found: FlatResult, results: SessionResults) -> KindOfPage:
                       pictures={})
 
 
-def _scene_page(found: SceneResult, results: SessionResults) -> KindOfPage:
+def _scene_page(found: SceneResult, results: SessionResults,
+                links: Mapping[str, MarkLink]) -> KindOfPage:
     """Photo against rendering, geometry, convergence."""
     fit = found.reconstruction
     views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,
@@ -165,6 +178,7 @@ def _scene_page(found: SceneResult, results: SessionResults) -> KindOfPage:
         scene=True, surfaces="Materials", numbers=scene_numbers(found),
         sections={"agreement": _agreement_section("", fit, found.calibration, found.bands),
                   "surface_map": surface_figure("surfaces", fit), "views": views,
+                  "linked_photo": linked_photo("photo", fit, found.calibration.sensitivity, links),
                   "geometry": geometry_section(found.geometry, results.previews),
                   "loss": loss_figure("loss", fit.loss_history)},
         chart_overlay=True,
@@ -183,10 +197,9 @@ class PhotoSection:
     whiskers: dict[str, Markup]     # by region: its light with its error
 
 
-def _content(results: SessionResults, kind: KindOfPage) -> dict[str, Any]:
+def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> dict[str, Any]:
     """What the templates of the page know, by name."""
     found, verdict = results.found, results.found.verdict
-    surfaces = sorted(found.surfaces, key=lambda surface: surface.known)
     pictures = dict(kind.pictures)
     if kind.chart_overlay and found.chart is not None:
         pictures["chart"] = picture_data_uri(results.chart_overlay)
@@ -196,16 +209,14 @@ def _content(results: SessionResults, kind: KindOfPage) -> dict[str, Any]:
         "results": results, "found": found, "verdict": verdict, "kind": kind,
         "pictures": pictures, "picture": found.picture,
         "bands": list(zip(found.bands, band_colours(found.bands), strict=True)),
-        "cards": [answer_card(number, surface, verdict.doubts.get(surface.name, ()))
-                  for number, surface in enumerate(surfaces, start=1)],
-        "level": next((surface.summary.level for surface in surfaces
+        "cards": cards, "assumed_of_all": assumed_of_all(found.surfaces),
+        "tested_families": tested_families(found.surfaces),
+        "level": next((surface.summary.level for surface in found.surfaces
                        if surface.summary is not None), None),
-        "truths": any(surface.scores is not None for surface in surfaces),
+        "truths": any(surface.scores is not None for surface in found.surfaces),
         "problems": sorted((c for c in verdict.criteria if not c.passed),
                            key=lambda c: -c.status.value),
         "passed": [c for c in verdict.criteria if c.passed], "files": _files(found, kind),
-        "sections": [surface_section(number, surface)
-                     for number, surface in enumerate(surfaces, start=1)],
         "chart": chart_section(found), "held_out_rms": held_out_rms(found),
         "sensitivity_figure": sensitivity_figure("sensitivity", found.calibration.sensitivity,
                                                  found.bands, results.sensitivity_truth),
@@ -249,7 +260,7 @@ def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,
         scale_words(fit.light_scale))
 
 
-SECTIONS = (AgreementSection, ChartSection, GeometrySection, Metamers, PhotoSection, SurfaceSection)
+SECTIONS = (AgreementSection, Card, ChartSection, GeometrySection, Metamers, PhotoSection)
 
 
 def _drawings(content: Any) -> Iterator[Drawing]:

@@ -1,4 +1,4 @@
-"""Sections of the report: what its templates lay out of a surface, the chart, and a rendering."""
+"""Sections of the report: what its templates lay out of the chart, and of a rendering."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -8,8 +8,6 @@ from markupsafe import Markup
 
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.measure.results.chart_words import held_out_sentence
-from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
 from spectrabox.measure.verdict.calibration_criteria import (
     chart_limits,
     chart_residuals,
@@ -17,78 +15,11 @@ from spectrabox.measure.verdict.calibration_criteria import (
 )
 from spectrabox.measure.words import OFF
 from spectrabox.radiometry.records.scenes import Reconstruction
-from spectrabox.sampling.prior.family_coverage import certified_sentence
 from spectrabox.session.report.figures import chart_residual_figure, irradiance_figure
 from spectrabox.session.report.maps import surface_colours
-from spectrabox.session.report.metamers import metamer_drawing
-from spectrabox.session.report.patch_colours import SwatchPairs, css_colour, swatch_pairs
-from spectrabox.session.report.small_figures import error_budget_bars, prior_share_figure
-from spectrabox.session.report.spectra import (
-    every_10_nm,
-    left_out_figure,
-    spectrum_figure,
-    surface_curves,
-)
-from spectrabox.session.report.svg import Drawing
-
-MAX_CAUSES, SMALL_SHARE = 5, 0.01     # of the spectrum's variance, named beside its plot
-
-
-@dataclass(frozen=True, eq=False)
-class Metamers:
-    """Two spectra of a surface that the photo cannot tell apart, under several lights."""
-
-    pair: MetamerPair
-    drawing: Markup
-
-    @property
-    def lights(self) -> list[tuple[str, str, str, float]]:
-        """Of each light its name, both colours as CSS writes them, and their CIEDE2000."""
-        return [(name, css_colour(one), css_colour(other), float(difference))
-                for name, (one, other), difference
-                in zip(LIGHTS, self.pair.srgb, self.pair.delta_e00, strict=True)]
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceSection:
-    """What the report shows of one surface in detail."""
-
-    id: str                         # on the page
-    surface: SurfaceResult
-    figure: Markup
-    budget: Drawing | None
-    metamers: Metamers | None
-    columns: tuple[str, ...]
-    rows: list[list[float]]         # every 10 nm: the wavelength, then the columns
-
-    @property
-    def largest_causes(self) -> list[tuple[str, float]]:
-        """Causes of the spectrum's variance with their shares."""
-        causes = sorted(self.surface.variance_shares.items(), key=lambda cause: -cause[1])
-        return [cause for cause in causes[:MAX_CAUSES] if cause[1] >= SMALL_SHARE]
-
-    @property
-    def certified(self) -> str:
-        """What 95 % bands held of the families that it may be of."""
-        return certified_sentence(self.surface.families)
-
-
-def surface_section(number: int, surface: SurfaceResult) -> SurfaceSection:
-    """The section of one surface.
-
-    Parameters
-    ----------
-    number : int
-        On the page.
-    surface : SurfaceResult
-    """
-    curves, metamers = surface_curves(surface), None
-    if surface.metamers is not None:
-        metamers = Metamers(surface.metamers, metamer_drawing(surface.metamers))
-    return SurfaceSection(f"material-{number}", surface,
-                          spectrum_figure(f"spectrum-{number}", surface),
-                          error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),
-                          every_10_nm(surface.nm, curves))
+from spectrabox.session.report.patch_colours import SwatchPairs, swatch_pairs
+from spectrabox.session.report.small_figures import prior_share_figure
+from spectrabox.session.report.spectra import left_out_figure
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,7 +137,7 @@ def error_budget_bars(name: str, surface: SurfaceResult) -> Drawing | None:
         for cause, values in errors.items()]
     title = f"Error budget of {plain_line(surface.name)}"
     box = Markup('<div class="plot-box" id="{}">{}<table class="shares causes" aria-label="{}">'
-                 "<thead><tr><th>Cause</th><th>Relative standard error (%)</th>{}</tr></thead>"
+                 "<thead><tr><th>Cause</th><th>Error, %</th>{}</tr></thead>"
                  "<tbody>{}</tbody></table></div>").format(
         name, "" if few else Markup('<p class="legend">{}</p>').format(Markup(" ").join(
             Markup("<span>{}</span>").format(words) for words in legend)),

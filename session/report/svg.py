@@ -52,6 +52,14 @@ class Readout:
     digits: int = 3
 
 
+@dataclass(frozen=True)
+class MarkLink:
+    """Where a mark on a photo leads: to the card of its surface."""
+
+    card: str                         # its id
+    index: int                        # of the surface among the page's numbers
+
+
 class Plot:
     """A figure that is being drawn: each mark is written as it is added, over those before it.
 
@@ -76,6 +84,7 @@ class Plot:
         self.x_limits, self.y_limits = x_limits, y_limits
         self._under, self._marks, self._over = list[str](), list[str](), list[str]()
         self._legend = list[tuple[str, str]]()
+        self._role = "img"
         self._numbers: dict[str, Any] = {
             "x_limits": rounded(x_limits), "y_limits": rounded(y_limits), "x_name": "",
             "y_name": "", "lines": [], "bars": [], "curves": []}
@@ -207,6 +216,17 @@ class Plot:
         shape = path(self.x(corners[:, 0]), self.y(corners[:, 1])) + "z"
         self._marks += [_stroke(shape, "#000", width + 1), _stroke(shape, colour, width)]
 
+    def linked(self, shape: str, name: str, link: MarkLink, colour: str = "",
+               width: float = 0) -> None:
+        """A part of a picture that leads to the card of its surface: an SVG path, with a rim where
+        it has a colour.
+        """
+        rims = [_stroke(shape, "#000", width + 1), _stroke(shape, colour, width)] if colour else []
+        self._marks.append(
+            f'<a class="mark" href="#{link.card}" data-surface="{link.index}" '
+            f'aria-label="{escape(name)}"><path class="area" d="{shape}"/>{"".join(rims)}</a>')
+        self._role = "group"        # pictures hold nothing that is pressed
+
     def words(self, x: float, y: float, words: str, size: float = LETTERS, colour: str = INK,
               anchor: str = "middle", rim: str = "", turned: bool = False) -> None:
         """Text whose foot is at a point, with a rim of a colour where it lies on a picture."""
@@ -240,11 +260,11 @@ class Plot:
                  f'width="{right - left:.2f}" height="{bottom - top:.2f}"/></clipPath>'
                  f'{"".join(self._under)}<g clip-path="url(#{self.name}-clip)">'
                  f'{"".join(self._marks)}</g>{"".join(self._over)}{legend}')
-        svg = Markup('<svg class="plot" viewBox="0 {:g} {:g} {:g}" role="img" '
+        svg = Markup('<svg class="plot" viewBox="0 {:g} {:g} {:g}" role="{}" '
                      'aria-labelledby="{}-title {}-desc"><title id="{}-title">{}</title>'
                      '<desc id="{}-desc">{}</desc>{}</svg>').format(
-                         -above, self.width, self.height + above, *[self.name] * 3, title,
-                         self.name, description, Markup(marks))
+                         -above, self.width, self.height + above, self._role,
+                         *[self.name] * 3, title, self.name, description, Markup(marks))
         # what scrolls is reached by keyboard: a plot with a read-out is so already
         wide = self.width > NARROW
         content = Markup('<div class="plot-box{}" id="{}"{}>{}{}</div>').format(

@@ -1,5 +1,36 @@
-/* A read-out under each plot: the values of every series at the wavelength under the pointer. */
-(() => {
+/* What the report does: spectra drawn from its numbers, read-outs under plots, cards that open. */
+{
+  const numbers = JSON.parse(document.getElementById("spectrabox-results").textContent);
+  const spectra = (numbers.regions ?? numbers.materials).map((one) => {
+    const of = one.summary ?? {nm: one.inverse_rendering.nm, mean: one.inverse_rendering.reflectance};
+    return {name: one.name, hex: one.colour.hex, nm: of.nm, mean: of.mean, lower: of.lower, upper: of.upper,
+      truth: one.truth ?? undefined};
+  });
+  // A plot of all, where the pointer and open cards choose whose band is shown; marks on photos follow.
+  const cards = [...document.querySelectorAll(".card")];
+  const index = (element) => Number(element.dataset.surface);
+  const said = document.querySelector(".all-spectra output"), unread = said.textContent;
+  const light = (chosen) => document.querySelectorAll("a.mark, .card").forEach((one) =>
+    one.classList.toggle("pointed", index(one) === chosen));
+  const plot = spectraPlot("Reflectances over wavelength in nm, a line for each surface", spectra, {
+    onShow: (chosen, words) => { light(chosen); said.textContent = words || unread; },
+    onChoose: (chosen) => {
+      const card = cards.find((one) => index(one) === chosen), to = `#${card.id}`;
+      if (location.hash === to) unfold(); else location.hash = to;
+    },
+  });
+  document.getElementById("spectra").append(plot.svg);
+  cards.forEach((card) => {
+    const spectrum = spectra[index(card)];
+    card.querySelector(".drawing").append(smallSpectrum(`Reflectance of ${spectrum.name} over wavelength in nm`, spectrum));
+    card.querySelector("details").addEventListener("toggle", () =>
+      plot.choose(cards.filter((one) => one.querySelector("details").open).map(index)));
+  });
+  document.querySelectorAll("a.mark, .card").forEach((one) => {
+    one.addEventListener("pointerenter", () => { plot.show(index(one)); light(index(one)); });
+    one.addEventListener("pointerleave", () => { plot.show(-1); light(-1); });
+  });
+  // A read-out under each plot: the values of every series at the wavelength under the pointer.
   const SVG = document.querySelector("svg").namespaceURI;
   const valueAt = (xs, ys, x) => {
     let i = xs.findIndex((value) => value >= x);
@@ -47,16 +78,29 @@
     readouts += 1;
   });
   document.documentElement.dataset.readouts = readouts;
-  // A link to what is folded away unfolds it.
-  const unfold = () => document.querySelectorAll("details").forEach((each) => {
+  // A link to what is folded away unfolds it, and one to a card opens that.
+  const unfold = () => {
     const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    if (target && each.contains(target)) { each.open = true; target.scrollIntoView(); }
-  });
+    if (!target) return;
+    document.querySelectorAll("details").forEach((each) => { if (each.contains(target)) each.open = true; });
+    target.querySelectorAll(":scope > details.on-card").forEach((each) => { each.open = true; });
+    target.scrollIntoView({block: "nearest"});
+  };
   window.addEventListener("hashchange", unfold);
-  unfold();
+  document.addEventListener("click", (event) => {      // also where the address is there already
+    const link = event.target.closest("a[href^='#']");
+    if (link && link.getAttribute("href") === location.hash) unfold();
+  });
+  // On paper cards are open: what is known of a surface is read there too.
+  const folded = "details.on-card:not([open]), details.method:not([open])";
+  let opened = [];
+  window.addEventListener("beforeprint", () => {
+    opened = [...document.querySelectorAll(folded)];
+    opened.forEach((each) => { each.open = true; });
+  });
+  window.addEventListener("afterprint", () => opened.forEach((each) => { each.open = false; }));
   // Files that somebody chooses, against the digests and numbers embedded in the page.
   const says = document.getElementById("check-says");
-  const embedded = () => JSON.parse(document.getElementById("spectrabox-results").textContent);
   const hex = async (bytes) => [...new Uint8Array(await crypto.subtle.digest("SHA-256", bytes))]
     .map((byte) => byte.toString(16).padStart(2, "0")).join("");
   const fileSentence = async (file, numbers) => {
@@ -73,7 +117,7 @@
       ? `${file.name} is not as it was when this page was made.` : `This page was not made from ${file.name}.`];
   };
   document.getElementById("check-files").addEventListener("change", async (event) => {
-    const numbers = embedded(), sentences = [];
+    const sentences = [];
     for (const file of event.target.files) sentences.push(await fileSentence(file, numbers));
     says.replaceChildren(...sentences.map(([same, sentence]) => {
       const line = document.createElement("p");
@@ -83,4 +127,5 @@
     }));
     says.dataset.wrong = sentences.filter(([same]) => !same).length;
   });
-})();
+  unfold();
+}
