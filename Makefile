@@ -1,5 +1,5 @@
 # make demo   writes a synthetic capture session with known truth and runs it, as an operator would
-# make test   runs the tests
+# make test   runs the tests; installs Debian's chromium first where it may (root), and ends by saying what was not tried
 # make bench  prints one table of times, whole commands first (BEFORE=FOLDER: beside another checkout); quarter of an hour
 # make figures  prints every measured figure (DATA=FOLDER for those that need measured data); takes the better part of an hour
 # make paper  prints the table of every figure of docs/results/paper.md and what data are missing; pictures go to build/paper
@@ -46,7 +46,14 @@ $(TESTS): requirements-test.lock $(STAMP)
 demo: $(STAMP)
 	@$(VENV)/bin/spectrabox demo $(DEMO)
 
+# The tests of page and report want a browser. Without one, or without a network to get it from, they are skipped.
 test: $(TESTS)
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null \
+	  || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
+	  || { echo "installing chromium, for the tests of page and report"; \
+	       apt="apt-get -qq -o Acquire::Retries=0 -o Acquire::http::Timeout=20 -o DPkg::Lock::Timeout=60"; \
+	       { $$apt update; DEBIAN_FRONTEND=noninteractive $$apt install -y --no-install-recommends chromium; } >/dev/null 2>&1; \
+	     } || echo "chromium could not be installed"
 	@$(PY) -m pytest -q -n auto --dist loadfile
 
 lint: $(TESTS)

@@ -1,4 +1,5 @@
 """A small synthetic session, written once and run once; every test gets its own copy."""
+import collections
 import os
 import shutil
 import signal
@@ -26,6 +27,17 @@ def pytest_xdist_auto_num_workers(config):
     calculates.
     """
     return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 1
+
+
+def pytest_unconfigure(config):
+    """The last line of a run: what was not tried, and why."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    skipped = [] if reporter is None else reporter.stats.get("skipped", [])
+    reasons = collections.Counter(str(each.longrepr[2]).removeprefix("Skipped: ")
+                                  for each in skipped)
+    if reasons:
+        reporter.write_line(f"not tried, {len(skipped)} tests: " + "; ".join(
+            f"{reason} ({count})" for reason, count in reasons.most_common()))
 
 
 def pytest_addoption(parser):

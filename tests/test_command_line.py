@@ -16,7 +16,7 @@ from spectrabox.fixtures.demos.demo_session import PAINTS
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.paints import paint
 from spectrabox.radiometry.spectra.spectrum_files import read_table
-from spectrabox.session.terminal.command_help import SUBJECTS
+from spectrabox.session.terminal.command_help import SUBJECTS, USUAL
 from spectrabox.session.terminal.command_line import reported_errors
 
 from tests.session_runs import call, edit
@@ -301,9 +301,25 @@ def test_help_cuts_no_sentence(group):
 
 
 def test_every_command_has_a_subject():
-    help_text = call("--help").stdout
+    help_text = call("help", "all").stdout
     assert all(f"\n{subject}:\n" in help_text for subject in SUBJECTS)
     assert "\nCommands:\n" not in help_text
+
+
+def test_help_lists_ten_commands_and_says_how_to_see_all_and_each():
+    help_text = call("--help").stdout
+    listed = re.findall(r"^  (\w+)  ", help_text.partition("\nCommands:\n")[2], re.MULTILINE)
+    assert listed == list(USUAL) and len(listed) == 10
+    assert "help all" in help_text and call("help").stdout == help_text
+    assert call("help", "camera", "fit").stdout == call("camera", "fit", "--help").stdout
+
+
+def test_without_arguments_eight_lines_say_what_to_type():
+    said = call()
+    assert said.exit_code == 2 and len(said.stdout.splitlines()) == 8
+    commands = re.findall(r"^  spectrabox (\w+)", said.stdout, re.MULTILINE)
+    assert commands == ["open", "flat", "new", "sample", "demo", "help"]
+    assert max(map(len, said.stdout.splitlines())) <= 80
 
 
 def test_a_shell_completes_commands():

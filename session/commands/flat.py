@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -269,9 +270,10 @@ def _show_photo(photo: Path, orientation: int | None, chart_photo: Path | None, 
                           "read corners from; a photo of the chart by itself is given with "
                           "--chart") from None
     size = write_picture(image, picture, None if chart is None else chart[0].corners_px)
-    next_step = (f"wrote {picture}: read the corners of your regions from its axes, then give "
-                 f"--region NAME={RECTANGLE} for each, or point at them with 'spectrabox open "
-                 f"{photo}'")
+    next_step = (f"wrote {picture}\nnext: point at the colours in the browser, at an address that "
+                 f"this prints: spectrabox open {shlex.quote(str(photo))}\n"
+                 f"or: read corners from the axes of the picture, and give --region "
+                 f"NAME={RECTANGLE} for each colour")
     facts = {"picture": picture, "size_px": size, "verdict": None, "reasons": [],
              "corners_px": None}
     if chart is None:

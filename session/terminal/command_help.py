@@ -1,4 +1,6 @@
-"""What the help of a command says: types in words, examples at its end."""
+"""What help says: where to begin, the commands that most people use, all of them by subject; of one
+command its types in words, and examples.
+"""
 from __future__ import annotations
 
 import copy
@@ -12,6 +14,15 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
+FIRST_STEPS = """Reflectance spectra from photos that show a colour chart.
+
+  spectrabox open PHOTO        point at the colours of a photo, in the browser
+  spectrabox flat PHOTO        the same by typing; it says what to type next
+  spectrabox new DIR           a session in a folder; then: spectrabox run DIR
+  spectrabox sample --help     the spectra behind a signal given as numbers
+  spectrabox demo --flat       a photo with known spectra, to try it on
+  spectrabox help              ten commands; all: help all; one: help flat"""
+USUAL = ("open", "flat", "new", "check", "run", "report", "batch", "chart", "sample", "demo")
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
                           "colour", "rehearse", "draws"),
             "Many sessions": ("batch",),
@@ -20,6 +31,7 @@ SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "repo
             "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
             "Can they be trusted": ("certify", "judge"),
             "Trying it out": ("demo", "doctor")}
+ALL = "spectrabox.help_all"     # in the context: every command is listed
 TYPE_WORDS = {str: "TEXT", Path: "FILE", int: "NUMBER", float: "NUMBER"}    # of a value
 
 
@@ -110,20 +122,39 @@ class ExplainedCommand(TyperCommand):
 
 
 class CommandGroup(TyperGroup):
-    """Commands whose help lists them by subject, each with its whole first sentence."""
+    """Commands whose help lists them, each with its whole first sentence: of the outermost group the
+    usual ones, or with ``help all`` every one by its subject.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read ``help``, ``help all`` and ``help COMMAND``; without arguments say where to begin."""
+        if ctx.parent is None and not args and not ctx.resilient_parsing:
+            typer.echo(FIRST_STEPS)
+            ctx.exit(2)
+        if ctx.parent is None and args[:1] == ["help"]:
+            ctx.meta[ALL] = args[1:] == ["all"]
+            args = ["--help"] if ctx.meta[ALL] else [*args[1:], "--help"]
+        return super().parse_args(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands under their subjects, those of no subject under \"Commands\"."""
         names = [name for name, each in self.commands.items() if not each.hidden]
-        subjects = {heading: [name for name in names if name in of_subject]
-                    for heading, of_subject in SUBJECTS.items()} if ctx.parent is None else {}
-        listed = [name for of_subject in subjects.values() for name in of_subject]
-        subjects["Commands"] = [name for name in names if name not in listed]
+        if ctx.parent is not None:
+            subjects = {"Commands": names}
+        elif ctx.meta.get(ALL):
+            subjects = {heading: [name for name in names if name in of_subject]
+                        for heading, of_subject in SUBJECTS.items()}
+        else:
+            subjects = {"Commands": [name for name in USUAL if name in names]}
         for heading, of_subject in subjects.items():
             if of_subject:
                 with formatter.section(heading):
                     formatter.write_dl([(name, _first_paragraph(self.commands[name].help))
                                         for name in of_subject])
+        if ctx.parent is None and not ctx.meta.get(ALL):
+            formatter.write_paragraph()
+            formatter.write_text(f"Every command, by subject: spectrabox help all "
+                                 f"({len(names) - len(USUAL)} more). Of one: spectrabox help flat")
 
 
 def _first_paragraph(text: str | None) -> str:
