@@ -122,12 +122,12 @@ class ExplainedCommand(TyperCommand):
 
 
 class CommandGroup(TyperGroup):
-    """Commands whose help lists them, each with its whole first sentence: of the outermost group the
-    usual ones, or with ``help all`` every one by its subject.
+    """Commands whose help lists them, each with its whole first sentence: of the outermost group
+    the usual ones, or with ``help all`` every one by its subject.
     """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read ``help``, ``help all`` and ``help COMMAND``; without arguments say where to begin."""
+        """Read ``help``, ``help all`` and ``help COMMAND``; without arguments say how to begin."""
         if ctx.parent is None and not args and not ctx.resilient_parsing:
             typer.echo(FIRST_STEPS)
             ctx.exit(2)
@@ -152,9 +152,9 @@ class CommandGroup(TyperGroup):
                     formatter.write_dl([(name, _first_paragraph(self.commands[name].help))
                                         for name in of_subject])
         if ctx.parent is None and not ctx.meta.get(ALL):
-            formatter.write_paragraph()
-            formatter.write_text(f"Every command, by subject: spectrabox help all "
-                                 f"({len(names) - len(USUAL)} more). Of one: spectrabox help flat")
+            more = len(names) - len(USUAL)
+            formatter.write(f"\nAll by subject ({more} more): spectrabox help all. Of one: "
+                            "spectrabox help flat\n")
 
 
 def _first_paragraph(text: str | None) -> str:
