@@ -13,6 +13,7 @@ from spectrabox.session.page.server import page_app
 from spectrabox.session.page.session_page import SessionPage
 
 TOKEN = "a-token-of-the-tests"
+MAX_WAIT_MS = 40_000
 
 
 @contextlib.contextmanager
@@ -63,3 +64,52 @@ def asked(address, body=None, token=TOKEN, **headers):
     except urllib.error.HTTPError as error:
         status, said, kind = error.code, error.read(), error.headers["content-type"]
     return status, json.loads(said) if kind and "json" in kind else said
+
+
+# ---- in a browser
+
+@contextlib.contextmanager
+def opened_in(browser, **options):
+    """A function that opens an address in a context of its own; at the end nothing may have
+    complained, and nothing may have been asked of another server.
+    """
+    context = browser.new_context(**{"viewport": {"width": 1400, "height": 1000}} | options)
+    context.set_default_timeout(MAX_WAIT_MS)
+    page, said, wanted = context.new_page(), [], []
+    page.on("console", lambda line: said.append(line.text)
+            if line.type in ("error", "warning") and "409" not in line.text
+            and "CONNECTION_REFUSED" not in line.text else None)     # the server has ended
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: wanted.append(request.url))
+
+    def open_address(address):
+        page.goto(f"{address}/?token={TOKEN}")
+        page.wait_for_selector("body[data-photo]")
+        return page
+    yield open_address
+    own = page.url.removesuffix("/page")
+    context.close()
+    assert said == []
+    assert not [url for url in wanted if not url.startswith((own, "blob:", "data:"))]
+
+
+def on_screen(page, x, y):
+    """Where a pixel of the photo is shown."""
+    box = page.locator("#canvas").bounding_box()
+    left, top, scale = map(float, page.get_attribute("#canvas", "data-view").split())
+    return box["x"] + left + (x + 0.5) * scale, box["y"] + top + (y + 0.5) * scale
+
+
+def drag(page, x0, y0, x1, y1, by="left"):
+    """Drag the mouse from one pixel of the photo to another, in steps."""
+    (u0, v0), (u1, v1) = on_screen(page, x0, y0), on_screen(page, x1, y1)
+    page.mouse.move(u0, v0)
+    page.mouse.down(button=by)
+    for step in (0.3, 0.7, 1.0):
+        page.mouse.move(u0 + step * (u1 - u0), v0 + step * (v1 - v0))
+    page.mouse.up(button=by)
+
+
+def wait_ready(page):
+    """Spectra can be shown from now on."""
+    page.wait_for_selector("body[data-ready=true]")

@@ -53,7 +53,8 @@ def test_axe_finds_nothing_in_an_empty_session(tmp_path, judged):
                               ).exit_code == 0
     with served(tmp_path / "s") as (address, _):
         page = open_page(address, photo=False)
-        assert "not there yet" in page.inner_text("#photos")
+        assert "missing" in page.inner_text("#photos")
+        assert page.locator("#drop").is_visible()
         nothing_serious()
 
 
@@ -64,11 +65,12 @@ def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
     coming.mkdir()
     with served(session, coming) as (address, _):
         page = open_page(address)
-        page.click("#marks li:nth-child(1) .row", position={"x": 2, "y": 2})
-        page.click("#marks li.selected summary")
-        page.wait_for_selector("#marks li.selected .spectrum")
+        page.click("#marks li:nth-child(1) .sw")
+        page.wait_for_selector("#marks li.selected .spark")
+        page.wait_for_selector("#marks li.selected .statements")
+        page.wait_for_selector("body[data-result=true]")
         nothing_serious()
-        for mode in ("region", "chart", "reference"):
+        for mode in ("region", "polygon", "white", "chart"):
             page.click(f'[data-mode="{mode}"]')
             page.focus("#canvas")
             page.keyboard.press("Enter")            # a point is set, and can be cleared
@@ -76,16 +78,23 @@ def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
             nothing_serious()
         page.click('[data-mode="compare"]')
         for number in (1, 2):
-            page.click(f"#marks li:nth-child({number}) .row", position={"x": 2, "y": 2})
+            page.click(f"#marks li:nth-child({number}) .sw")
         page.wait_for_selector("#comparison table")
         nothing_serious()
+        for opens in ("#name", "#verdict", "#export", "#add-photo", "#keys", "[data-chip=lamp]",
+                      "[data-chip=gloss]", "[data-chip=plane]"):
+            page.click(opens)
+            page.wait_for_selector("#panel:popover-open")
+            nothing_serious()
         page.click("#run")
-        page.wait_for_selector("#stop:not([disabled])")
+        page.wait_for_selector("#stop:not([hidden])")
+        page.click("#progress")
         page.click("#log-box summary")
-        page.wait_for_selector("#log:not(:empty)")
         nothing_serious()
-        page.wait_for_selector("#progress:has-text('verdict')")
+        page.wait_for_selector("#report:not([hidden])")
         page.frame_locator("#report-frame").locator("h1").first.wait_for()
+        nothing_serious()
+        page.click("#run")
         (coming / "broken.dng").write_bytes(b"no photo")
         page.wait_for_selector("#watched >> text=broken.dng")
         nothing_serious()

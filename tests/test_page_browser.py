@@ -1,20 +1,26 @@
 """The page in a real browser: mark a region, undo, run, stop, read the report, shoot a series."""
-import os
 import tomllib
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from flat_example import PAINTS, picture, rect_of, write_flat
-from served_page import TOKEN, asked, served, served_by, wait_for
+from served_page import (
+    MAX_WAIT_MS,
+    TOKEN,
+    asked,
+    drag,
+    on_screen,
+    opened_in,
+    served,
+    served_by,
+    wait_for,
+    wait_ready,
+)
 
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.session.commands.session import _folder_to_open
 from spectrabox.session.page.start_page import StartPage
-
-SCREENSHOT = os.environ.get("SPECTRABOX_PAGE_PNG")     # a file to write the documentation's into
-MAX_WAIT_MS = 120_000
-
 
 
 def undone(page, path, times):
@@ -28,51 +34,12 @@ def undone(page, path, times):
 
 @pytest.fixture
 def opened(browser):
-    """A function that opens an address; at the end nothing may have complained."""
-    context = browser.new_context(viewport={"width": 1400, "height": 1000})
-    context.set_default_timeout(MAX_WAIT_MS)
-    page, said, asked = context.new_page(), [], []
-    page.on("console", lambda line: said.append(line.text)
-            if line.type in ("error", "warning") and "409" not in line.text
-            and "CONNECTION_REFUSED" not in line.text else None)     # the server has ended
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
-
-    def open_address(address):
-        page.goto(f"{address}/?token={TOKEN}")
-        page.wait_for_selector("body[data-photo]")
-        return page
-    yield open_address
-    own = page.url.removesuffix("/page")
-    context.close()
-    assert said == []
-    assert not [url for url in asked if not url.startswith((own, "blob:", "data:"))]
-
-
-def on_screen(page, x, y, size=(480, 320)):
-    """Where a pixel of the photo is shown."""
-    box = page.locator("#canvas").bounding_box()
-    scale = min(box["width"] / size[0], box["height"] / size[1])
-    left, top = (box["width"] - size[0] * scale) / 2, (box["height"] - size[1] * scale) / 2
-    return box["x"] + left + (x + 0.5) * scale, box["y"] + top + (y + 0.5) * scale
+    with opened_in(browser) as open_address:
+        yield open_address
 
 
 def regions_of(folder):
     return tomllib.loads((folder / "session.toml").read_text(encoding="utf-8"))["regions"]
-
-
-def drag(page, x0, y0, x1, y1, by=None):
-    """Drag the mouse from one pixel of the photo to another, in steps."""
-    (u0, v0), (u1, v1) = on_screen(page, x0, y0), on_screen(page, x1, y1)
-    page.mouse.move(u0, v0)
-    page.mouse.down(button=by or "left")
-    for step in (0.3, 0.7, 1.0):
-        page.mouse.move(u0 + step * (u1 - u0), v0 + step * (v1 - v0))
-    page.mouse.up(button=by or "left")
-
-
-def wait_ready(page):
-    page.wait_for_selector("body[data-ready=true]")
 
 
 def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
@@ -83,36 +50,37 @@ def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
     with served(session) as (address, _):
         page = opened(address)                                      # 1
         wait_ready(page)
-        assert page.inner_text("#chart-verdict").startswith("GOOD") and page.is_disabled("#run")
+        assert page.inner_text("#verdict") == "Chart GOOD" and page.is_disabled("#run")
         for number, name in enumerate(PAINTS):
             drag(page, *rect_of(name))                              # 2, 4, 6, 7
-            page.wait_for_selector(f"#marks li:nth-child({number + 1}) .spectrum")
+            page.wait_for_selector(f"#marks li:nth-child({number + 1}) .spark")
             if number < 2:
                 page.keyboard.type(name)                            # 3, 5
                 page.keyboard.press("Enter")
                 page.wait_for_selector(f'#marks input[data-name="{name}"]')
         page.wait_for_selector("#marks li:nth-child(4) .swatch")
-        shown = page.locator("#marks .colour span").all_inner_texts()
+        shown = page.locator("#marks .mark .lab").all_inner_texts()
+        assert page.locator("#all-plot canvas").is_visible()
+        page.wait_for_selector("body[data-result=true]")        # the verdict comes before the report
+        before, conditions = page.inner_text("#verdict"), page.locator("#chips button").count()
+        assert before.split()[0] in ("PASS", "WARN") and conditions > 5
         page.click("#run")                                          # 8
-        page.wait_for_selector("#progress:has-text('verdict')")
-        assert page.inner_text("#progress").split()[1].strip(":") in ("PASS", "WARN")
-        assert page.inner_text("#progress").count(" ") > 8          # with its reason
+        page.wait_for_selector("#report:not([hidden])")
         report = page.frame_locator("#report-frame")
         report.locator("h1").first.wait_for()
+        page.wait_for_selector("#progress:has-text('up to date')")
+        assert page.inner_text("#verdict") == before
         assert list(regions_of(session)) == ["white_wall", "green_wall", "sample 1", "sample 2"]
         cards = " ".join(report.locator("body").inner_text().split())
         for colour in shown:        # the numbers of the page are the report's
-            assert colour.removeprefix("L*a*b* ").split(" ±")[0] in cards, colour
-        assert "done" in page.inner_text("#stages") and "again" not in page.inner_text("#stages")
+            assert colour in cards, colour
+        page.keyboard.press("Escape")
+        page.wait_for_selector("#report", state="hidden")
+        page.click("#progress")
+        assert "to do" not in page.inner_text("#stages")
         for name, holds in (("marked.csv", b"white_wall mean"), ("marked.spdx", b"<IESTM2714")):
             status, text = asked(f"{address}/api/export?file={name}")
             assert status == 200 and holds in text
-        if SCREENSHOT:              # that docs/how-to/page.md shows
-            page.evaluate("scrollTo(0, 0)")
-            page.mouse.move(*on_screen(page, 410, 160))
-            page.wait_for_timeout(1000)
-            page.screenshot(path=SCREENSHOT)
-
 
     with served(session) as (address, reopened):      # the verdict stands there again
         reported = reopened.state()["reported"]
@@ -146,67 +114,94 @@ def test_regions_are_drawn_moved_sized_renamed_and_removed(tmp_path, opened):
         undone(page, session / "session.toml", 6)
         assert (session / "session.toml").read_text(encoding="utf-8") == before
         # with the keyboard alone: a point in the middle of the view, moved by the arrow keys
-        page.fill("#mark-name", "second green")
+        page.wait_for_selector('#marks input[data-name="sample 1"]', state="detached")
         page.focus("#canvas")
         for key in ("Escape", "Enter", "Shift+ArrowLeft", "Shift+ArrowUp", "ArrowUp", "Enter"):
             page.keyboard.press(key)
-        page.wait_for_selector('#marks input[data-name="second green"]')
-        x0, y0, x1, y1 = regions_of(session)["second green"]["rect"]
+        page.wait_for_selector('#marks input[data-name="sample 1"]')
+        x0, y0, x1, y1 = regions_of(session)["sample 1"]["rect"]
         assert (x1 - x0, y1 - y0) == pytest.approx((10, 11), abs=0.11)
-        shown = page.evaluate("document.querySelector('#canvas').toDataURL()")
+        shown = page.get_attribute("#canvas", "data-view")
         drag(page, 100, 100, 140, 140, "middle")        # the middle button moves the photo
-        assert page.evaluate("document.querySelector('#canvas').toDataURL()") != shown
+        wait_for(lambda: page.get_attribute("#canvas", "data-view") != shown)
         assert len(regions_of(session)) == len(PAINTS) + 1
 
 
-def test_one_finger_marks_and_two_zoom(browser, calibrated_flat):
+def test_fingers_move_and_zoom_the_photo_and_mark_where_they_stay(browser, calibrated_flat):
     session = calibrated_flat
-    context = browser.new_context(viewport={"width": 400, "height": 800}, has_touch=True)
-    context.set_default_timeout(MAX_WAIT_MS)
-    with served(session) as (address, _):
-        page = context.new_page()
-        page.goto(f"{address}/?token={TOKEN}")
-        page.wait_for_selector("body[data-photo]")
-        page.locator("#canvas").scroll_into_view_if_needed()
-        devtools = context.new_cdp_session(page)
+    with served(session) as (address, _), opened_in(
+            browser, viewport={"width": 400, "height": 800}, has_touch=True,
+            is_mobile=True) as open_address:
+        page = open_address(address)
+        wait_ready(page)
+        devtools = page.context.new_cdp_session(page)
 
         def touch(kind, *places):
             devtools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [
                 {"x": x, "y": y, "id": number} for number, (x, y) in enumerate(places)]})
 
-        touch("touchStart", on_screen(page, 40, 240))
-        touch("touchMove", on_screen(page, 60, 260))
-        touch("touchMove", on_screen(page, 90, 300))
+        def stroke(first, last):
+            touch("touchStart", on_screen(page, *first))
+            middle = [(a + b) / 2 for a, b in zip(first, last, strict=True)]
+            for place in (on_screen(page, *middle), on_screen(page, *last)):
+                touch("touchMove", place)
+            touch("touchEnd")
+
+        def still():
+            """The view once it has come to rest."""
+            seen = ""
+            while seen != (seen := page.get_attribute("#canvas", "data-view")):
+                page.wait_for_timeout(400)
+            return seen
+
+        whole = still()
+        touch("touchStart", on_screen(page, 60, 260))        # held: a square is marked
+        page.wait_for_timeout(700)
         touch("touchEnd")
-        page.wait_for_selector('#marks input[data-name="sample 1"]')
-        assert regions_of(session)["sample 1"]["rect"] == pytest.approx([40, 240, 90, 300], abs=2)
-        shown = page.evaluate("document.querySelector('#canvas').toDataURL()")
+        page.wait_for_selector('#marks input[data-name="sample 1"]', state="attached")
+        x0, y0, x1, y1 = regions_of(session)["sample 1"]["rect"]
+        assert ((x0 + x1) / 2, (y0 + y1) / 2) == pytest.approx((60, 260), abs=2)
+        assert x1 - x0 == pytest.approx(y1 - y0, abs=0.2) and x1 - x0 > 12 and still() == whole
+        page.click('[data-mode="region"]')
+        stroke((140, 250), (180, 290))                       # with the tool one finger draws
+        page.wait_for_selector('#marks input[data-name="sample 2"]', state="attached")
+        assert regions_of(session)["sample 2"]["rect"] == pytest.approx([140, 250, 180, 290],
+                                                                       abs=3)
+        page.click('[data-mode="look"]')
+        stroke((300, 200), (260, 180))                       # without it moves the photo
+        assert still() != whole
+        page.keyboard.press("f")
+        assert still() == whole
         near, far = (on_screen(page, 200, 150), on_screen(page, 240, 150)), (
             on_screen(page, 120, 150), on_screen(page, 320, 150))
         touch("touchStart", near[0])
         touch("touchStart", *near)
         touch("touchMove", *far)
         touch("touchEnd")
-        assert page.evaluate("document.querySelector('#canvas').toDataURL()") != shown
-        assert len(regions_of(session)) == len(PAINTS) + 1
-    context.close()
+        assert float(still().split()[2]) > 1.5 * float(whole.split()[2])
+        assert len(regions_of(session)) == len(PAINTS) + 2
+        page.click("#handle")                                # the sheet comes up
+        assert page.locator("#marks input").first.is_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400
 
 
 def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
     with served(write_flat(tmp_path / "s")) as (address, _):
         page = opened(address)
         page.click("#run")          # it waits for the calibration
-        page.wait_for_selector("#stop:not([disabled])")
+        page.wait_for_selector("#stop:not([hidden])")
         page.click("#stop")
-        page.wait_for_selector("#progress:has-text('finished stages are kept')")
+        page.wait_for_selector("#progress:has-text('stopped')")
+        page.click("#progress")
+        assert "What was finished is kept" in page.inner_text("#panel")
         page.click("#run")
-        page.wait_for_selector("#progress:has-text('verdict')")
-        wait_ready(page)
-        page.evaluate("scrollTo(0, 0)")
+        page.wait_for_selector("#report:not([hidden])")
+        page.click("#run")                              # back to the photo
+        page.wait_for_selector("#report", state="hidden")
         page.mouse.move(*on_screen(page, 415, 70))
-        page.wait_for_selector("#pointer-spectrum .spectrum")
-        page.wait_for_selector("#values:has-text('%')")
-        red, green, blue = bytes.fromhex(page.get_attribute("body", "data-pointed")[1:])
+        page.wait_for_selector("#looked-plot canvas")
+        page.wait_for_selector("#looked-words:has-text('Width of the band from')")
+        red, green, blue = bytes.fromhex(page.get_attribute("body", "data-looked")[1:])
         assert green > red and green > blue         # the green paint
         page.click("[data-mode=compare]")
         page.mouse.click(*on_screen(page, 415, 70))     # a marked colour
@@ -215,6 +210,11 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         said = page.inner_text("#comparison")
         assert "green_wall" in said and "point 2" in said
         assert page.locator("#comparison .pair").count() == 5
+        page.click('[data-mode="look"]')                # two rows that are ticked do the same
+        page.wait_for_selector("#compare", state="hidden")
+        for name in ("green_wall", "cube"):
+            page.check(f'[aria-label="Compare {name}"]')
+        page.wait_for_selector("#comparison:has-text('green_wall | cube')")
 
 
 def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
@@ -226,19 +226,23 @@ def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
                 np.random.default_rng(4))
     with served(session) as (address, _):
         page = opened(address)
-        page.click("#facts summary")
-        assert page.is_hidden("#further-filter")
-        for field, value in (("#session-name", "Red chair"), ("#session-light", "halogen")):
+        for opens, field, value in (("#name", "#session-name", "Red chair"),
+                                    ("[data-chip=lamp]", "#session-light", "halogen")):
+            page.click(opens)
             page.fill(field, value)
             page.keyboard.press("Enter")
+            page.wait_for_selector(field, state="hidden")
+        page.click("#export")
         page.check("#session-picture")
-        page.set_input_files("#further", tmp_path / "filtered.dng")
+        page.click("#add-photo")
+        page.select_option("#further-how", "moved")
+        assert page.is_hidden("#further-filter")
         page.select_option("#further-how", "filter")
+        page.set_input_files("#further", tmp_path / "filtered.dng")
         page.click("#further-add")
-        page.wait_for_selector("#photos >> text=filtered:")
-        page.click("#marks li:nth-child(2) .row", position={"x": 2, "y": 2})
-        page.click("#marks li.selected summary")
-        page.set_input_files("#marks li.selected input[type=file] >> nth=1",
+        page.wait_for_selector("#photos >> text=filtered")
+        page.click("#marks li:nth-child(2) .sw")
+        page.set_input_files("#marks li.selected [data-key='truth file']",
                              session / "spectra" / "red_wall.csv")
         page.wait_for_selector("text=compared with spectra/red_wall-2.csv")
         written = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -247,6 +251,7 @@ def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
         assert written["views"] == {"filtered": {
             "photo": "photos/filtered.dng", "same_light_as": "photo", "filter": "unknown"}}
         assert written["regions"]["green_wall"]["truth"] == "spectra/red_wall-2.csv"
+        page.click("[data-chip=lamp]")
         page.fill("#session-light", "moonshine")
         page.keyboard.press("Enter")
         page.wait_for_selector("#said:has-text('moonshine')")
@@ -287,7 +292,10 @@ def test_a_fault_in_the_session_is_said_and_nothing_can_be_run(opened, calibrate
         page = opened(address)
         path = session / "session.toml"
         path.write_text(path.read_text(encoding="utf-8") + "[lihgt]\n", encoding="utf-8")
-        page.wait_for_selector("#problems >> text=lihgt")
+        page.wait_for_selector("#progress:has-text('1 problem')")
+        page.wait_for_selector("#hint:has-text('lihgt')")
+        page.click("#progress")
+        assert "lihgt" in page.inner_text("#panel")
         assert page.is_disabled("#run")
 
 

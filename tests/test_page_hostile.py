@@ -19,7 +19,7 @@ KEYS = ["session.name", "photos", "photos.object", "photos.chart", "light.spectr
         "regions.cube", "regions.b.polygon", "regions.b.rect", "regions.b.photo", "chart",
         "chart.corners_px", "drift.chart_px", "drift.object_px", "views.v", "views.v.photo",
         "scene", "scene.box", "scene.box.width_mm", "scene.box.camera", "materials", "picture.rect"]
-PATHS = ["/", "/page", "/report", "/api/state", "/api/photo", "/api/size", "/api/part",
+PATHS = ["/", "/page", "/report", "/api/state", "/api/size", "/api/tile",
          "/api/value", "/static/..%2fserver.py", "/static/%00", "/api/none", "/api/state/"]
 BODIES = [b"", b"[" * 50_000, b'{"a":' * 3000, b"\xff", b"9" * 6000, b'"\\ud800"', b"x" * 300_000]
 
@@ -57,7 +57,7 @@ def test_hostile_requests_are_answered_in_sentences_and_change_no_file(calibrate
             state = json.loads(state)
             assert status == 200 and state["problems"] == faults, before
             words = {name: chance.choice(["photo", "0", "-5", "1e400", "nan", "1e300", "", "\x00"])
-                     for name in ("role", "left", "top", "side", "x", "y")}
+                     for name in ("role", "halvings", "column", "row", "x", "y")}
             request = {"mark": chance.choice([mark(chance), mark(chance), chance.choice(VALUES)]),
                        "digest": chance.choice([state["digest"]] * 9 + VALUES)}
             body = chance.choice([json.dumps(request).encode()] * 5 + [chance.choice(BODIES)])

@@ -32,7 +32,7 @@ def session(flat, tmp_path):
 
 
 @pytest.mark.parametrize(("path", "body"), [("/", None), ("/api/state", None),
-                                            ("/api/photo?role=photo", None), ("/report", None),
+                                            ("/api/size?role=photo", None), ("/report", None),
                                             ("/api/run", {}), ("/api/undo", {"digest": ""})])
 def test_nothing_of_a_session_is_said_without_the_token(session, path, body):
     with served(session) as (address, page):
@@ -132,9 +132,10 @@ def test_stages_are_looked_at_again_when_the_session_says_something_else(session
         assert asked(address + "/api/state")[1]["stages"] == before
 
 
-def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path):
+def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path, monkeypatch):
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.capture.photo.preview import signal_rgb8
+    monkeypatch.setattr(photo_views, "TILE", 100)       # four tiles of 160 x 240 pixels
     image = open_photo(session / "photos" / "sample.dng")
     x0, y0, x1, y1 = rect_of("green_wall")
     x, y = (x0 + x1) // 2, (y0 + y1) // 2
@@ -144,22 +145,29 @@ def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path):
         wanted = image.signal[int((y + 0.5) / step), int((x + 0.5) / step)]
         assert status == 200
         np.testing.assert_allclose(said["signal"], wanted, rtol=1e-6)
-        assert asked(f"{address}/api/size?role=photo")[1] == {"size": [480, 320], "bands": 3}
+        assert asked(f"{address}/api/size?role=photo")[1] == {
+            "size": [480, 320], "bands": 3, "tile": 100, "step": 2.0, "pixels": [240, 160]}
         status, said = asked(f"{address}/api/value?role=photo&x=480&y=5")
         assert status == 409 and "480 x 320" in said["error"]
-        status, whole = asked(f"{address}/api/photo?role=photo")
-        assert status == 200
-        shown, preview = decoded(whole, tmp_path / "whole.jpg"), signal_rgb8(image.signal)
+
+        def tile(halvings, column, row):
+            status, content = asked(f"{address}/api/tile?role=photo&halvings={halvings}"
+                                    f"&column={column}&row={row}")
+            return decoded(content, tmp_path / f"tile.{'jpg' if halvings else 'png'}") \
+                if status == 200 else status
+
+        preview = signal_rgb8(image.signal)
+        joined = np.vstack([np.hstack([tile(0, column, row) for column in range(3)])
+                            for row in range(2)])
+        np.testing.assert_array_equal(joined, preview)      # as it is, nothing lost
+        half = signal_rgb8(image.signal, 2, whites(image.signal))
+        shown = np.hstack([tile(1, 0, 0), tile(1, 1, 0)])
         # of a picture with noise JPEG at this quality keeps a few code values
-        assert shown.shape == preview.shape
-        assert np.sqrt(np.mean((shown.astype(float) - preview) ** 2)) < 3
-        status, part = asked(f"{address}/api/part?role=photo&left=40&top=60&side=48")
-        cut = decoded(part, tmp_path / "part.png")
-        np.testing.assert_array_equal(cut, preview[30:54, 20:44])       # as it is, nothing lost
-        status, part = asked(f"{address}/api/part?role=photo&left=-20&top=-20&side=48")
-        cut = decoded(part, tmp_path / "edge.png")
-        assert status == 200 and not cut[:10].any() and not cut[:, :10].any()
-        np.testing.assert_array_equal(cut[10:, 10:], preview[:14, :14])
+        assert shown.shape == half.shape
+        assert np.sqrt(np.mean((shown.astype(float) - half) ** 2)) < 3
+        assert tile(5, 0, 0).shape == (5, 8, 3)
+        for none in ((0, 3, 0), (0, 0, 2), (1, -1, 0), (-1, 0, 0), (99, 0, 0)):
+            assert tile(*none) == 409
 
 
 def decoded(content, path):
@@ -178,8 +186,8 @@ def test_no_photo_from_outside_the_session_is_shown(session, name):
                                           encoding="utf-8")
     with served(session) as (address, _):
         assert asked(address + "/api/state")[1]["photos"] == []
-        for what in ("photo", "size", "value", "part"):
-            status, said = asked(f"{address}/api/{what}?role=photo&x=1&y=1&left=0&top=0&side=9")
+        for what in ("tile", "size", "value"):
+            status, said = asked(f"{address}/api/{what}?role=photo&x=1&y=1&halvings=0&column=0&row=0")
             assert status == 409 and "no photo" in said["error"]
 
 

@@ -53,6 +53,7 @@ COPY_FAULT = 0.03           # of the level: one measured copy of a ColorChecker 
 BENT_FAULT = 0.02           # of the exponent of the light: an error of the black level
 NAMED_LIGHTNESS = 1.0       # L* beyond which a verdict names a condition: it can be seen
 FEWEST_GREYS = 4            # patches by which linearity is measured
+MOVED_LAMP = "one more photo with the lamp moved"
 
 
 class Standing(Enum):
@@ -76,6 +77,7 @@ class Condition:
     # by how much that changes L* of the surface that it changes most; None: not computed
     lightness: float | None = None
     variance_share: float | None = None     # of the spectra's variance by the error allowed
+    to_measure: str = ""        # what would measure it, in a phrase; empty where nothing is needed
 
     @property
     def named(self) -> bool:
@@ -112,7 +114,9 @@ CONDITION_FACTS: tuple[Fact[Condition], ...] = (
          lambda one: one.lightness),
     Fact("variance_share", "of the spectra's variance that the error allowed makes, mean over "
          "surfaces", lambda one: one.variance_share),
-    Fact("cost", "both in words", lambda one: one.cost or None, "if it fails"))
+    Fact("cost", "both in words", lambda one: one.cost or None, "if it fails"),
+    Fact("to_measure", "what would measure it; missing of what is measured",
+         lambda one: None if one.standing is Standing.MEASURED else one.to_measure or None))
 
 
 @dataclass(frozen=True)
@@ -206,7 +210,8 @@ def _flat_light(found: FlatResult) -> Condition:
         lightness = max((each for each in changes if each is not None), key=abs, default=None)
     return Condition("light on the sample", standing, allowed_error(found.surfaces, LIGHT_CAUSES),
                      known_by, "lamp and shutter repeated", fault, lightness,
-                     allowed_share(found.surfaces, LIGHT_CAUSES))
+                     allowed_share(found.surfaces, LIGHT_CAUSES),
+                     "a white card beside the samples")
 
 
 def _plane(found: FlatResult) -> Condition:
@@ -219,7 +224,8 @@ def _plane(found: FlatResult) -> Condition:
     return Condition("plane", standing, allowed_error(found.surfaces, (SAMPLE_PLANE,)), known_by,
                      "in the chart's plane", f"{percent(DARKER_FAULT)} less light",
                      darker_by(found.surfaces, DARKER_FAULT),
-                     allowed_share(found.surfaces, (SAMPLE_PLANE,)))
+                     allowed_share(found.surfaces, (SAMPLE_PLANE,)),
+                     f"a white card in the samples' plane, or {MOVED_LAMP}")
 
 
 def _gloss(found: CaptureResult, holds: str) -> Condition:
@@ -232,7 +238,7 @@ def _gloss(found: CaptureResult, holds: str) -> Condition:
     return Condition("gloss", standing, _mirrored(surfaces), known_by, holds,
                      f"{percent(GLOSS_FAULT)} of the light mirrored",
                      largest_change(surfaces, lambda mean: mean + GLOSS_FAULT),
-                     allowed_share(surfaces, (SURFACE_REFLECTION,)))
+                     allowed_share(surfaces, (SURFACE_REFLECTION,)), MOVED_LAMP)
 
 
 def _shadow(found: FlatResult) -> Condition:
@@ -241,7 +247,7 @@ def _shadow(found: FlatResult) -> Condition:
         standing, known_by = Standing.MEASURED, "the photo with the lamp moved"
     return Condition("shadow", standing, None, known_by, "in no shadow",
                      f"{percent(DARKER_FAULT)} less light",
-                     darker_by(found.surfaces, DARKER_FAULT))
+                     darker_by(found.surfaces, DARKER_FAULT), to_measure=MOVED_LAMP)
 
 
 def _linearity(found: CaptureResult) -> Condition:
@@ -261,7 +267,8 @@ def _linearity(found: CaptureResult) -> Condition:
                      known_by, "with signals in proportion to light",
                      f"exponent off by {fault:.3f}",
                      largest_change(found.surfaces, lambda mean: np.maximum(mean, 0) ** (
-                         1 + fault)))
+                         1 + fault)), to_measure="a raw photo" if found.processed
+                     else "further exposures of the samples, or a chart with grey patches")
 
 
 def _chart_copy(found: CaptureResult) -> tuple[Condition, ...]:
@@ -281,7 +288,8 @@ def _chart_copy(found: CaptureResult) -> tuple[Condition, ...]:
         standing, known_by = Standing.STATED, "the reference stated, published, not of this copy"
     return (Condition("chart", standing, error, known_by, "with a chart like its reference",
                       f"its level off by {percent(COPY_FAULT)}",
-                      darker_by(found.surfaces, COPY_FAULT)),)
+                      darker_by(found.surfaces, COPY_FAULT),
+                      to_measure="the reflectances of this very chart, from a meter"),)
 
 
 def _camera(found: CaptureResult) -> Condition:
@@ -307,7 +315,8 @@ def _scene_light(found: SceneResult) -> Condition:
     return Condition("light on the scene", standing, error, known_by, "lamp and shutter repeated",
                      f"{percent(DIMMER_FAULT)} less light",
                      darker_by(found.surfaces, DIMMER_FAULT),
-                     allowed_share(found.surfaces, causes))
+                     allowed_share(found.surfaces, causes),
+                     "a grey card in the photo of the scene")
 
 
 def _light_place(found: SceneResult) -> Condition:
@@ -317,7 +326,8 @@ def _light_place(found: SceneResult) -> Condition:
     return Condition("light place", standing, _common_error(found, PLACE_CAUSES), known_by,
                      "lamp and chart stand as stated", f"{percent(DIMMER_FAULT)} less light",
                      darker_by(found.surfaces, DIMMER_FAULT),
-                     allowed_share(found.surfaces, PLACE_CAUSES))
+                     allowed_share(found.surfaces, PLACE_CAUSES),
+                     "a grey card in the photo of the scene")
 
 
 def _geometry(found: SceneResult) -> Condition:

@@ -4,6 +4,9 @@ from __future__ import annotations
 import contextlib
 import json
 from pathlib import Path
+from typing import Any
+
+from spectrabox.session.config.session_schema import FILE_NAME
 
 REPORT, NUMBERS = "report.html", "report.json"
 
@@ -20,7 +23,7 @@ class LastReport:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.path = folder / REPORT
-        self._verdict: tuple[int | None, dict[str, str] | None] = None, None
+        self._verdict: tuple[int | None, dict[str, Any] | None] = None, None
 
     def stamp(self) -> int | None:
         """When it was written, by which the page notices a new one; None where there is none."""
@@ -29,14 +32,19 @@ class LastReport:
         except OSError:
             return None
 
-    def verdict(self) -> dict[str, str] | None:
-        """Its verdict with the reason; None where there is none that says so."""
+    def verdict(self) -> dict[str, Any] | None:
+        """Its verdict with the reason, what it rests on, and the digest of the session.toml that
+        it was made from; None where there is none.
+        """
         stamp = self.stamp()
         if self._verdict[0] != stamp:
             verdict = None
             with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
                 numbers = json.loads((self.folder / NUMBERS).read_text(encoding="utf-8"))
-                verdict = {name: str(numbers["verdict"][name]) for name in ("status", "says")}
+                verdict = {"status": str(numbers["verdict"]["status"]),
+                           "says": str(numbers["verdict"]["says"]),
+                           "conditions": list(numbers["conditions"]),
+                           "session": numbers["made_from"]["session"][FILE_NAME]}
             self._verdict = stamp, verdict
         return self._verdict[1]
 

@@ -16,17 +16,19 @@ import numpy as np
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
+from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.records.spectra import Quantity, SurfaceSpectrum
 from spectrabox.radiometry.spectra.formats.csvw import plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.flat_session import FlatSession
+from spectrabox.session.page.live_result import described_result, result_now
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.pointed_answers import (
     answered_or_refused,
@@ -42,7 +44,9 @@ from spectrabox.session.store.keys import digest_of_parts, step_keys
 from spectrabox.session.store.store import fingerprint, load_stage
 
 CHART, CALIBRATE = "chart", "calibrate"
-MAX_KEPT = 500          # estimates of regions
+MAX_KEPT = 500          # answers on regions
+MAX_DRAWN = 120         # regions with their draws, 2 MB each
+SETTLED_S = 0.6         # without a change, after which the verdict is worked out
 
 
 class LiveSample:
@@ -63,12 +67,15 @@ class LiveSample:
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
         self._kept: dict[str, dict[str, Any]] = {}      # answers by what they depend on
+        self._drawn: dict[str, tuple[RegionSignal, SurfaceSpectrum]] = {}   # likewise
         self._tried: set[str] = set()                   # keys that a run was started for
         self._images: tuple[str, dict[str, LinearImage]] = ("", {})
         self._chart: tuple[str, dict[str, Any]] = ("", {})
         self._error = ""
+        self._result: tuple[PointedSample | None, dict[str, Any] | None] = None, None
         self._seen: Any = None
-        self._lock, self._wanted = threading.Lock(), threading.Event()
+        self._lock, self._drawing = threading.Lock(), threading.Lock()
+        self._wanted = threading.Event()
         run.when_ended = self._wanted.set
         self._ended = False
         self._thread = threading.Thread(target=self._work, daemon=True)
@@ -106,7 +113,9 @@ class LiveSample:
         """What the page shows of it; None of a session that is not flat."""
         if self._config is None and self._sample is None:
             return None
-        return {"ready": self._sample is not None, "error": self._error, "charts": self._chart[1]}
+        of, result = self._result
+        return {"ready": self._sample is not None, "error": self._error, "charts": self._chart[1],
+                "result": result, "result_now": self._sample is not None and of is self._sample}
 
     def point(self, role: str, rect: Sequence[float]) -> dict[str, Any]:
         """The spectrum of a rectangle of a photo that is no region yet.
@@ -179,18 +188,26 @@ class LiveSample:
         region = capture.regions[name]
         if region.given is not None:
             return described_spectrum(FINE_GRID.nm, region.given) | {"given": True}
-        depends = f"{id(sample.calibrated)} {name} " + digest_of_parts({
-            "region": region, "number": list(capture.regions).index(name),
-            "known": {other: capture.regions[other] for other in capture.known},
-            "sampling": capture.sampling, "repeatability": capture.repeatability,
-            "stray light": capture.stray_light, "swatches": bool(capture.swatches)})
+        depends = depends_on(sample, name)
         if depends not in self._kept:
-            answer = answered_or_refused(lambda: described_region(sample, name))
+            answer = answered_or_refused(
+                lambda: described_region(sample, *self._drawn_region(sample, name)))
             with self._lock:
                 for old in list(self._kept)[:-MAX_KEPT]:
                     del self._kept[old]
                 self._kept[depends] = answer
         return self._kept[depends]
+
+    def _drawn_region(self, sample: PointedSample,
+                      name: str) -> tuple[RegionSignal, SurfaceSpectrum]:
+        """Signal and spectrum of a region, drawn once for the page and the verdict."""
+        depends = depends_on(sample, name)
+        with self._drawing:
+            if depends not in self._drawn:
+                for old in list(self._drawn)[:-MAX_DRAWN]:
+                    del self._drawn[old]
+                self._drawn[depends] = sample.drawn(name)
+            return self._drawn[depends]
 
     def export(self, suffix: str) -> str:
         """A file of the spectra that are marked now: a table (.csv), or IES TM-27 (.spdx).
@@ -233,8 +250,24 @@ class LiveSample:
             config = self._config
             try:
                 self._update(config)
+                if not self._wanted.wait(SETTLED_S):
+                    self._find_result()
             except (SpectraboxError, OSError, MemoryError) as error:
                 self._error, self._sample = str(error), None
+
+    def _find_result(self) -> None:
+        """Work out verdict and conditions of what is marked now."""
+        sample = self._sample
+        if sample is None or self._result[0] is sample:
+            return
+        result = None
+        if any(region.given is None for region in sample.capture.regions.values()):
+            try:
+                result = described_result(result_now(
+                    sample, lambda name: self._drawn_region(sample, name)[1]))
+            except SpectraboxError as error:        # a region that is clipped, say
+                result = {"status": "fail", "says": str(error), "conditions": []}
+        self._result = sample, result
 
     def _update(self, config: FlatSession | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""
@@ -312,6 +345,16 @@ def calibration_digest(capture: FlatCapture) -> str:
     """Digest of what charts, photos and calibration rest on, the content of files apart."""
     return digest_of_parts(inputs_of_charts(capture) | inputs_of_calibration(capture)
                            | {"surfaces": {view.name: view.photo for view in capture.views}})
+
+
+def depends_on(sample: PointedSample, name: str) -> str:
+    """What the spectrum of a region depends on, as a text."""
+    capture = sample.capture
+    return f"{id(sample.calibrated)} {name} " + digest_of_parts({
+        "region": capture.regions[name], "number": list(capture.regions).index(name),
+        "known": {other: capture.regions[other] for other in capture.known},
+        "sampling": capture.sampling, "repeatability": capture.repeatability,
+        "stray light": capture.stray_light, "swatches": bool(capture.swatches)})
 
 
 def part_of(capture: FlatCapture, role: str, rect: Sequence[float]) -> Region:

@@ -1,10 +1,10 @@
-"""Photos for the page: a picture for the eye, parts of it, and signals under the pointer."""
+"""Photos for the page: tiles for the eye at every scale, and signals under the pointer."""
 from __future__ import annotations
 
 import tempfile
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,8 +21,9 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.photos import LinearImage, RawFrame
 
 MAX_OPEN = 3            # photos kept decoded
-MAX_SIDE = 1600         # px, of the picture that is shown whole
-MAX_CROP = 800          # px, of a part
+TILE = 512              # px, a side of a tile
+MAX_TILES = 400         # encoded, of each photo
+MAX_HALVINGS = 12       # of a photo of a million pixels a side nothing else is left
 FileKey = tuple[Path, int, int, int]    # with its orientation, time and length
 Kept = TypeVar("Kept")
 
@@ -42,6 +43,17 @@ class OpenPhoto:
     signal: np.ndarray      # (H, W, K) linear
     step: float             # pixels of the sensor a side of one of these
     white: tuple[float, ...]    # what is shown as full brightness of each band
+    # made as they are asked for: the signal halved so many times, and tiles as files
+    halved: dict[int, np.ndarray] = field(default_factory=dict)
+    tiles: dict[tuple[int, int, int], bytes] = field(default_factory=dict)
+
+    def reduced(self, halvings: int) -> np.ndarray:
+        """The signal, halved so many times."""
+        if halvings == 0:
+            return self.signal
+        if halvings not in self.halved:
+            self.halved[halvings] = halved(self.reduced(halvings - 1))
+        return self.halved[halvings]
 
     @property
     def size(self) -> tuple[int, int]:
@@ -105,33 +117,40 @@ class PhotoViews:
                                                        whites(image.signal)))
             _kept(self._clipped, key, lambda: image.saturated)
 
-    def whole(self, file: PhotoFile) -> bytes:
-        """JPEG of the photo, at most ``MAX_SIDE`` pixels a side."""
-        photo = self.photo(file)
-        factor = max(1, int(np.ceil(max(photo.signal.shape[:2]) / MAX_SIDE)))
-        return encoded(signal_rgb8(photo.signal, factor, photo.white), write_jpeg, ".jpg")
-
-    def part(self, file: PhotoFile, left: float, top: float, side: float) -> bytes:
-        """PNG of a square of the photo, its pixels as they are.
-
-        Parameters
-        ----------
-        left, top, side : float
-            In pixels of the sensor; what lies outside the photo is black.
+    def described(self, file: PhotoFile) -> dict[str, object]:
+        """How large a photo is, and how its tiles lie: each has ``tile`` pixels a side, one of
+        which is ``step`` pixels of the sensor where nothing is halved.
         """
         photo = self.photo(file)
-        first_row, first_column = round(top / photo.step), round(left / photo.step)
-        count = min(max(round(side / photo.step), 1), MAX_CROP)
-        cut = np.zeros((count, count, 3), np.uint8)
-        height, width = photo.signal.shape[:2]
-        rows = slice(max(first_row, 0), min(first_row + count, height))
-        columns = slice(max(first_column, 0), min(first_column + count, width))
-        if rows.start < rows.stop and columns.start < columns.stop:
-            shown = photo.signal[rows, columns]
-            cut[rows.start - first_row:rows.stop - first_row,
-                columns.start - first_column:columns.stop - first_column] = signal_rgb8(
-                    shown, white=photo.white)
-        return encoded(cut, write_png, ".png")
+        height, width, bands = photo.signal.shape
+        return {"size": photo.size, "bands": bands, "tile": TILE, "step": photo.step,
+                "pixels": (width, height)}
+
+    def tile(self, file: PhotoFile, halvings: int, column: int, row: int) -> bytes:
+        """A tile of the photo, smaller at its right and lower edge: a PNG of the pixels as they
+        are, or a JPEG of the photo halved so many times.
+
+        Raises
+        ------
+        InputError
+            If the photo has no such tile.
+        """
+        photo = self.photo(file)
+        height, width = (-(-side // 2**max(halvings, 0)) for side in photo.signal.shape[:2])
+        top, left = row * TILE, column * TILE
+        if not (0 <= halvings <= MAX_HALVINGS and 0 <= top < height and 0 <= left < width):
+            raise InputError(f"the photo of {photo.size[0]} x {photo.size[1]} pixels has no such "
+                             "tile")
+        key = halvings, column, row
+        with self._lock:
+            if key not in photo.tiles:
+                cut = photo.reduced(halvings)[top:top + TILE, left:left + TILE]
+                shown = signal_rgb8(cut, white=photo.white)
+                for old in list(photo.tiles)[:-MAX_TILES]:
+                    del photo.tiles[old]
+                photo.tiles[key] = encoded(shown, write_jpeg, ".jpg") if halvings else \
+                    encoded(shown, write_png, ".png")
+            return photo.tiles[key]
 
     def value(self, file: PhotoFile, x: float, y: float) -> dict[str, object]:
         """Signal and clipping of each band at a pixel of the sensor.
@@ -148,6 +167,18 @@ class PhotoViews:
                              f"{photo.size[1]} pixels")
         return {"x": x, "y": y, "signal": [float(value) for value in photo.signal[at]],
                 "saturated": [bool(value) for value in self.clipped(file)[at]]}
+
+
+def halved(signal: np.ndarray) -> np.ndarray:
+    """Means of two by two pixels of a signal (H, W, K); an odd last row or column stands twice."""
+    height, width = signal.shape[:2]
+    if height % 2 or width % 2:
+        signal = np.pad(signal, ((0, height % 2), (0, width % 2), (0, 0)), "edge")
+    total = signal[::2, ::2] + signal[1::2, ::2]
+    total += signal[::2, 1::2]
+    total += signal[1::2, 1::2]
+    total *= 0.25
+    return total
 
 
 def encoded(rgb8: np.ndarray, write: Callable[[Path, np.ndarray], None], suffix: str) -> bytes:

@@ -17,6 +17,7 @@ from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
 from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.records.spectra import SurfaceSpectrum
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 POINTED_DRAWS = 300     # behind the error of the colour under the pointer: 4 % of it
@@ -43,9 +44,9 @@ def described_charts(capture: FlatCapture, records: ChartRecords) -> dict[str, A
     return charts
 
 
-def described_region(sample: PointedSample, name: str) -> dict[str, Any]:
+def described_region(sample: PointedSample, signal: RegionSignal,
+                     spectrum: SurfaceSpectrum) -> dict[str, Any]:
     """The spectrum of a region of the session for the page, as its report has it."""
-    signal, spectrum = sample.drawn(name)
     summary, draws = spectrum.summary, spectrum.samples
     answer = described_spectrum(summary.grid.nm, summary.mean) | described(
         signal, summary.lower, summary.upper, reflectance_to_lab(draws.grid.nm, draws.spectra),

@@ -81,21 +81,16 @@ def _report(page: SessionPage) -> list[BaseRoute]:
 
 
 def _photos(page: SessionPage) -> list[BaseRoute]:
-    """Photos for the eye, whole and in part, and signals under the pointer."""
+    """Photos for the eye, tile by tile, and signals under the pointer."""
     views = page.photos
 
     def of_photo(path: str, work: Callable[[PhotoFile, Any], Any]) -> BaseRoute:
         return _get(path, lambda asked: work(page.photo_file(asked["role"]), asked))
 
-    def size(file: PhotoFile, asked: Any) -> dict[str, Any]:
-        photo = views.photo(file)
-        return {"size": photo.size, "bands": photo.signal.shape[2]}
-
     return [
-        of_photo("/api/photo", lambda file, asked: views.whole(file)),
-        of_photo("/api/size", size),
-        of_photo("/api/part", lambda file, asked: views.part(
-            file, *_pixels(asked, ("left", "top", "side")))),
+        of_photo("/api/size", lambda file, asked: views.described(file)),
+        of_photo("/api/tile", lambda file, asked: views.tile(
+            file, *(int(asked[name]) for name in ("halvings", "column", "row")))),
         of_photo("/api/value", lambda file, asked: views.value(file, *_pixels(asked, ("x", "y")))),
         _taking("/api/file", receiving(page.received))]
 
