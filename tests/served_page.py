@@ -13,7 +13,7 @@ from spectrabox.session.page.server import page_app
 from spectrabox.session.page.session_page import SessionPage
 
 TOKEN = "a-token-of-the-tests"
-MAX_WAIT_MS = 40_000
+MAX_WAIT_MS = 120_000
 
 
 @contextlib.contextmanager

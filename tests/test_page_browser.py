@@ -43,7 +43,7 @@ def regions_of(folder):
 
 
 def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
-    """Eight actions: open, four rectangles of which two are named, Save report."""
+    """Eight actions: open, four rectangles of which two are named, Report."""
     photo = tmp_path / "IMG_4711.dng"
     write_photo(photo, picture(), Fraction(1, 60), np.random.default_rng(3))
     session = _folder_to_open((photo,))
@@ -60,8 +60,8 @@ def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
                 page.wait_for_selector(f'#marks input[data-name="{name}"]')
         page.wait_for_selector("#marks li:nth-child(4) .swatch")
         shown = page.locator("#marks .mark .lab").all_inner_texts()
-        assert page.locator("#all-plot canvas").is_visible()
-        page.wait_for_selector("body[data-result=true]")        # the verdict comes before the report
+        assert page.locator("#all-plot svg").is_visible()
+        page.wait_for_selector("body[data-result=true]")    # the verdict comes before the report
         before, conditions = page.inner_text("#verdict"), page.locator("#chips button").count()
         assert before.split()[0] in ("PASS", "WARN") and conditions > 5
         page.click("#run")                                          # 8
@@ -199,7 +199,7 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         page.click("#run")                              # back to the photo
         page.wait_for_selector("#report", state="hidden")
         page.mouse.move(*on_screen(page, 415, 70))
-        page.wait_for_selector("#looked-plot canvas")
+        page.wait_for_selector("#looked-plot svg")
         page.wait_for_selector("#looked-words:has-text('Width of the band from')")
         red, green, blue = bytes.fromhex(page.get_attribute("body", "data-looked")[1:])
         assert green > red and green > blue         # the green paint

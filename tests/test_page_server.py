@@ -17,7 +17,9 @@ import pytest
 from flat_example import rect_of, write_flat
 from served_page import TOKEN, asked, served, wait_for
 
+from spectrabox.capture.photo.preview import whites
 from spectrabox.session.config.session_file import try_read_session
+from spectrabox.session.page import photo_views
 from spectrabox.session.page.run_control import RunControl
 
 
@@ -64,8 +66,9 @@ def test_another_page_cannot_speak_even_with_the_token(session, headers):
     ("/api/state", 403, {"host": "localhost:["}, None),
     *((f"/api/{what}?role=photo&{numbers}", 400, {}, None)
       for what, numbers in (("value", "x=1e400&y=1"), ("value", "x=nan&y=1"), ("value", "y=1"),
-                            ("value", "x=1e300&y=1"), ("part", "left=0&top=0&side=inf"),
-                            ("part", "left=1e400&top=0&side=9"), ("part", "left=a&top=&side=")))])
+                            ("value", "x=1e300&y=1"), ("tile", "halvings=inf&column=0&row=0"),
+                            ("tile", "halvings=0&column=1e400&row=9"),
+                            ("tile", "halvings=a&column=&row=")))])
 def test_every_answer_forbids_what_a_page_could_be_made_to_do(page_of_flat, path, status, headers,
                                                               body):
     """A wrong request is answered as such, one that is too long before it has ended."""
@@ -187,7 +190,8 @@ def test_no_photo_from_outside_the_session_is_shown(session, name):
     with served(session) as (address, _):
         assert asked(address + "/api/state")[1]["photos"] == []
         for what in ("tile", "size", "value"):
-            status, said = asked(f"{address}/api/{what}?role=photo&x=1&y=1&halvings=0&column=0&row=0")
+            status, said = asked(f"{address}/api/{what}?role=photo&x=1&y=1&halvings=0&column=0"
+                                 "&row=0")
             assert status == 409 and "no photo" in said["error"]
 
 

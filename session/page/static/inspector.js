@@ -1,6 +1,7 @@
 // The inspector: the colour that is looked at, all marked colours in one plot and one list, two compared.
 import { $, button, choice, labelled, make } from "./dom.js";
-import { SpectrumPlot, pairOf, sparkline, swatch } from "./plot.js";
+import { smallSpectrum, spectraPlot } from "./pieces/spectra.js";
+import { pairOf, sparkline, swatch } from "./rows.js";
 import { post, upload } from "./server.js";
 import { mark, regions, say, session, severalPhotos, state } from "./session.js";
 import { LIGHTS, details, labOf, labWords, one } from "./words.js";
@@ -9,8 +10,6 @@ const FAMILIES = ["paint", "textile", "leaves", "skin", "white", "earth", "anima
 const options = (values) => [["", "not stated"], ...values.map((value) => [value, value])];
 export const chosen = { selected: "", picks: [] };      // picks: at most two, {name} or {role, x0, y0, x1, y1, at}
 let on = { select() {}, picked() {}, rename() {}, remove() {} }, pointed = null, pointing = false;
-const looked = new SpectrumPlot($("looked-plot"), 170), all = new SpectrumPlot($("all-plot"), 190, { onChoose: (name) => on.select(name) });
-const pair = new SpectrumPlot($("pair-plot"), 170);
 export const follow = (handlers) => { on = handlers; };
 
 // ---- the colour under the pointer, or of the selected mark
@@ -27,21 +26,27 @@ export function showLooked() {
   if (answer.refused) { $("looked-head").replaceChildren(make("p", { className: "bad", text: answer.refused })); $("looked-words").replaceChildren(); return; }
   $("looked-head").replaceChildren(swatch(answer.hex), make("div", {}, make("strong", { text: name }), make("p", { className: "lab", text: labWords(answer) })));
   $("looked-words").replaceChildren(...details(answer).flatMap(([about, text]) => [make("dt", { text: about }), make("dd", { text })]));
-  looked.show([{ ...answer, name }], `Reflectance of ${name} over wavelength, with its 95 % band`);
+  $("looked-plot").replaceChildren(smallSpectrum(`Reflectance of ${name} over wavelength, with its 95 % band`, answer));
   document.body.dataset.looked = answer.hex;
 }
 
 // ---- all marked colours
-let waiting = null;
+let waiting = null, plotted = [], plot = null;
 export function showSpectra(name) {
   if (name !== undefined) showRow(name);
   waiting ??= requestAnimationFrame(() => { waiting = null; showPlot(); showLooked(); });
 }
+// Drawn anew only where a spectrum has changed.
 function showPlot() {
-  const shown = Object.keys(regions()).filter((name) => session.spectra[name]?.mean);
+  const shown = Object.keys(regions()).filter((name) => session.spectra[name]?.mean), answers = shown.map((name) => session.spectra[name]);
   $("all").hidden = !shown.length;
-  if (!shown.length) { all.clear(); return; }
-  all.show(shown.map((name) => ({ name, ...session.spectra[name] })), `Reflectances of ${shown.length} marked colours over wavelength`, shown.indexOf(chosen.selected));
+  if (answers.length !== plotted.length || answers.some((answer, i) => answer !== plotted[i])) {
+    plotted = answers;
+    plot = shown.length ? spectraPlot(`Reflectances of ${shown.length} marked colours over wavelength`, shown.map((name, i) => ({ name, ...answers[i] })), { width: 480, height: 300,
+      onShow: (_, words) => { $("all-words").textContent = words || "\u00a0"; }, onChoose: (index) => on.select(shown[index]) }) : null;
+    $("all-plot").replaceChildren(...(plot ? [plot.svg] : []));
+  }
+  plot?.choose(shown.flatMap((name, i) => name === chosen.selected || chosen.picks.some((each) => each.name === name) ? [i] : []));
 }
 
 // Rows are made anew only where names have changed: what is being typed is left alone.
@@ -145,23 +150,22 @@ export async function pick(one) {
 export function clearPicks() { chosen.picks = []; showPicks(); }
 function showPicks() {
   for (const name of Object.keys(regions())) showRow(name);
+  showSpectra();
   $("compare").hidden = chosen.picks.length === 0 && !on.comparing();
   if (chosen.picks.length < 2) {
-    $("pair-plot").hidden = true;
     $("comparison").replaceChildren(make("p", { className: "soft", text: chosen.picks.length ? "Choose the second colour, in the list or on the photo." : "Choose two colours, in the list or on the photo." }));
   }
   on.picked();
 }
 export const showCompare = showPicks;
-const refuse = (text) => { $("pair-plot").hidden = true; $("comparison").replaceChildren(make("p", { className: "bad", text })); };
+const refuse = (text) => { $("comparison").replaceChildren(make("p", { className: "bad", text })); };
 // Both swatches touch, as the eye compares best.
 function showComparison({ names, lights, spectra, says, distinct, refused }) {
   if (refused) { refuse(refused); return; }
-  $("pair-plot").hidden = false;
-  pair.show(spectra.map((spectrum, i) => ({ name: names[i], colour: i ? () => getComputedStyle(document.body).getPropertyValue("--bad") : () => getComputedStyle(document.body).getPropertyValue("--accent"), ...spectrum })), `Reflectances of ${names[0]} and ${names[1]} over wavelength`, -1);
   const table = make("table"), head = table.createTHead().insertRow(), body = table.createTBody();
   for (const text of ["Light", `${names[0]} | ${names[1]}`, "\u0394E00"]) head.append(make("th", { scope: "col", text }));
   for (const { light, hex, delta_e00: delta, error } of lights)
     body.append(make("tr", {}, make("th", { scope: "row", text: LIGHTS[light] ?? light }), make("td", {}, pairOf(hex)), make("td", { text: `${one(delta)} ± ${one(error)}` })));
-  $("comparison").replaceChildren(make("p", { className: distinct ? "" : "bad", text: says }), table);
+  $("comparison").replaceChildren(smallSpectrum(`Reflectances of ${names[0]} and ${names[1]} over wavelength`, spectra[0], [spectra[1]]),
+    make("p", { className: distinct ? "" : "bad", text: says }), table);
 }

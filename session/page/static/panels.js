@@ -46,11 +46,11 @@ export function showChips(tools) {
   const shown = JSON.stringify([conditions, facts.light]);
   if ($("chips").dataset.shown === shown) return;
   $("chips").dataset.shown = shown;
-  const lamp = live ? [chip("stated", "lamp", facts.light || "unknown", false, (event) => lampPanel(event.currentTarget))] : [];
+  const lamp = live ? [chip("stated", "lamp", facts.light || "unknown", (event) => lampPanel(event.currentTarget))] : [];
   $("chips").replaceChildren(...lamp, ...[...conditions].sort((a, b) => ORDER(a) - ORDER(b)).map((one) =>
-    chip(one.standing, one.name, STANDINGS[one.standing][1], one.named, (event) => conditionPanel(event.currentTarget, one, tools))));
+    chip(one.standing, one.name, STANDINGS[one.standing][1], (event) => conditionPanel(event.currentTarget, one, tools))));
 }
-const chip = (standing, name, text, named, does) => make("button", { className: `chip ${standing}${named ? " named" : ""}`, type: "button", data: { chip: name }, on: { click: does } },
+const chip = (standing, name, text, does) => make("button", { className: `chip ${standing}`, type: "button", data: { chip: name }, on: { click: does } },
   make("span", { "aria-hidden": "true", text: STANDINGS[standing][0] }), ` ${capital(name)}: ${text}`);
 
 function lampPanel(anchor) {

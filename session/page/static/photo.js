@@ -193,12 +193,13 @@ export class PhotoView {
       outline.forEach(([x, y], i) => { const [u, v] = this.put(x, y); i ? c.lineTo(u, v) : c.moveTo(u, v); });
       if (closed) c.closePath(); c.stroke();
     }
-    if (name && (name === this.selected || this.roomFor(name, outline))) this.label(name, outline[0], colour);
+    if (name) this.label(name === this.selected ? name : this.shortened(name, outline), outline[0], colour);
   }
-  // Names of many small marks would cover the photo: theirs are in the list, and by them once selected.
-  roomFor(name, outline) {
-    const across = outline.map(([x]) => x);
-    return this.outlines.length < 9 || name.length * 7 < 1.3 * this.scale * (Math.max(...across) - Math.min(...across));
+  // Of many marks each name gets the room of its mark; the whole name is in the list.
+  shortened(name, outline) {
+    if (this.outlines.length < 9) return name;
+    const across = outline.map(([x]) => x), room = Math.floor(this.scale * (Math.max(...across) - Math.min(...across)) / 6.5);
+    return name.length <= room ? name : room < 4 ? "" : `${name.slice(0, room - 1)}…`;
   }
   label(text, at, colour) {
     const c = this.context, [u, v] = this.put(...at); c.font = "13px system-ui, sans-serif"; c.lineWidth = 3; c.lineJoin = "round"; c.strokeStyle = "#000";
