@@ -115,8 +115,11 @@ def test_an_image_in_memory_gives_what_the_files_hold(tmp_path, height, monkeypa
 
 def test_pixels_beyond_white_are_counted(tmp_path):
     image = picture()
-    image[:7] *= 40
-    assert answer(tmp_path, image)["outside_0_to_1"] == pytest.approx(0.1)
+    image[:3] *= 40
+    assert answer(tmp_path, image)["outside_0_to_1"] == pytest.approx(3 / 70)
+    image[3:7] *= 40
+    with pytest.raises(InputError, match="10% of the pixels are brighter than a perfect white"):
+        answer(tmp_path, image)
 
 
 @pytest.mark.parametrize("options, message", [

@@ -18,6 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
+from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.local_posteriors import (
     MAX_CENTRES,
     LocalPosteriors,
@@ -35,6 +36,8 @@ from spectrabox.sampling.prior.uplift_table import (
     points_around,
 )
 
+ABOVE_WHITE = 1.1       # of white: more than white's own error and the photo's noise
+MAX_ABOVE = 0.05        # of the pixels: lamps and highlights; where more are, white is another
 PIXELS_AT_ONCE = 65_536
 PIXELS_IN_CACHE = 16_384    # looked up at a time
 SAMPLED = 65_536            # pixels, evenly over the picture, whose signals stand for all
@@ -119,7 +122,29 @@ class Survey:
 
     points: np.ndarray      # (J, side, side, side) bool: needed points of the table of each light
     outside: int            # pixels with a band outside 0 to 1
+    above: int              # pixels with a band clearly above white
     sample: PixelBlock      # some pixels
+
+
+def require_below_white(above: int, pixels: int, remedy: str) -> None:
+    """Refuse an image of which too much is brighter than a perfect white.
+
+    Parameters
+    ----------
+    above : int
+        Pixels with a band above ABOVE_WHITE.
+    pixels : int
+        Of the image.
+    remedy : str
+        How white is stated, for the error.
+
+    Raises
+    ------
+    InputError
+    """
+    if above > MAX_ABOVE * pixels:
+        raise InputError(f"{above / pixels:.0%} of the pixels are brighter than a perfect white: "
+                         f"what white reads is not what was taken. {remedy}")
 
 
 def row_blocks(height: int, width: int) -> list[tuple[int, int]]:
@@ -149,17 +174,19 @@ def survey_rows(source: PixelSource, first: int, last: int) -> Survey:
     # copied: a view would hold all signals of these rows
     sample = PixelBlock(block.signals[some].copy(), _rows([block.light], some),
                         _rows([block.error_level], some))
-    return Survey(points, int(outside(block.signals).sum()), sample)
+    return Survey(points, int(outside(block.signals).sum()),
+                  int(np.any(block.signals > ABOVE_WHITE, axis=1).sum()), sample)
 
 
 def merge_surveys(surveys: Iterable[Survey]) -> Survey:
     """The survey of all rows, from parts in their order."""
-    points, beyond, samples = np.array(False), 0, []
+    points, beyond, above, samples = np.array(False), 0, 0, []
     for survey in surveys:
         points = points | survey.points
         beyond += survey.outside
+        above += survey.above
         samples.append(survey.sample)
-    return Survey(points, beyond, PixelBlock(
+    return Survey(points, beyond, above, PixelBlock(
         np.concatenate([each.signals for each in samples]), _rows([each.light for each in samples]),
         _rows([each.error_level for each in samples])))
 

@@ -15,6 +15,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     PixelBlock,
     merge_surveys,
     plan_spectra,
+    require_below_white,
     row_blocks,
     survey_rows,
 )
@@ -114,9 +115,9 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitM
         np.ones(bands, np.float32) if white is None else white.astype(np.float32),
         relative_response, prior, noise, side)
     blocks = row_blocks(height, width)
-    plan = plan_spectra(source, kept or KeptWavelengths(5, full=True),
-                        merge_surveys(survey_rows(source, *rows) for rows in blocks), progress,
-                        map_parts)
+    survey = merge_surveys(survey_rows(source, *rows) for rows in blocks)
+    require_below_white(survey.above, height * width, "Give what a perfect white reads (white=)")
+    plan = plan_spectra(source, kept or KeptWavelengths(5, full=True), survey, progress, map_parts)
     parts = zip(*(plan.split(plan.values(source, source.block(*rows))) for rows in blocks),
                 strict=True)
     mean, deviation = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)

@@ -171,13 +171,19 @@ def uplift(request: UpliftRequest) -> Answer:
     if out.suffix.lower() in (".exr", ".hdr", ".img"):
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
                                  "which mean and standard deviation go", param_hint="--out")
-    from spectrabox.session.pictures.uplift_answer import uplift_answer
+    from spectrabox.session.pictures.uplift_answer import stated_white, uplift_answer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
+    request, white_from = stated_white(request)
     with progress_display(request.quiet) as progress:
         if request.workers is None and request.cluster is None:
-            return Answer(*uplift_answer(request, with_time_left(progress)))
-        from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
-        return Answer(*shared_uplift_answer(request, with_time_left(progress)))
+            facts, text = uplift_answer(request, with_time_left(progress))
+        else:
+            from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
+            facts, text = shared_uplift_answer(request, with_time_left(progress))
+    white = [float(value) for value in (request.white or "").replace(";", ",").split(",")]
+    return Answer(facts | {"white": white, "white_from": white_from},
+                  f"{text}\nwhite reads {', '.join(f'{value:.4g}' for value in white)} "
+                  f"({white_from})")
 
 
 @Command

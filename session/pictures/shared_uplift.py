@@ -20,6 +20,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     SpectraPlan,
     merge_surveys,
     plan_spectra,
+    require_below_white,
 )
 from spectrabox.measure.pictures.spectra_files import zarr_facts
 from spectrabox.measure.pictures.uplift import ImageSource
@@ -47,7 +48,12 @@ from spectrabox.session.pictures.row_tasks import (
     load_plan,
     store_plan,
 )
-from spectrabox.session.pictures.uplift_answer import image_source, uplift_layout, uplift_summary
+from spectrabox.session.pictures.uplift_answer import (
+    WHITE_REMEDY,
+    image_source,
+    uplift_layout,
+    uplift_summary,
+)
 from spectrabox.session.store.locks import sole_user
 from spectrabox.session.store.program import program_digest
 from spectrabox.session.store.store import fingerprint
@@ -100,6 +106,7 @@ def shared_uplift_answer(request: UpliftRequest,
             if not (order.folder / PLAN).exists():
                 surveys = _results(tasks, workers, lambda share: progress("signals", share, ""))
                 survey = merge_surveys(surveys[each.first] for each in tasks)
+                require_below_white(survey.above, height * width, WHITE_REMEDY)
                 with ThreadPoolExecutor(os.cpu_count()) as threads:
                     plan = plan_spectra(source, layout, survey,
                                         lambda share: progress("table", share, ""), threads.map)

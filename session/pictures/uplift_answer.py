@@ -4,28 +4,74 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from spectrabox.capture.photo.image_files import is_image_file
 from spectrabox.capture.photo.image_rows import open_rows
+from spectrabox.capture.photo.linear import open_photo
+from spectrabox.measure.pictures.photo_white import photo_white
 from spectrabox.measure.pictures.pixel_spectra import (
     GRID_STEP_NM,
     SpectraPlan,
     Survey,
     merge_surveys,
     plan_spectra,
+    require_below_white,
     row_blocks,
     survey_rows,
 )
 from spectrabox.measure.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
 from spectrabox.measure.pictures.uplift import ImageSource, require_bands, require_side
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.signals.signal_options import numbers, response_of_names
 from spectrabox.session.terminal.progress_display import StageProgress
+
+WHITE_REMEDY = ("Give --white with what a perfect white reads in each band (a white card's values "
+                "over its reflectance), or --white 1,1,1 where the picture is relative to white")
+MAX_SEARCHED_PX = 30_000_000        # a photo; a larger picture is not read at once for its chart
+
+
+def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str]:
+    """The request with its white, as it is stated or a chart in the photo tells it, and from where.
+
+    Parameters
+    ----------
+    request : UpliftRequest
+
+    Raises
+    ------
+    InputError
+        If a camera's raw photo shows no chart.
+    """
+    if request.white is not None:
+        return request, "stated"
+    response = relative_response(request.sensitivity, request.light, FINE_GRID)
+    white = None
+    if _is_searched(request.image):
+        photo = open_photo(request.image)
+        require_bands(photo.signal.shape[2], response)
+        white = photo_white(photo, response, WHITE_REMEDY)
+    if white is None:
+        return replace(request, white=",".join(["1"] * len(response))), \
+            "taken as 1: no --white was given, and no chart was found"
+    return replace(request, white=",".join(f"{float(value):.6g}" for value in white)), \
+        "the chart in the photo"
+
+
+def _is_searched(image: Path) -> bool:
+    """Whether a chart is looked for: in a raw photo, which is held whole, and in small files."""
+    if not image.is_file() or not is_image_file(image):
+        return not image.is_dir()
+    rows = open_rows(image)
+    return rows.width * rows.height <= MAX_SEARCHED_PX
 
 
 def uplift_layout(request: UpliftRequest) -> PictureLayout:
@@ -54,6 +100,7 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
             progress("signals", last / height, "")
 
     survey = merge_surveys(surveys())
+    require_below_white(survey.above, height * width, WHITE_REMEDY)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         plan = plan_spectra(source, layout, survey,
                             lambda share: progress("table", share, ""), pool.map)
@@ -76,12 +123,12 @@ def image_source(request: UpliftRequest) -> ImageSource:
         raise InputError(f"--step {request.step} does not divide 400-700 nm into steps of "
                          f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
     require_side(request.side)
-    relative_response = response_of_names(request.sensitivity, request.light)
+    response = response_of_names(request.sensitivity, request.light)
     image = open_rows(request.image)
-    require_bands(image.bands, relative_response)
+    require_bands(image.bands, response)
     white = np.ones(image.bands) if request.white is None \
         else numbers(request.white, image.bands, "white")
-    return ImageSource(image, white.astype(np.float32), relative_response,
+    return ImageSource(image, white.astype(np.float32), response,
                        of_families(load_prior(), request.family), request.noise, request.side)
 
 

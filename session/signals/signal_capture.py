@@ -32,6 +32,10 @@ from spectrabox.session.signals.signal_options import (
 
 SRGB_CAVEAT = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
                "of surfaces that would look so in daylight, not of what was photographed")
+WHITE_CAVEAT = ("no --white was given: the signal is taken as relative to a perfect white, which "
+                "values of a raw photo are not")
+NOISE_CAVEAT = ("no --noise was given: the signal is taken as exact, and the band is narrower than "
+                "a photo's")
 
 
 def signal_capture(measured: MeasuredSignal, signals: Path | None, srgb: str | None,
@@ -68,11 +72,14 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, srgb: str | N
         named = read_named_signals(signals, bands)
     else:
         named = {"": numbers(measured.signal or "", bands, "signal")}
+    caveats = [SRGB_CAVEAT] if srgb is not None else \
+        [caveat for stated, caveat in ((white, WHITE_CAVEAT), (noise, NOISE_CAVEAT))
+         if stated is None]
     return SignalCapture(
         response, np.array(list(named.values())), tuple(named), white, noise, light_error,
         sensitivity_error, of_families(load_prior(prior), tuple(family)), more, reflected,
         None if swatches is None else read_swatches(swatches, bands),
-        None if srgb is None else SRGB_CAVEAT)
+        "\n".join(caveats) or None)
 
 
 def stated_truth(file: Path, column: str | None) -> np.ndarray:

@@ -16,7 +16,8 @@ from spectrabox.api.arguments import (
 )
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.measure.pictures.uplift import uplift_image
+from spectrabox.measure.pictures.photo_white import photo_white
+from spectrabox.measure.pictures.uplift import require_bands, uplift_image
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -38,7 +39,8 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     noise : float
         Relative standard error of every band.
     white : (K,) array, optional
-        What a perfect white reads; 1 by default.
+        What a perfect white reads. Of a Photo, as a ColorChecker in it tells by default; of an
+        array, which is taken as relative to white, 1.
     families : str or list of str, optional
         What the surfaces are: paint, textile, leaves, skin, white, earth, animal.
     prior : path or LogitMixture, optional
@@ -55,7 +57,8 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     Raises
     ------
     InputError
-        If image and camera have other bands, or the image has no pixel.
+        If image and camera have other bands, or the image has no pixel; if a raw photo shows no
+        chart and ``white`` is not given; if more than 5 % of the pixels are brighter than white.
 
     References
     ----------
@@ -72,7 +75,12 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     if pixels.ndim != 3 or not pixels.size:
         raise InputError(f"an image of shape {pixels.shape} was given; give (height, width, bands) "
                          "with one pixel or more")
-    response = relative_response(camera, light) @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+    fine_response = relative_response(camera, light)
+    response = fine_response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+    require_bands(pixels.shape[2], response)
+    if white is None and isinstance(image, Photo):
+        white = photo_white(image.image, fine_response, "Give white=, what a perfect white reads "
+                            "in each band")
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
                             white=None if white is None else np.asarray(white, dtype=float),

@@ -1,0 +1,98 @@
+"""What a perfect white reads is stated, told by a chart or refused: never the sensor's full scale.
+
+Real photos: SPECTRABOX_DATA=DIR, the folder that holds raw_charts/ and raw/.
+"""
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import spectrabox as sb
+from spectrabox.capture.photo.image_writers import write_exr
+from spectrabox.radiometry.appearance import reflectance_to_lab
+from spectrabox.radiometry.chart import CLASSIC
+from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.session.cli import app
+
+CAMERA = ("--sensitivity", "Nikon 5100 (NPL)", "--light", "D65")
+NAMED = {"camera": "Nikon 5100 (NPL)", "light": "D65"}
+DATA = Path(os.environ.get("SPECTRABOX_DATA", "no-data"))
+INDOOR = DATA / "raw_charts" / "industrial_indoor1.dng"
+NO_CHART = DATA / "raw" / "oecf_10bit_bayer.dng"
+needs_data = pytest.mark.skipif(not INDOOR.exists(),
+                                reason="SPECTRABOX_DATA names no folder of photos")
+
+
+def uplift(image, out, *more):
+    result = CliRunner().invoke(app, ["uplift", str(image), "-o", str(out), *CAMERA, "--side", "5",
+                                      "--json", *more])
+    return result.exit_code, json.loads(result.stdout)
+
+
+@pytest.fixture
+def grey(tmp_path):
+    """A picture without a chart, relative to white."""
+    write_exr(tmp_path / "grey.exr", np.full((40, 60, 3), 0.4, np.float32), ["R", "G", "B"])
+    return tmp_path / "grey.exr"
+
+
+@needs_data
+def test_the_white_patch_of_a_real_photo_is_white_by_its_own_chart():
+    photo = sb.open_photo(INDOOR)
+    x, y = sb.find_chart(photo).corners[18].mean(axis=0) / 2    # a mosaic's cells are 2 x 2 pixels
+    patch = (slice(int(y) - 2, int(y) + 2), slice(int(x) - 2, int(x) + 2))
+    mean, _ = sb.uplift(sb.Photo(photo.image), **NAMED)
+    lab = reflectance_to_lab(PRIOR_GRID.nm, mean[patch].mean(axis=(0, 1)))
+    usual = reference_reflectances(None, CLASSIC, FINE_GRID)[18]
+    # copies of the patch differ by 2, and the camera is another; at full scale it was 76 -43 72
+    np.testing.assert_allclose(lab, reflectance_to_lab(FINE_GRID.nm, usual), atol=2.5)
+
+
+@needs_data
+def test_a_raw_photo_without_a_chart_needs_its_white(tmp_path):
+    code, facts = uplift(NO_CHART, tmp_path / "out")
+    assert code == 3 and "no ColorChecker was found" in facts["error"]
+    assert "Give --white with what a perfect white reads" in facts["error"]
+    with pytest.raises(InputError, match=r"shares of what the sensor can hold.*Give white="):
+        sb.uplift(sb.open_photo(NO_CHART), **NAMED)
+    code, facts = uplift(NO_CHART, tmp_path / "out", "--white", "0.8,0.9,0.7")
+    assert code == 0 and facts["white_from"] == "stated" and facts["white"] == [0.8, 0.9, 0.7]
+
+
+def test_a_picture_without_a_chart_is_relative_to_white_and_the_answer_says_so(grey, tmp_path):
+    code, facts = uplift(grey, tmp_path / "out")
+    assert code == 0 and facts["white"] == [1, 1, 1]
+    assert facts["white_from"] == "taken as 1: no --white was given, and no chart was found"
+
+
+def test_values_of_8_bits_are_no_reflectances(grey, tmp_path):
+    with pytest.raises(InputError, match=r"100% of the pixels are brighter than a perfect white"
+                                         r".*white="):
+        sb.uplift(np.full((4, 6, 3), 120.0), **NAMED)
+    code, facts = uplift(grey, tmp_path / "out", "--white", "0.3,0.3,0.3")
+    assert code == 3 and "100% of the pixels are brighter than a perfect white" in facts["error"]
+    assert not (tmp_path / "out" / "mean.exr").exists()
+
+
+def test_a_few_highlights_are_no_reason_to_refuse():
+    image = np.full((10, 10, 3), 0.4)
+    image[0, :5] = 3.0
+    mean, _ = sb.uplift(image, **NAMED)
+    assert mean.shape == (10, 10, 61)
+
+
+def test_a_signal_of_which_white_and_noise_are_not_stated_says_so():
+    def caveat(*more):
+        result = CliRunner().invoke(app, ["sample", *CAMERA, "--signal", "0.346,0.449,0.146",
+                                          "--json", *more])
+        return json.loads(result.stdout).get("caveat", "")
+    assert "no --white was given: the signal is taken as relative to a perfect white" in caveat()
+    assert "no --noise was given: the signal is taken as exact" in caveat()
+    assert "--white" not in caveat("--white", "0.39,0.51,0.17")
+    assert caveat("--white", "0.39,0.51,0.17", "--noise", "0.003") == ""
