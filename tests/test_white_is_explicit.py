@@ -61,8 +61,8 @@ def test_a_raw_photo_without_a_chart_needs_its_white(tmp_path):
     assert "Give --white with what a perfect white reads" in facts["error"]
     with pytest.raises(InputError, match=r"shares of what the sensor can hold.*Give white="):
         sb.uplift(sb.open_photo(NO_CHART), **NAMED)
-    code, facts = uplift(NO_CHART, tmp_path / "out", "--white", "1,0.9,1")
-    assert code == 0 and facts["white_from"] == "stated" and facts["white"] == [1, 0.9, 1]
+    code, facts = uplift(NO_CHART, tmp_path / "out", "--white", "1,1,1.0")
+    assert code == 0 and facts["white_from"] == "stated" and facts["white"] == [1, 1, 1]
 
 
 def test_a_picture_without_a_chart_is_relative_to_white_and_the_answer_says_so(grey, tmp_path):
