@@ -53,7 +53,7 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
     """
     try:
         return white_of_chart(photo, relative_response)
-    except (ChartNotFoundError, CheckError, InputError) as error:     # the last of a tiny picture
+    except (ChartNotFoundError, CheckError) as error:
         if photo.kind is not PhotoKind.RAW:
             return None
         raise InputError(f"{photo.source} is a raw photo: its values are shares of what the sensor "

@@ -56,9 +56,13 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str]:
     response = relative_response(request.sensitivity, request.light, FINE_GRID)
     white = None
     if _is_searched(request.image):
-        photo = open_photo(request.image)
-        require_bands(photo.signal.shape[2], response)
-        white = photo_white(photo, response, WHITE_REMEDY)
+        try:
+            photo = open_photo(request.image)
+        except InputError:
+            photo = None            # too small to show a chart; what cannot be read is said below
+        if photo is not None:
+            require_bands(photo.signal.shape[2], response)
+            white = photo_white(photo, response, WHITE_REMEDY)
     if white is None:
         return replace(request, white=",".join(["1"] * len(response))), \
             "taken as 1: no --white was given, and no chart was found"
