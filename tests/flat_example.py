@@ -14,7 +14,7 @@ from spectrabox.fixtures.flat_sample import (
     write_photo,
 )
 from spectrabox.fixtures.paints import NM, paint
-from spectrabox.radiometry.chart import COPIES_SINCE_2014, chart_reflectances
+from spectrabox.radiometry.chart import AFTER_2014, chart_reflectances
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -24,8 +24,10 @@ CHART = (0.06, 0.08, 0.45)      # left, top and width of the patch grid
 PAINTS = {"white_wall": (0.58, 0.06), "green_wall": (0.78, 0.06), "red_wall": (0.58, 0.36),
           "cube": (0.78, 0.36)}
 SIDE = 0.16
-LAMPS = [(0.1, 0.2, 2.4, 1.0)]
-HEAD = """[photos]
+LAMPS = [(0.1, 0.2, 1.4, 1.0)]
+HEAD = f"""[chart]
+reference = "{AFTER_2014}"
+[photos]
 object = "photos/sample.dng"
 [light]
 spectrum = "spectra/light.csv"
@@ -47,14 +49,14 @@ def light_over(size=SIZE, corner=0.9):
     return light / light.max()
 
 
-def usual_chart(seed=1):
-    """Reflectances (24, P) of a copy near the mean of its edition, each patch off by 1 %.
+def stated_chart(seed=1):
+    """Reflectances (24, P) of the chart that the session states, each patch off by .5 %.
 
     The paints lie up to a chart's width away, where the patches of an odd copy tilt the light by a
-    fifth (test_chart_generation.py, benchmarks/bench_flat_faults.py draw those).
+    fifth: copies that nobody stated are drawn in test_chart_generation.py and by benchmarks.
     """
-    usual = chart_reflectances(COPIES_SINCE_2014, grid_from_nm(NM))
-    return usual * np.exp(0.01 * np.random.default_rng(seed).standard_normal((24, 1)))
+    stated = chart_reflectances(AFTER_2014, grid_from_nm(NM))
+    return stated * np.exp(0.005 * np.random.default_rng(seed).standard_normal((24, 1)))
 
 
 def picture(size=SIZE, *, chart=CHART, paints=PAINTS, light=None, seed=1, power=None):
@@ -64,7 +66,7 @@ def picture(size=SIZE, *, chart=CHART, paints=PAINTS, light=None, seed=1, power=
     areas = [(box(left, top, left + SIDE, top + SIDE), paint(name)[1])
              for name, (left, top) in paints.items()]
     corners = None if chart is None else chart_corners(*chart)
-    flat = surface_signals(size, responses, usual_chart(seed), corners, areas,
+    flat = surface_signals(size, responses, stated_chart(seed), corners, areas,
                            np.full(NM.size, 0.2))
     return flat * (light_over(size) if light is None else light)[..., None]
 

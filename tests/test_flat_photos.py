@@ -94,10 +94,9 @@ def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, o
     assert (both[:, 2] < one[:, 2]).all()               # width of every band
     assert both[:, 0].mean() < one[:, 0].mean()         # RMSE
     known = np.array([name != "cube" for name in PAINTS])
-    # three surfaces of one photo, of which nobody says that they are matt
-    assert both[known, 1].mean() > 0.9
+    assert both[known, 1].min() > 0.95
     # The cube's blue rises again towards 700 nm, which few paints of the prior do.
-    assert both[~known, 1].min() > 0.6
+    assert both[~known, 1].min() > 0.75
 
 
 def write_unknown(folder, views):

@@ -161,8 +161,8 @@ def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, m
     begun = scene.traced.exponents.sum(axis=1) <= 1
     alone = scored(replace(scene, traced=replace(
         scene.traced, coefficients=scene.traced.coefficients * begun)))
-    # what matt surfaces may mirror is left of the errors: some .3 % of white
-    assert whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 1.7
+    # light that is left out makes walls too bright, which a prior of even level pulls back little
+    assert whole[0] < 0.05 and whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 1.8
     assert whole[1] > 0.9 and as_grey[1] < whole[1]
 
 
