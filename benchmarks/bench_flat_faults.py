@@ -61,7 +61,7 @@ FAULTS = ("none", "gloss 1.5 %", "gloss 3 %", "shadow 10 %", "shadow edge", "oth
 # conditions of a result that a fault breaks
 BROKEN = {"gloss 1.5 %": "gloss", "gloss 3 %": "gloss", "shadow 10 %": "shadow",
           "shadow edge": "shadow", "other plane": "plane", "chart tilted": "plane",
-          "two lamps": "light on the sample"}
+          "brightener": "fluorescence", "two lamps": "light on the sample"}
 PROTOCOLS = ("one", "gels", "lamp", "moved")
 GELS = ("Tiffen Red1(25)", "Tiffen 80A")
 SHADOW, EDGE_SHADOW = 0.10, 0.15

@@ -13,16 +13,19 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.verdict.conditions import (
     COPY_FAULT,
     GLOSS_FAULT,
-    NAMED_LIGHTNESS,
+    NAMED_CHANGE,
     Standing,
     Statements,
     condition_words,
+    emitted,
     exponent_of_greys,
 )
 from spectrabox.measure.verdict.criterion import Status, Verdict
 from spectrabox.measure.verdict.flat_criteria import light_effect
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE, SAMPLE_PLANE
+
+NM = np.arange(400.0, 701.0, 5.0)
 
 
 def condition(found, name):
@@ -55,7 +58,7 @@ def test_a_lamp_that_moved_measures_gloss(tmp_path):
 def test_the_verdict_names_the_assumed_conditions_whose_failing_is_seen_and_no_other(tmp_path):
     found = example_session(tmp_path).found
     for each in found.conditions:
-        seen = each.lightness is not None and abs(each.lightness) >= NAMED_LIGHTNESS
+        seen = max(abs(each.lightness or 0), abs(each.b_star or 0)) >= NAMED_CHANGE
         assert each.named == (each.standing is Standing.ASSUMED and seen)
         assert (bool(each.holds) and each.holds in condition_words(found.conditions)) == each.named
 
@@ -65,6 +68,18 @@ def test_the_line_of_a_pass_says_what_it_rests_on_and_that_of_a_warning_does_not
     assert passed.line == "verdict: PASS if matt and in the chart's plane. The chart fits."
     assert passed.says == "If matt and in the chart's plane: the chart fits."
     assert Verdict(Status.WARN, "It is dark.", ()).line == "verdict: WARN. It is dark."
+
+
+@pytest.mark.parametrize("level, named", [(0.85, True), (0.6, True), (0.2, False), (0.04, False)])
+def test_brighteners_are_named_of_surfaces_that_are_light_in_the_blue(tmp_path, level, named):
+    results = example_session(tmp_path)
+    found = dataclasses.replace(results.found, surfaces=[grey(level, 0.01, 0.1, tmp_path)])
+    fluorescence = condition(found, "fluorescence")
+    assert fluorescence.b_star < 0 and fluorescence.named == named
+    # emission at 440 nm is bluer than any reflectance, and hardly lighter
+    reflected = np.full(NM.size, level)
+    assert reflectance_to_lab(NM, emitted(NM, reflected))[0] \
+        < reflectance_to_lab(NM, reflected)[0] + 1
 
 
 def test_costs_are_those_of_the_surface_that_the_fault_changes_most(tmp_path):

@@ -4,7 +4,7 @@ The one place where conditions are made. Verdict, report, page, JSON and text re
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -51,9 +51,12 @@ DARKER_FAULT = 0.10         # of the light: soft shadow, a sample some centimetr
 DIMMER_FAULT = 0.05         # of the light: a lamp that warms up, clouds, a place off by 2 cm
 COPY_FAULT = 0.03           # of the level: one measured copy of a ColorChecker against another
 BENT_FAULT = 0.02           # of the exponent of the light: an error of the black level
-NAMED_LIGHTNESS = 1.0       # L* beyond which a verdict names a condition: it can be seen
+# of white at 440 nm, emitted by a brightener of paper or textiles where they have any UV to absorb
+EMITTED_FAULT, EMITTED_NM, EMITTED_WIDTH_NM = 0.15, 440.0, 28.0
+NAMED_CHANGE = 1.0          # of L* or b* beyond which a verdict names a condition: it can be seen
 FEWEST_GREYS = 4            # patches by which linearity is measured
 MOVED_LAMP = "one more photo with the lamp moved"
+LIGHTNESS, B_STAR = 0, 2    # of L*a*b*
 
 
 class Standing(Enum):
@@ -78,12 +81,13 @@ class Condition:
     lightness: float | None = None
     variance_share: float | None = None     # of the spectra's variance by the error allowed
     to_measure: str = ""        # what would measure it, in a phrase; empty where nothing is needed
+    b_star: float | None = None     # as ``lightness`` of b*, of a fault that changes the colour
 
     @property
     def named(self) -> bool:
         """Whether a verdict names it: assumed, and its failing would be seen."""
-        return self.standing is Standing.ASSUMED and self.lightness is not None \
-            and abs(self.lightness) >= NAMED_LIGHTNESS
+        changes = [abs(each) for each in (self.lightness, self.b_star) if each is not None]
+        return self.standing is Standing.ASSUMED and max(changes, default=0.0) >= NAMED_CHANGE
 
     @property
     def cost(self) -> str:
@@ -91,6 +95,8 @@ class Condition:
         parts = []
         if self.lightness is not None:
             parts.append(f"{self.fault}: L* {self.lightness:+.1f}".replace("-", "−"))
+        if self.b_star is not None:
+            parts.append(f"{self.fault}: b* {self.b_star:+.1f}".replace("-", "−"))
         if self.variance_share is not None:
             parts.append(f"{percent(self.variance_share, 0)} of the variance")
         return "; ".join(parts)
@@ -112,6 +118,7 @@ CONDITION_FACTS: tuple[Fact[Condition], ...] = (
     Fact("fault", "a fault as it happens", lambda one: one.fault or None),
     Fact("lightness", "by how much that fault changes L* of the surface that it changes most",
          lambda one: one.lightness),
+    Fact("b_star", "the same of b*, of a fault that changes the colour", lambda one: one.b_star),
     Fact("variance_share", "of the spectra's variance that the error allowed makes, mean over "
          "surfaces", lambda one: one.variance_share),
     Fact("cost", "both in words", lambda one: one.cost or None, "if it fails"),
@@ -158,14 +165,14 @@ def statements_of(capture: Capture) -> Statements:
 def flat_conditions(found: FlatResult) -> tuple[Condition, ...]:
     """Conditions of flat samples."""
     return (_flat_light(found), _gloss(found, "matt"), _plane(found), _shadow(found),
-            _linearity(found), *_chart_copy(found), _camera(found))
+            _fluorescence(found), _linearity(found), *_chart_copy(found), _camera(found))
 
 
 def scene_conditions(found: SceneResult) -> tuple[Condition, ...]:
     """Conditions of scenes, in which plane and shadow are the geometry's."""
     return (_scene_light(found), _light_place(found), _geometry(found),
-            _gloss(found, "the surfaces are as matt as the scene says"), _linearity(found),
-            *_chart_copy(found), _camera(found))
+            _gloss(found, "the surfaces are as matt as the scene says"), _fluorescence(found),
+            _linearity(found), *_chart_copy(found), _camera(found))
 
 
 def condition_words(conditions: Sequence[Condition]) -> str:
@@ -237,7 +244,7 @@ def _gloss(found: CaptureResult, holds: str) -> Condition:
         standing, known_by = Standing.STATED, listed(list(stated.surfaces))
     return Condition("gloss", standing, _mirrored(surfaces), known_by, holds,
                      f"{percent(GLOSS_FAULT)} of the light mirrored",
-                     largest_change(surfaces, lambda mean: mean + GLOSS_FAULT),
+                     largest_change(surfaces, lambda nm, mean: mean + GLOSS_FAULT),
                      allowed_share(surfaces, (SURFACE_REFLECTION,)), MOVED_LAMP)
 
 
@@ -248,6 +255,19 @@ def _shadow(found: FlatResult) -> Condition:
     return Condition("shadow", standing, None, known_by, "in no shadow",
                      f"{percent(DARKER_FAULT)} less light",
                      darker_by(found.surfaces, DARKER_FAULT), to_measure=MOVED_LAMP)
+
+
+def _fluorescence(found: CaptureResult) -> Condition:
+    """Brighteners and other emission, which no photo tells from reflectance.
+
+    Exciting light is absorbed on its way in as emitted light is on its way out, so that little
+    comes of what is dark there.
+    """
+    return Condition("fluorescence", Standing.ASSUMED, None, "no photo shows it",
+                     "without brighteners",
+                     f"{percent(EMITTED_FAULT)} of white emitted at {EMITTED_NM:.0f} nm",
+                     b_star=largest_change(found.surfaces, emitted, B_STAR),
+                     to_measure="an instrument that reads without UV")
 
 
 def _linearity(found: CaptureResult) -> Condition:
@@ -266,7 +286,7 @@ def _linearity(found: CaptureResult) -> Condition:
     return Condition("linearity", Standing.MEASURED if measured else Standing.ASSUMED, error,
                      known_by, "with signals in proportion to light",
                      f"exponent off by {fault:.3f}",
-                     largest_change(found.surfaces, lambda mean: np.maximum(mean, 0) ** (
+                     largest_change(found.surfaces, lambda nm, mean: np.maximum(mean, 0) ** (
                          1 + fault)), to_measure="a raw photo" if found.processed
                      else "further exposures of the samples, or a chart with grey patches")
 
@@ -382,23 +402,33 @@ def allowed_share(surfaces: Sequence[SurfaceResult], causes: Sequence[str]) -> f
     return float(np.mean(shares)) if shares else None
 
 
-def largest_change(surfaces: Sequence[SurfaceResult], faulty: Any) -> float | None:
+def largest_change(surfaces: Sequence[SurfaceResult],
+                   faulty: Callable[[np.ndarray, np.ndarray], np.ndarray],
+                   of: int = LIGHTNESS) -> float | None:
     """Change of L* of the estimated surface that a fault changes most; None where all are given.
 
     Parameters
     ----------
     surfaces : sequence of SurfaceResult
     faulty : callable
-        What the fault makes of a mean reflectance (P,).
+        What the fault makes, at wavelengths (P,), of a mean reflectance (P,).
+    of : int
+        ``LIGHTNESS``, or ``B_STAR`` for the change of b*.
     """
-    changes = [float(reflectance_to_lab(surface.nm, faulty(surface.mean))[0] - surface.lab[0])
-               for surface in surfaces if not surface.known]
+    changes = [float(reflectance_to_lab(surface.nm, faulty(surface.nm, surface.mean))[of]
+                     - surface.lab[of]) for surface in surfaces if not surface.known]
     return max(changes, key=abs, default=None)
 
 
 def darker_by(surfaces: Sequence[SurfaceResult], share: float) -> float | None:
     """Change of L*, as `largest_change`, by so much less light."""
-    return largest_change(surfaces, lambda mean: max(1 - share, 0.0) * mean)
+    return largest_change(surfaces, lambda nm, mean: max(1 - share, 0.0) * mean)
+
+
+def emitted(nm: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """Radiance factor (P,) of a surface of mean reflectance (P,) with a usual brightener."""
+    peak = np.exp(-0.5 * ((nm - EMITTED_NM) / EMITTED_WIDTH_NM) ** 2)
+    return np.asarray(mean + EMITTED_FAULT * peak * np.maximum(mean, 0) ** 2)
 
 
 def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
