@@ -31,7 +31,7 @@ import numpy as np
 
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz, tristimulus_weights
-from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.chart import COPIES_SINCE_2014, chart_reflectances
 from spectrabox.radiometry.colour_science import upsampled
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
@@ -112,7 +112,7 @@ def alternatives(case: FlatCase, patches: np.ndarray, samples: np.ndarray) -> di
     samples : (n, K) array
     """
     from colour.characterisation import polynomial_expansion_Finlayson2015
-    reflectances = chart_reflectances("BabelColor Average", GRID)
+    reflectances = chart_reflectances(COPIES_SINCE_2014, GRID)
     scale = patches.max(axis=0)
     patches, samples = patches / scale, samples / scale
     fine = np.array([np.interp(np.arange(400.0, 701.0), NM, row) for row in case.products])
