@@ -11,7 +11,7 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.measure.held_out_spectra import held_out_patches
-from spectrabox.measure.results.chart_words import held_out_facts, light_facts
+from spectrabox.measure.results.chart_words import chart_at_fault, held_out_facts, light_facts
 from spectrabox.measure.verdict.calibration_criteria import calibration_doubts
 from spectrabox.measure.verdict.calibration_criteria import (
     held_out_criteria as criteria_of_left_out,
@@ -195,3 +195,19 @@ def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(i
         left_out=patches, others={}, layout=CLASSIC)))
     assert found.status is status and found.limit == "99 % expected"
     assert held_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)
+
+
+@pytest.mark.parametrize("brighter, colour, says", [
+    ({}, {}, ""),
+    ({18: -0.05}, {}, ""),                          # an error and a half: chance
+    ({18: 0.3}, {}, "Glare lies on the chart: white 9.5 reads 30% ± 3% brighter"),
+    ({18: -0.3}, {}, "The chart is not as its reference says: white 9.5 reads 30% ± 3% darker"),
+    ({}, {14: 1e-6}, "The chart is not as its reference says: red its colour is not that of"),
+    ({18: 0.3}, {14: 1e-6}, "The chart is not as its reference says: red its colour")])
+def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, says):
+    level, chance = np.zeros(24), np.ones(24)
+    level[list(brighter)], chance[list(colour)] = list(brighter.values()), list(colour.values())
+    patches = dataclasses.replace(left_out(1.0, 0.99), brighter=level,
+                                  brighter_error=np.full(24, 0.03), colour_chance=chance)
+    found = chart_at_fault(patches, CLASSIC.names)
+    assert found.startswith(says) and bool(found) == bool(says)
