@@ -25,9 +25,8 @@ PAINTS = {"white_wall": (0.58, 0.06), "green_wall": (0.78, 0.06), "red_wall": (0
           "cube": (0.78, 0.36)}
 SIDE = 0.16
 LAMPS = [(0.1, 0.2, 1.4, 1.0)]
-HEAD = f"""[chart]
-reference = "{AFTER_2014}"
-[photos]
+MEASURED_CHART = f'[chart]\nreference = "{AFTER_2014}"\n'
+HEAD = f"""{MEASURED_CHART}[photos]
 object = "photos/sample.dng"
 [light]
 spectrum = "spectra/light.csv"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flat_example import HEAD, PAINTS, picture, rect_of, write_flat
+from flat_example import HEAD, MEASURED_CHART, PAINTS, picture, rect_of, write_flat
 from test_both_doors import command, entered
 
 import spectrabox as sb
@@ -32,6 +32,7 @@ STATED = {"score", "_rmse", "_share_inside", "refined_placements"}
 LIBRARY = {"photo_orientation", "raw_orientation", "keep", "read", "records", "light"}
 GEL = 1 / (1 + np.exp((NM - 570) / 12))
 SMALL = (208, 312)
+UNSTATED = HEAD.removeprefix(MEASURED_CHART)    # a chart of which nobody has said anything
 WARM = NM**-5.0 / np.expm1(1.438777e7 / NM / 2856)
 
 
@@ -99,7 +100,7 @@ def test_a_flat_sample(tmp_path, more):
         parts["grey"] = rect_of("cube")
     stated = {name: key for key in ("known", "swatches") for name in given.get(key, {})}
     (folder / "session.toml").write_text(
-        HEAD.replace("spectra/light.csv", "unknown") + (views if views != "swatches" else "")
+        UNSTATED.replace("spectra/light.csv", "unknown") + (views if views != "swatches" else "")
         + "".join(f"[regions.{name}]\nrect = {list(parts[name])}\n"
                   + (f'{stated[name].removesuffix("es")} = '
                      f'"spectra/{name.split("_again")[0]}.csv"\n' if name in stated else "")
@@ -148,7 +149,7 @@ def test_a_photo_taken_again_and_a_picture_of_every_pixel(tmp_path):
                      light=folder / "spectra" / "light.csv", also={again: "same"},
                      picture=tmp_path / "picture", draws=1000)
     (folder / "session.toml").write_text(
-        f'{HEAD}[views.again]\nphoto = "photos/again.dng"\n[picture]\n' + "".join(
+        f'{UNSTATED}[views.again]\nphoto = "photos/again.dng"\n[picture]\n' + "".join(
             f"[regions.{name}]\nrect = {part}\n" for name, part in parts.items()),
         encoding="utf-8")
     session = sb.Session(folder).run()
