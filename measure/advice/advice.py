@@ -104,6 +104,13 @@ class Advised:
         return f"next: {self.overall[0].text}" if self.overall else ""
 
 
+def advised_of_facts(facts: Mapping[str, Any]) -> Advised:
+    """The lists that were kept as `Advised.facts`."""
+    return Advised(tuple(Advice(**one) for one in facts["overall"]),
+                   {name: tuple(Advice(**one) for one in each)
+                    for name, each in facts["surfaces"].items()})
+
+
 def advice(action: str, before: Outlook, after: Outlook, subject: str = "",
            more: str = "") -> Advice:
     """One thing to do next.

@@ -85,7 +85,8 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     inputs = InputFiles(config)
     key = _key(config, finished, inputs)
     with outputs_writer(config.folder):
-        facts, text, files = write_outputs(config, finished, command_line, device)
+        facts, text, files = write_outputs(config, finished, command_line, device,
+                                           _kept_advice(config, key))
         inputs.require_unchanged(key["files"])
         require_results(finished, key["results"], "spectrabox report")
         digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
@@ -94,6 +95,17 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
             save_stage(folder, key, {}, 0.0,
                        {"outputs": digests, "facts": {**facts, **names}, "text": text})
     return RunOutputs(facts, f"{text}\nreport: {facts['report']}")
+
+
+def _kept_advice(config: SessionConfig, key: dict[str, Any]) -> dict[str, Any] | None:
+    """What to do next as it was forecast, which takes as long as a fit; None unless it is of the
+    same results and by the same library.
+    """
+    stored = load_stage(config.results_folder, STAGE)
+    if stored is None or stored.fault or stored.key["results"] != key["results"] \
+            or any(stored.key["code"].get(room) != key["code"][room] for room in LIBRARY):
+        return None
+    return stored.facts["facts"]["advice"]
 
 
 def require_results(finished: FinishedRun, digests: dict[str, str], command: str) -> None:

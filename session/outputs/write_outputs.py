@@ -1,9 +1,11 @@
 """Writes what a finished run answers: report, spectra, materials and pictures."""
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from spectrabox.measure.advice.advice import advised_of_facts
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_schema import SessionConfig
@@ -15,7 +17,8 @@ from spectrabox.session.store.surface_files import write_comparisons, write_surf
 
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
-                  device: str) -> tuple[dict[str, Any], str, list[Path]]:
+                  device: str, advice: dict[str, Any] | None = None
+                  ) -> tuple[dict[str, Any], str, list[Path]]:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
@@ -26,6 +29,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
         As the operator could type it again, without paths.
     device : {"auto", "cpu", "cuda"}
         Where Mitsuba rendered.
+    advice : dict, optional
+        What to do next, as the facts of the same results had it; forecast anew where it is missing.
 
     Returns
     -------
@@ -38,6 +43,9 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     """
     results = session_results(config, finished,
                               provenance(command_line, config.session.seed, device))
+    if advice is not None:
+        kept = advised_of_facts(advice)
+        results = replace(results, found=replace(results.found, advise=lambda: kept))
     report = write_report(results)
     found = results.found
     files = [report, report.with_name(NUMBERS_NAME),

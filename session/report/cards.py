@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from spectrabox.measure.advice.advice import Advice, Advised
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, certified_sentence
@@ -49,6 +50,7 @@ class Card:
     metamers: Metamers | None
     columns: tuple[str, ...]
     rows: list[list[float]]         # every 10 nm: the wavelength, then the columns
+    advice: tuple[Advice, ...]      # what to do next, the best first
     assumes: str                    # what its band rests on, and not those of all surfaces
 
     @property
@@ -68,8 +70,8 @@ class Card:
         return [cause for cause in causes[:MAX_CAUSES] if cause[1] >= SMALL_SHARE]
 
 
-def answer_cards(surfaces: Sequence[SurfaceResult],
-                 doubts: Mapping[str, tuple[str, ...]]) -> list[Card]:
+def answer_cards(surfaces: Sequence[SurfaceResult], doubts: Mapping[str, tuple[str, ...]],
+                 advised: Advised) -> list[Card]:
     """A card for each surface, those whose spectrum was given last.
 
     Parameters
@@ -77,15 +79,18 @@ def answer_cards(surfaces: Sequence[SurfaceResult],
     surfaces : sequence of SurfaceResult
     doubts : mapping
         From the name of a surface to the criteria that it does not pass.
+    advised : Advised
+        What to do next of each.
     """
     common = assumed_of_all(surfaces)
     ordered = sorted(enumerate(surfaces), key=lambda each: each[1].known)
-    return [_card(number, index, surface, doubts.get(surface.name, ()), common)
+    return [_card(number, index, surface, doubts.get(surface.name, ()), common,
+                  advised.by_surface.get(surface.name, ()))
             for number, (index, surface) in enumerate(ordered, start=1)]
 
 
 def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ...],
-          common: Sequence[str]) -> Card:
+          common: Sequence[str], advice: tuple[Advice, ...]) -> Card:
     curves, metamers = surface_curves(surface), None
     told = "" if surface.samples is None else surface.samples.sentence  # where it is doubtful
     if surface.metamers is not None:
@@ -94,7 +99,7 @@ def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ..
         f"material-{number}", index, surface, (*doubts, UNTESTED) if surface.untested else doubts,
         spectrum_figure(f"spectrum-{number}", surface),
         error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),
-        every_10_nm(surface.nm, curves),
+        every_10_nm(surface.nm, curves), advice,
         " ".join(one for one in _assumptions(surface) if one not in common and one not in told))
 
 

@@ -32,7 +32,7 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
         "schema": SCHEMA, "name": results.name, "operator": results.operator,
         "notes": results.notes,
         "conditions": [condition.facts for condition in found.conditions],
-        "bands": found.bands, "verdict": _verdict(found.verdict),
+        "bands": found.bands, "verdict": _verdict(found.verdict), "advice": found.advice.facts,
         "signal_bands": found.signal_bands,
         "calibration": _calibration(found, results.sensitivity_truth),
         "chart": None if found.chart is None else _chart(found, found.chart),

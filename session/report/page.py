@@ -98,7 +98,7 @@ def write_report(results: SessionResults) -> Path:
 def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
     found = results.found
-    cards = answer_cards(found.surfaces, found.verdict.doubts)
+    cards = answer_cards(found.surfaces, found.verdict.doubts, found.advice)
     links = {card.surface.name: MarkLink(card.id, card.index) for card in cards}
     if isinstance(found, FlatResult):
         kind = _flat_page(found, results, links)
