@@ -223,6 +223,8 @@ def test_without_a_region_the_chart_is_looked_for_and_drawn(tmp_path):
     write_picture(open_any(tmp_path / "a.dng"), plain)
     drawn, blank = (oiio.ImageBuf(str(path)).get_pixels() for path in (facts["picture"], plain))
     assert 0.001 < (drawn != blank).any(axis=2).mean() < 0.2
+    said = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng")]).stdout.splitlines()
+    assert said[-2].endswith(f"spectrabox open {tmp_path / 'a.dng'}") and "--region" in said[-1]
 
 
 @pytest.mark.parametrize("chart", [None, (-0.02, *CHART[1:])], ids=["none", "cut by the frame"])

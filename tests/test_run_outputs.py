@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from spectrabox.measure.advice.advice import Advised
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_file import read_session
@@ -108,6 +109,21 @@ def test_a_rehearsal_since_the_report_is_shown_by_the_next_run(reported):
     page = (reported / "report.html").read_text(encoding="utf-8")
     assert "Known truth inside the band, rehearsed" in page
     assert not run_again(reported)[1]
+
+
+def test_what_to_do_next_is_forecast_again_only_for_other_results(reported, monkeypatch):
+    advice = json.loads(call("run", reported, "--json").stdout)["advice"]
+    assert advice["overall"] and advice["surfaces"]
+    forecasts = []
+    monkeypatch.setattr("spectrabox.measure.results.capture_result.advice_on_capture",
+                        lambda *_: forecasts.append(1) or Advised())
+    (reported / "report.html").write_text("edited", encoding="utf-8")
+    assert json.loads(call("run", reported, "--json").stdout)["advice"] == advice
+    assert json.loads((reported / "report.json").read_text())["advice"] == advice
+    assert not forecasts
+    edit(reported, "draws = ", "draws = 1")     # a digit before the number
+    call("run", reported)
+    assert forecasts == [1]
 
 
 @pytest.mark.parametrize("command", [["report"], ["relight", "--width", "16", "--spp", "1"],
