@@ -138,7 +138,7 @@ def operated_instrument(name: str, port: str, log: Log) -> Iterator[Instrument]:
     opened: list[Instrument] = []
     try:
         with Interruptions() as interruptions, \
-                open_instrument(name, port, log, _pace(), interruptions.held) as meter:
+                open_instrument(name, port, log, meter_pace(), interruptions.held) as meter:
             opened.append(meter)
             try:
                 yield meter
@@ -155,7 +155,7 @@ def operated_instrument(name: str, port: str, log: Log) -> Iterator[Instrument]:
                   file=sys.stderr)
 
 
-def _pace() -> Pace:
+def meter_pace() -> Pace:
     """Real time; a recording played for a test may run faster."""
     text = os.environ.get("SPECTRABOX_METER_PACE", "1")
     try:

@@ -15,9 +15,11 @@ from spectrabox.measure.regions.pointing import PointedSample
 from spectrabox.measure.steps.photos import UNEVEN
 from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
-from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
+from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.records.spectra import SurfaceSpectrum
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.spectra import Spectrum, SurfaceSpectrum
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 POINTED_DRAWS = 300     # behind the error of the colour under the pointer: 4 % of it
@@ -52,9 +54,20 @@ def described_region(sample: PointedSample, signal: RegionSignal,
         signal, summary.lower, summary.upper, reflectance_to_lab(draws.grid.nm, draws.spectra),
         spectrum.family_shares, spectrum.variance_shares) | {
             "next_nm": summary.next_measurement_nm}
+    if (truth := sample.capture.regions[signal.signals.names[0]].truth) is not None:
+        answer["truth"] = described_truth(truth, summary.grid.nm, summary.mean)
     if sample.capture.swatches:
         answer["notes"].append("the report also corrects this spectrum by the swatches")
     return answer
+
+
+def described_truth(truth: Spectrum, nm: np.ndarray, mean: np.ndarray) -> dict[str, Any]:
+    """A measured spectrum beside an estimate, and how far their colours are apart."""
+    measured = spectrum_on_grid(truth, FINE_GRID)
+    return {"nm": FINE_GRID.nm[::5].tolist(), "values": _rounded(measured[::5]),
+            "lab": _rounded(reflectance_to_lab(FINE_GRID.nm, measured)),
+            "delta_e00": round(delta_e00(FINE_GRID.nm, measured,
+                                         np.interp(FINE_GRID.nm, nm, mean)), 2)}
 
 
 def described_part(sample: PointedSample, region: Region) -> dict[str, Any]:

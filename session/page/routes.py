@@ -34,7 +34,7 @@ def session_routes(page: SessionPage,
                    when_opened: Callable[[], None] = lambda: None) -> list[BaseRoute]:
     """What the page of one session answers."""
     return [*_shell("index.html", when_opened), *_state_and_run(page), *_report(page),
-            *_photos(page), *_spectra(page), *_marks(page)]
+            *_photos(page), *_spectra(page), *_marks(page), *_meter(page)]
 
 
 def _shell(html: str, when_opened: Callable[[], None]) -> list[BaseRoute]:
@@ -115,6 +115,13 @@ def _marks(page: SessionPage) -> list[BaseRoute]:
                 page, lambda asked: page.marks.apply(asked["mark"], asked["digest"]))),
             _post("/api/undo", _then_state(
                 page, lambda asked: page.marks.undo(asked["digest"])))]
+
+
+def _meter(page: SessionPage) -> list[BaseRoute]:
+    """An instrument that measures a marked colour."""
+    return [_get("/api/meter", lambda asked: page.meter.state()),
+            _post("/api/meter/step", lambda asked: page.meter.step(
+                str(asked["port"]), str(asked["what"]), str(asked["name"])))]
 
 
 def _get(path: str, work: Callable[[Any], Any]) -> BaseRoute:

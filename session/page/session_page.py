@@ -17,6 +17,7 @@ from spectrabox.session.config.session_chart import session_chart
 from spectrabox.session.config.session_file import session_of_text, text_of
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import stage_states
+from spectrabox.session.meters.page_meter import PageMeter
 from spectrabox.session.page.last_report import LastReport
 from spectrabox.session.page.live import LiveSample
 from spectrabox.session.page.marks import MarkedSession
@@ -61,6 +62,7 @@ class SessionPage:
         self.run = run or RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
         self.live = LiveSample(self.run, self.photos)
         self.report = LastReport(self.folder)
+        self.meter = PageMeter(self.folder)
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
         self._states: tuple[Any, list[dict[str, Any]]] = (None, [])
@@ -83,6 +85,7 @@ class SessionPage:
         self.live.end()
         if self.shooting is not None:
             self.shooting.end()
+        self.meter.close()
         self.run.end()
 
     def state(self) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 // The inspector: the colour that is looked at, all marked colours in one plot and one list, two compared.
 import { $, button, choice, labelled, make } from "./dom.js";
 import { smallSpectrum, spectraPlot } from "./pieces/spectra.js";
+import { meterPanel } from "./meter.js";
 import { pairOf, sparkline, swatch } from "./rows.js";
 import { post, upload } from "./server.js";
 import { mark, regions, say, session, severalPhotos, state } from "./session.js";
@@ -120,7 +121,8 @@ function statedOf(name) {
     box.append(labelled("Kind of surface", choice(options(FAMILIES), stated.family ?? "", (family) => state(name, { family }))),
       labelled("Finish", choice(options(SURFACES), stated.surface ?? "", (surface) => state(name, { surface }))),
       labelled("Known reflectance", known), labelled("… from a file", fileOf(name, "known")),
-      labelled("Measured, to compare with", fileOf(name, "truth")));
+      labelled("Measured, to compare with", fileOf(name, "truth")),
+      make("div", { className: "buttons" }, button("Measure this colour now", (event) => meterPanel(event.currentTarget, name), { "aria-label": `Measure ${name} now` })));
     if (stated.known) box.append(make("p", { className: "soft" }, `known: ${stated.known} `, button("Not known", () => state(name, { known: "" }))));
     if (stated.truth) box.append(make("p", { className: "soft", text: `compared with ${stated.truth}` }));
     if (severalPhotos() && !session.role.startsWith("shot:")) box.append(labelled("In", choice([["", "all photos"], [session.role, "this photo alone"]], typeof photo === "string" && photo ? session.role : "",

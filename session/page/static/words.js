@@ -7,9 +7,9 @@ export const labOf = ({ lab }) => lab.map(one).join(" ");
 export const labWords = (answer) => `L*a*b* ${labOf(answer)}` + (answer.lab_error ? ` ± ${answer.lab_error.map(one).join(" ")}` : "");
 
 // What is known of a spectrum, by what it is about.
-export function details({ families, causes, light, notes, next_nm: next, given }) {
+export function details({ families, causes, light, notes, next_nm: next, given, truth }) {
   if (given) return [["Spectrum", "as stated"]];
-  return [["Probably", shares(families, 3)], ["Width of the band from", shares(causes, 3)],
+  return [...(truth ? [["Measured", `${labOf(truth)}, \u0394E00 ${one(truth.delta_e00)}`]] : []), ["Probably", shares(families, 3)], ["Width of the band from", shares(causes, 3)],
     ["Light here", `${light[0].toFixed(2)} times that on the chart, ± ${(100 * light[1]).toFixed(1)}\u00a0%`],
     ...(next ? [["A meter reading would help most at", `${next.toFixed(0)} nm`]] : []), ...notes.map((note) => ["Note", note])];
 }

@@ -1,0 +1,136 @@
+"""An instrument that the page measures a marked colour with, held open from step to step."""
+from __future__ import annotations
+
+import contextlib
+import threading
+from pathlib import Path
+from typing import Any
+
+from spectrabox.capture.meter.instruments.cr30 import Cr30
+from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
+from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
+from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
+from spectrabox.capture.meter.measurement_files import (
+    claim,
+    note_role,
+    readings_folder,
+    store_reading,
+)
+from spectrabox.capture.meter.serial_line import list_ports
+from spectrabox.capture.transcripts.transcript_replay import record
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.system.words import file_stem, shortened
+from spectrabox.session.meters.measuring import Task
+from spectrabox.session.meters.readers import meter_pace
+from spectrabox.session.meters.results import write_result
+
+PRESS_S = 2.0           # for which one request waits for the button
+
+
+class PageMeter:
+    """The CR30 on one port of this computer; its readings go into a session's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the session.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._spectra = folder / "spectra"
+        self._lock = threading.Lock()
+        self._open = contextlib.ExitStack()
+        self._port = ""
+        self._meter: Cr30 | None = None
+        self._identity: Identity | None = None
+        self._transcript = ""
+
+    def state(self) -> dict[str, Any]:
+        """Ports of this computer, the one that is held, and what to do for each calibration."""
+        ports = [{"port": each.port, "words": each.description or ""} for each in list_ports()]
+        return {"ports": ports, "port": self._port, "calibrated": self._calibrated(),
+                "calibrations": dict(Cr30.calibrations)}
+
+    def step(self, port: str, what: str, name: str) -> dict[str, Any]:
+        """Calibrate, measure, or wait a moment for the button to be pressed.
+
+        Parameters
+        ----------
+        port : str
+        what : str
+            One of its calibrations, "measure", or "press".
+        name : str
+            Of the marked colour.
+
+        Returns
+        -------
+        dict
+            What is calibrated; of a reading its file in the session and its colour.
+
+        Raises
+        ------
+        InputError, InstrumentError
+        """
+        if what not in (*Cr30.calibrations, "measure", "press"):
+            raise InputError(f"there is no step {shortened(what)}")
+        with self._lock:
+            try:
+                return self._stepped(self._held(port), what, name)
+            except InstrumentError:
+                self._close()       # opened anew, and calibrated anew, the next time
+                raise
+
+    def close(self) -> None:
+        """Give the instrument back."""
+        with self._lock:
+            self._close()
+
+    def _stepped(self, meter: Cr30, what: str, name: str) -> dict[str, Any]:
+        if what in meter.calibrations:
+            meter.calibrate(what)
+        elif what == "measure" or meter.pressed(PRESS_S):
+            meter.by_button = what == "press"
+            return self._measured(meter, name) | {"calibrated": self._calibrated()}
+        return {"calibrated": self._calibrated()}
+
+    def _measured(self, meter: Cr30, name: str) -> dict[str, Any]:
+        assert self._identity is not None
+        stem = self._free_stem(file_stem(name))
+        claim(self._spectra, "paint", [stem], reflects=True)
+        reading = take_reading(meter, self._identity, transcript=self._transcript)
+        note_role(self._spectra, "paint", stem)
+        store_reading(readings_folder(self._spectra, stem), reading)
+        path, _ = write_result(Task(self._spectra, "paint", (stem,), 1, False, False), 1.0, ())
+        return {"file": f"{self._spectra.name}/{path.name}", "lab": reading.lab,
+                "flags": list(reading.flags)}
+
+    def _free_stem(self, stem: str) -> str:
+        """A name under which nothing was measured and no file lies: an earlier one can come back.
+        """
+        number, free = 1, stem
+        while (self._spectra / f"{free}.csv").exists() \
+                or readings_folder(self._spectra, free).exists():
+            number += 1
+            free = f"{stem}-{number}"
+        return free
+
+    def _held(self, port: str) -> Cr30:
+        """The instrument, opened where it is not held yet."""
+        if self._meter is None or self._port != port:
+            self._close()
+            with contextlib.ExitStack() as opening:
+                log = opening.enter_context(record(self._spectra / "readings", Cr30.name,
+                                                   MeterSettings()))
+                meter = opening.enter_context(open_instrument(Cr30.name, port, log, meter_pace()))
+                assert isinstance(meter, Cr30)
+                self._identity = trusted_identity(meter)
+                self._open = opening.pop_all()
+            self._meter, self._port, self._transcript = meter, port, log.path.name
+        return self._meter
+
+    def _close(self) -> None:
+        self._open.close()
+        self._meter, self._port = None, ""
+
+    def _calibrated(self) -> list[str]:
+        return [] if self._meter is None else list(self._meter.calibrated)
