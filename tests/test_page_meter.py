@@ -49,7 +49,8 @@ def test_a_mark_is_measured_by_a_click_and_by_the_instruments_button(browser, ca
         wait_for(lambda: "93.6" not in page.inner_text("#looked-words"))
         text = (session / "spectra" / f"{name}-2.csv").read_text()
         assert "calibration of the instrument: white 2" in text
-        stored = json.loads((session / "spectra" / "readings" / f"{name}-2" / "001.json").read_text())
+        stored = json.loads((session / "spectra" / "readings" / f"{name}-2" / "001.json")
+                            .read_text())
         assert stored["lab"] == pytest.approx((36.61, -20.75, -2.86), abs=0.01)
         # the next one by the button, which is pressed while the panel is open
         page.click(f'[aria-label="Measure {name} now"]')
