@@ -17,11 +17,18 @@ from spectrabox.radiometry.grid import FINE_GRID, visible_grid
 from spectrabox.radiometry.published.make_tables import tables_of_rawtoaces
 from spectrabox.radiometry.published.published_tables import (
     CAMERAS,
+    LIGHTS,
+    OBSERVERS,
     published_curves,
     published_names,
 )
 from spectrabox.radiometry.spectra import kept_cameras
-from spectrabox.radiometry.spectra.named_spectra import sensitivities
+from spectrabox.radiometry.spectra.named_spectra import (
+    known_name,
+    light,
+    sensitivities,
+    spectrum_of_name,
+)
 from spectrabox.session.config.captured_session import capture_of, read_sensitivities
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.store.input_files import InputFiles
@@ -211,3 +218,28 @@ def test_a_session_that_names_no_camera_is_told_the_nearest(captured):
     config = with_camera(captured, "Nikon 5100 NPL")
     with pytest.raises(InputError, match=r"Nikon 5100 \(NPL\)"):
         read_sensitivities(config)
+
+
+@pytest.mark.parametrize("written, meant", [
+    ("nikon d810", "Nikon D810"), ("NIKON D810", "Nikon D810"), ("Nikon D5100", "Nikon 5100 (NPL)"),
+    ("canon eos-5d", "Canon EOS 5D"), ("sony ilce-9", "Sony ILCE-9")])
+def test_a_camera_is_known_whatever_its_capitals(written, meant):
+    np.testing.assert_array_equal(sensitivities(written, GRID), sensitivities(meant, GRID))
+
+
+def test_a_light_is_known_whatever_its_capitals_and_keeps_its_name():
+    np.testing.assert_array_equal(light("d65", GRID), light("D65", GRID))
+    # the kind of light behind it is told by that name
+    assert spectrum_of_name("d65", GRID).source == "CIE D65"
+    assert spectrum_of_name("led-b3", GRID).source == "CIE LED-B3"
+
+
+def test_no_two_published_names_are_one_but_for_capitals():
+    for kind in (CAMERAS, OBSERVERS, LIGHTS):
+        for name in published_names(kind):
+            assert known_name(name.swapcase(), published_names(kind)) == name, name
+
+
+def test_a_kind_of_lamp_that_is_misspelt_is_suggested():
+    with pytest.raises(InputError, match="nearest are halogen"):
+        spectrum_of_name("hallogen", GRID)

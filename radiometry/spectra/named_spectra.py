@@ -4,7 +4,8 @@ as an operator states them.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,12 @@ from spectrabox.radiometry.published.published_tables import (
 )
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight, WavelengthGrid
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
-from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS, UNKNOWN, vague_words
+from spectrabox.radiometry.spectra.light_words import (
+    LIGHT_KINDS,
+    SAME_KIND,
+    UNKNOWN,
+    vague_words,
+)
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
     read_curves,
@@ -49,8 +55,9 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
         If there is neither such a file nor such a name, or the curves do not cover the grid.
     """
     kept = own_cameras()
-    if names_a_file(name) or name in kept:
-        path = kept.get(name, Path(name))
+    own = known_name(name, kept)
+    if names_a_file(name) or own is not None:
+        path = Path(name) if own is None else kept[own]
         nm, _, curves = read_curves(path)
         curves = on_grid(nm, curves, grid, path.name)
     else:
@@ -84,7 +91,8 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
         raise InputError(f"{name!r} says of what kind a light is, and here its spectrum is needed: "
                          f"give a CSV file of it, or a CIE name that comes near it, such as {NEAR}")
     else:
-        nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum")
+        nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum",
+                              (*LIGHT_KINDS, *SAME_KIND))
         values = on_grid(nm, curves[0], grid, name)
     if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"the light {name} is dark or falls below zero; measure it again")
@@ -142,6 +150,27 @@ def relative_response(sensitivity: str, light_name: str,
     return response / total
 
 
+def known_name(name: str, names: Iterable[str]) -> str | None:
+    """The one of some names that is meant, whatever its capitals, blanks and hyphens, without the
+    source in brackets, and of a Nikon without the D; None where none is, or two are.
+
+    Parameters
+    ----------
+    name : str
+    names : iterable of str
+    """
+    known = list(names)
+    if name in known:
+        return name
+    meant = [each for each in known
+             if _plain(name) in (_plain(each), _plain(each.partition(" (")[0]))]
+    return meant[0] if len(meant) == 1 else None
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"^nikond(?=\d)", "nikon", re.sub(r"[\s_-]+", "", name.casefold()))
+
+
 def nearest_names(name: str, names: Sequence[str]) -> list[str]:
     """Up to three names that were perhaps meant, without capitals and the source in brackets."""
     written: dict[str, str] = {}
@@ -156,12 +185,13 @@ def _by_name(name: str, kinds: tuple[str, ...], what: str, instead: str,
              own: tuple[str, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) and curves (K, P)."""
     kind_of = {known: kind for kind in kinds for known in published_names(kind)}
-    if name not in kind_of:
+    meant = known_name(name, kind_of)
+    if meant is None:
         near = nearest_names(name, [*own, *kind_of])
         nearest = f"; nearest are {', '.join(near)}" if near else ""
         raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
                          f"{instead}")
-    return published_curves(kind_of[name], name)
+    return published_curves(kind_of[meant], meant)
 
 
 # ---- lights as an operator states them -----------------------------------------------------------
@@ -203,7 +233,9 @@ def spectrum_of_name(name: str, grid: WavelengthGrid) -> Spectrum:
         If no published light has this name.
     """
     try:
-        return Spectrum(grid, light(name, grid), Quantity.RELATIVE, f"CIE {name}")
+        values = light(name, grid)
+        return Spectrum(grid, values, Quantity.RELATIVE,
+                        f"CIE {known_name(name, published_names(LIGHTS)) or name}")
     except InputError as error:
         raise InputError(f"{error}; a light may also be {UNKNOWN}, 3200K or one of "
                          f"{', '.join(LIGHT_KINDS)}") from None
