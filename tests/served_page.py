@@ -69,7 +69,7 @@ def asked(address, body=None, token=TOKEN, **headers):
 # ---- in a browser
 
 @contextlib.contextmanager
-def opened_in(browser, **options):
+def opened_in(browser, photo=True, **options):
     """A function that opens an address in a context of its own; at the end nothing may have
     complained, and nothing may have been asked of another server.
     """
@@ -84,7 +84,8 @@ def opened_in(browser, **options):
 
     def open_address(address):
         page.goto(f"{address}/?token={TOKEN}")
-        page.wait_for_selector("body[data-photo]")
+        if photo:
+            page.wait_for_selector("body[data-photo]")
         return page
     yield open_address
     own = page.url.removesuffix("/page")

@@ -18,6 +18,7 @@ from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
+from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -72,10 +73,12 @@ class LiveSample:
         self._images: tuple[str, dict[str, LinearImage]] = ("", {})
         self._chart: tuple[str, dict[str, Any]] = ("", {})
         self._error = ""
-        self._result: tuple[PointedSample | None, dict[str, Any] | None] = None, None
+        # of which sample, as the page shows it, and itself
+        self._result: tuple[PointedSample | None, dict[str, Any] | None, FlatResult | None] = \
+            None, None, None
         self._seen: Any = None
         self._lock, self._drawing = threading.Lock(), threading.Lock()
-        self._wanted = threading.Event()
+        self._advising, self._wanted = threading.Lock(), threading.Event()
         run.when_ended = self._wanted.set
         self._ended = False
         self._thread = threading.Thread(target=self._work, daemon=True)
@@ -113,7 +116,7 @@ class LiveSample:
         """What the page shows of it; None of a session that is not flat."""
         if self._config is None and self._sample is None:
             return None
-        of, result = self._result
+        of, result, _ = self._result
         return {"ready": self._sample is not None, "error": self._error, "charts": self._chart[1],
                 "result": result, "result_now": self._sample is not None and of is self._sample}
 
@@ -209,6 +212,21 @@ class LiveSample:
                 self._drawn[depends] = sample.drawn(name)
             return self._drawn[depends]
 
+    def advice(self) -> dict[str, Any]:
+        """What to do next, of all that is marked now and of each; it takes a quarter of a second
+        for each.
+
+        Raises
+        ------
+        CheckError
+            Before the verdict on it is there.
+        """
+        of, _, found = self._result
+        if found is None or of is not self._require_ready():
+            raise CheckError("the verdict on what is marked is still being worked out")
+        with self._advising:
+            return found.advice.facts
+
     def export(self, suffix: str) -> str:
         """A file of the spectra that are marked now: a table (.csv), or IES TM-27 (.spdx).
 
@@ -260,14 +278,14 @@ class LiveSample:
         sample = self._sample
         if sample is None or self._result[0] is sample:
             return
-        result = None
+        found, described = None, None
         if any(region.given is None for region in sample.capture.regions.values()):
             try:
-                result = described_result(result_now(
-                    sample, lambda name: self._drawn_region(sample, name)[1]))
+                found = result_now(sample, lambda name: self._drawn_region(sample, name)[1])
+                described = described_result(found)
             except SpectraboxError as error:        # a region that is clipped, say
-                result = {"status": "fail", "says": str(error), "conditions": []}
-        self._result = sample, result
+                described = {"status": "fail", "says": str(error), "conditions": []}
+        self._result = sample, described, found
 
     def _update(self, config: FlatSession | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""

@@ -73,7 +73,7 @@ def result_now(sample: PointedSample,
 
 
 def described_result(found: FlatResult) -> dict[str, Any]:
-    """Verdict and conditions for the page, as the last report has them."""
+    """Verdict and conditions for the page, as the report has them."""
     return {"status": found.verdict.word, "title": found.verdict.title,
             "says": found.verdict.says,
             "conditions": [condition.facts for condition in found.conditions]}

@@ -106,6 +106,7 @@ def _spectra(page: SessionPage) -> list[BaseRoute]:
         _get("/api/spectrum", lambda asked: page.live.point(asked["role"],
                                                             _pixels(asked, RECTANGLE))),
         _get("/api/region", lambda asked: page.live.region(asked["name"])),
+        _get("/api/advice", lambda asked: page.live.advice()),
         _post("/api/compare", lambda asked: page.live.compare(
             [picked(one) for one in asked["picked"]]))]
 

@@ -43,7 +43,7 @@ function showPlot() {
   $("all").hidden = !shown.length;
   if (answers.length !== plotted.length || answers.some((answer, i) => answer !== plotted[i])) {
     plotted = answers;
-    plot = shown.length ? spectraPlot(`Reflectances of ${shown.length} marked colours over wavelength`, shown.map((name, i) => ({ name, ...answers[i] })), { width: 480, height: 300,
+    plot = shown.length ? spectraPlot(`Reflectances of ${shown.length} marked colours over wavelength`, shown.map((name, i) => ({ name, ...answers[i] })), { width: 400, height: 260,
       onShow: (_, words) => { $("all-words").textContent = words || "\u00a0"; }, onChoose: (index) => on.select(shown[index]) }) : null;
     $("all-plot").replaceChildren(...(plot ? [plot.svg] : []));
   }
@@ -76,8 +76,10 @@ const otherRow = ({ name, drop }) => make("li", {}, make("div", { className: "ma
 
 const rowOf = (name) => document.querySelector(`#marks li[data-name="${CSS.escape(name)}"]`);
 function row(name) {
+  let fresh = false;
   const input = make("input", { value: name, "aria-label": `Name of ${name}`, data: { name }, on: {
-    change: () => on.rename(name, input.value.trim(), input), focus: () => on.select(name),
+    change: () => on.rename(name, input.value.trim(), input), focus: () => { fresh = true; on.select(name); },
+    click: () => { if (fresh) input.select(); fresh = false; },       // a first click takes the whole name
     keydown: (event) => { if (event.key === "Enter") $("canvas").focus({ preventScroll: true }); } } });
   const tick = make("input", { type: "checkbox", title: "Compare", "aria-label": `Compare ${name}`, on: { change: () => pick({ name }) } });
   const head = make("div", { className: "mark" }, make("span", { className: "sw" }), input, make("span", { className: "lab" }), make("span", { className: "sp" }), ...(session.state.live ? [tick] : []));

@@ -1,5 +1,6 @@
 // The light table: the photo with its tools, from what the server says of the session.
 import { $, button, closePanel, make } from "./dom.js";
+import { showAdvice } from "./advice.js";
 import * as inspector from "./inspector.js";
 import * as panels from "./panels.js";
 import { PhotoView } from "./photo.js";
@@ -13,7 +14,7 @@ const HINTS = {
   polygon: "Click the corners of one colour, three or more, then Save.",
   compare: "Click two colours, marked or not, here or in the list.",
   white: "Drag a rectangle over a white or grey card of known reflectance.",
-  chart: "Drag the four corners onto the chart, in the order of its patches; then Save.",
+  chart: "Drag the four corners onto the chart: first patch, end of the first row, last patch, start of the last row (of a ColorChecker dark skin, bluish green, black, white).",
   box: "Choose a corner's name and click it, six corners or more; then Save. Delete the line fov_deg in session.toml unless you measured it.",
   reference: "Click the four corners of a grey card that is in both photos.",
 };
@@ -80,7 +81,7 @@ async function addRect(rect, byFinger) {
   if (!byFinger && !finger.matches) { input?.select(); input?.focus({ preventScroll: true }); }
 }
 function moved(name, outline) {
-  if (name === "chart") { quad = outline; view.draw(); return; }
+  if (name === "chart" && quad) { quad = outline; showOutlines(); return; }
   const region = regions()[name], { photo, rect } = region;
   region.outline = outline; showOutlines();      // where it was put, while the change is on its way
   mark({ kind: "region", name, points: rect ? [outline[0], outline[2]] : outline, photo: photo ?? "" });
@@ -91,7 +92,8 @@ async function rename(name, to, input) {
   else input.value = name;
 }
 async function undo() { if (session.state?.undo && await send("/api/undo")) say("undone"); }
-function select(name) { inspector.chosen.selected = name in regions() ? name : ""; inspector.leave(); inspector.showMarks(); inspector.showSpectra(); }
+function select(name) { inspector.chosen.selected = name in regions() ? name : ""; inspector.leave(); inspector.showMarks(); inspector.showSpectra(); advise(); }
+const advise = () => showAdvice(inspector.chosen.selected, { choose, addPhoto: panels.photoPanel });
 
 async function point(at, byKey = false) {
   if (!session.role || !view.holds(at)) return;
@@ -170,7 +172,7 @@ function show() {
   $("save").textContent = mode === "chart" ? "Use these corners" : "Save"; $("clear").hidden = !view.points.length;
   $("points").hidden = ["corner-label", "save", "clear"].every((id) => $(id).hidden);
   if ($("corner").options.length !== now.corner_names.length) $("corner").replaceChildren(...now.corner_names.map((value) => make("option", { text: value, value })));
-  showHint(problems); showMissing(); showOutlines(); inspector.showMarks(); inspector.showLooked(); panels.showChips({ choose }); panels.followState(); showShooting();
+  showHint(problems); showMissing(); showOutlines(); inspector.showMarks(); inspector.showLooked(); advise(); panels.showChips({ choose }); panels.followState(); showShooting();
 }
 // One line on the photo: what the tool does, while nothing is marked with it; a problem before that.
 function showHint(problems) {
@@ -253,6 +255,7 @@ for (const one of document.querySelectorAll("[data-mode]")) one.addEventListener
 for (const [id, does] of [["run", report], ["stop", panels.stop], ["undo", undo], ["save", save], ["clear", () => { clearPoints(); show(); }], ["fit", () => view.whole()], ["closer", () => view.zoom(1.5)], ["farther", () => view.zoom(1 / 1.5)],
   ["name", () => { if (session.state?.live) panels.namePanel($("name")); }], ["verdict", () => panels.verdictPanel($("verdict"))], ["progress", () => panels.statePanel($("progress"))], ["export", () => panels.exportPanel($("export"))], ["keys", () => panels.keysPanel($("keys"), KEYS)],
   ["add-photo", () => panels.photoPanel($("add-photo"))], ["fold", () => fold()], ["handle", () => fold()], ["no-compare", () => { inspector.clearPicks(); if (mode === "compare") choose(finger.matches ? "look" : "region"); }]]) $(id).addEventListener("click", does);
+$("advice").addEventListener("toggle", advise);
 $("wanted-file").addEventListener("change", () => giveMissing($("wanted-file").files[0]));
 for (const kind of ["dragover", "drop"]) document.addEventListener(kind, (event) => {
   event.preventDefault();

@@ -51,7 +51,7 @@ export function showChips(tools) {
     chip(one.standing, one.name, STANDINGS[one.standing][1], (event) => conditionPanel(event.currentTarget, one, tools))));
 }
 const chip = (standing, name, text, does) => make("button", { className: `chip ${standing}`, type: "button", data: { chip: name }, on: { click: does } },
-  make("span", { "aria-hidden": "true", text: STANDINGS[standing][0] }), ` ${capital(name)}: ${text}`);
+  make("span", { "aria-hidden": "true", text: STANDINGS[standing][0] }), ` ${capital(name)}${standing === "measured" ? "" : `: ${text}`}`);
 
 function lampPanel(anchor) {
   const input = make("input", { id: "session-light", value: session.state.facts.light, on: { change: () => stateSession({ light: input.value.trim() || "unknown" }) } });

@@ -173,9 +173,9 @@ export class PhotoView {
     c.clearRect(0, 0, this.canvas.width, this.canvas.height);
     if (!this.size) return;
     for (const patch of this.patches) this.path(patch, "", "#fff", true, 1);
-    for (const { name, outline } of this.outlines) {
+    for (const { name, outline, labels } of this.outlines) {
       const moving = this.drag?.edit?.name === name && this.drag.edit.outline;
-      this.path(moving || outline, name, name === this.selected ? "#fff" : "#ffd400", true);
+      this.path(moving || outline, labels ? "" : name, name === this.selected ? "#fff" : "#ffd400", true);
     }
     const chosen = this.selectedOutline();
     if (chosen) this.handles({ ...chosen, outline: this.drag?.edit?.outline ?? chosen.outline }).forEach((handle, i) => {

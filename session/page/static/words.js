@@ -11,7 +11,7 @@ export function details({ families, causes, light, notes, next_nm: next, given, 
   if (given) return [["Spectrum", "as stated"]];
   return [...(truth ? [["Measured", `${labOf(truth)}, \u0394E00 ${one(truth.delta_e00)}`]] : []), ["Probably", shares(families, 3)], ["Width of the band from", shares(causes, 3)],
     ["Light here", `${light[0].toFixed(2)} times that on the chart, ± ${(100 * light[1]).toFixed(1)}\u00a0%`],
-    ...(next ? [["A meter reading would help most at", `${next.toFixed(0)} nm`]] : []), ...notes.map((note) => ["Note", note])];
+    ...(next ? [["A reading helps most at", `${next.toFixed(0)} nm`]] : []), ...notes.map((note) => ["Note", note])];
 }
 
 export const LIGHTS = { D65: "daylight (D65)", A: "incandescent (A)", FL11: "fluorescent (FL11)", "LED-B3": "white LED (LED-B3)", "LED-RGB1": "RGB LED (LED-RGB1)" };
