@@ -19,8 +19,8 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
 COMMAND = (sys.executable, "-m", "spectrabox")
-SELECTED, POINTED = "mountain", (1030, 500)     # a region of the painting, and the wall of its house
-SCALE = 0.8                                     # of the pictures: pixels for one of the page
+SELECTED = "mountain"   # a region of the painting
+SCALE = 0.8             # of the pictures: pixels for one of the page
 QUALITY = 85            # of the JPEG
 WAIT_MS = 120_000
 
