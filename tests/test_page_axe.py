@@ -82,7 +82,7 @@ def test_axe_finds_nothing_while_marking_running_and_reading(tmp_path, judged):
         page.wait_for_selector("#comparison table")
         nothing_serious()
         for opens in ("#name", "#verdict", "#export", "#add-photo", "#keys", "[data-chip=lamp]",
-                      "[data-chip=gloss]", "[data-chip=plane]"):
+                      "[data-chip=gloss]", "[data-chip=plane]", "[data-chip=measured]"):
             page.click(opens)
             page.wait_for_selector("#panel:popover-open")
             nothing_serious()

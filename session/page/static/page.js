@@ -172,7 +172,7 @@ function show() {
   $("save").textContent = mode === "chart" ? "Use these corners" : "Save"; $("clear").hidden = !view.points.length;
   $("points").hidden = ["corner-label", "save", "clear"].every((id) => $(id).hidden);
   if ($("corner").options.length !== now.corner_names.length) $("corner").replaceChildren(...now.corner_names.map((value) => make("option", { text: value, value })));
-  showHint(problems); showMissing(); showOutlines(); inspector.showMarks(); inspector.showLooked(); advise(); panels.showChips({ choose }); panels.followState(); showShooting();
+  showMissing(); showHint(problems); showOutlines(); inspector.showMarks(); inspector.showLooked(); advise(); panels.showChips({ choose }); panels.followState(); showShooting();
 }
 // One line on the photo: what the tool does, while nothing is marked with it; a problem before that.
 function showHint(problems) {
@@ -180,7 +180,7 @@ function showHint(problems) {
   const busy = ["look", "region"].includes(mode) && Object.keys(regions()).length > 0;
   const text = first ?? (busy ? "" : (finger.matches && TOUCH_HINTS[mode]) || HINTS[mode]);
   if ($("hint").textContent !== text) $("hint").textContent = text;
-  $("hint").hidden = !text || (!view.size && !problems.length); $("hint").className = first ? "problem" : "";
+  $("hint").hidden = !text || (!view.size && !problems.length) || !$("drop").hidden; $("hint").className = first ? "problem" : "";
 }
 function showMissing() {
   const missing = session.state.photos.filter(({ there }) => !there);

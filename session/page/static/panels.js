@@ -19,6 +19,7 @@ export function verdictPanel(anchor) {
 // ---- the one state, with what is behind it
 export function statePanel(anchor) { showPanel(anchor, "state", stateNodes(), "State"); }
 export function followState() {
+  if (panelShows("export") && exported !== String(session.state.exports)) { exported = String(session.state.exports); $("panel").replaceChildren(...exportNodes()); }
   if (!panelShows("state")) return;
   const open = $("log-box")?.open; $("panel").replaceChildren(...stateNodes()); $("log-box").open = open;
 }
@@ -40,18 +41,24 @@ export function namePanel(anchor) {
 async function stateSession(stated) { if (await mark({ kind: "session", stated })) { say("written"); $("panel").hidePopover(); } }
 
 // ---- conditions as chips: what is assumed first
-const ORDER = ({ standing, named }) => (named ? 0 : { assumed: 1, stated: 2, measured: 3 }[standing]);
+const ORDER = ({ standing, named }) => (named ? 0 : { assumed: 1, stated: 2 }[standing]);
 export function showChips(tools) {
   const { live, facts } = session.state, conditions = verdictOf(session.state)?.conditions ?? [];
   const shown = JSON.stringify([conditions, facts.light]);
   if ($("chips").dataset.shown === shown) return;
   $("chips").dataset.shown = shown;
   const lamp = live ? [chip("stated", "lamp", facts.light || "unknown", (event) => lampPanel(event.currentTarget))] : [];
-  $("chips").replaceChildren(...lamp, ...[...conditions].sort((a, b) => ORDER(a) - ORDER(b)).map((one) =>
-    chip(one.standing, one.name, STANDINGS[one.standing][1], (event) => conditionPanel(event.currentTarget, one, tools))));
+  const measured = conditions.filter(({ standing }) => standing === "measured");
+  $("chips").replaceChildren(...lamp, ...conditions.filter((one) => !measured.includes(one)).sort((a, b) => ORDER(a) - ORDER(b)).map((one) =>
+    chip(one.standing, one.name, STANDINGS[one.standing][1], (event) => conditionPanel(event.currentTarget, one, tools))),
+  ...(measured.length ? [chip("measured", "measured", measured.length, (event) => measuredPanel(event.currentTarget, measured))] : []));
+}
+// What is measured is one chip: nothing need be done about it.
+function measuredPanel(anchor, conditions) {
+  showPanel(anchor, "measured", [title("Measured"), ...conditions.map((one) => make("details", { data: { condition: one.name } }, make("summary", { text: capital(one.name) }), ...conditionWords(one).map((text) => make("p", { text }))))], "What is measured");
 }
 const chip = (standing, name, text, does) => make("button", { className: `chip ${standing}`, type: "button", data: { chip: name }, on: { click: does } },
-  make("span", { "aria-hidden": "true", text: STANDINGS[standing][0] }), ` ${capital(name)}${standing === "measured" ? "" : `: ${text}`}`);
+  make("span", { "aria-hidden": "true", text: STANDINGS[standing][0] }), ` ${capital(name)}: ${text}`);
 
 function lampPanel(anchor) {
   const input = make("input", { id: "session-light", value: session.state.facts.light, on: { change: () => stateSession({ light: input.value.trim() || "unknown" }) } });
@@ -92,15 +99,17 @@ async function addPhoto(file, how, measured) {
 }
 
 // ---- files of spectra
-export function exportPanel(anchor) {
+let exported = "";
+export function exportPanel(anchor) { exported = String(session.state.exports); showPanel(anchor, "export", exportNodes(), "Export"); }
+function exportNodes() {
   const { exports, live, facts } = session.state;
   const every = make("input", { id: "session-picture", type: "checkbox", checked: facts.picture, on: { change: () => mark({ kind: "session", stated: { picture: every.checked ? "on" : "" } }) } });
   const now = exports.filter((file) => file.startsWith("marked.")), old = exports.filter((file) => !now.includes(file));
   const list = (files) => make("ul", {}, ...files.map((file) => make("li", {}, make("a", { text: file, href: address("/api/export", { file }), download: "" }))));
-  showPanel(anchor, "export", [title("Export"), ...(now.length ? [soft("What is marked now:"), list(now)] : []),
+  return [title("Export"), ...(now.length ? [soft("What is marked now:"), list(now)] : []),
     ...(old.length ? [soft(upToDate(session.state) ? "Of the report:" : "Of the last report:"), list(old)] : []),
-    ...(exports.length ? [] : [make("p", { text: "Mark a colour first: its spectrum can then be saved." })]),
-    ...(live ? [make("label", { className: "known" }, every, " also the spectrum of every pixel, in the report")] : [])], "Export");
+    ...(exports.length ? [] : [make("p", { text: Object.keys(regions()).length ? "Spectra can be saved once camera and light are calibrated." : "Mark a colour first: its spectrum can then be saved." })]),
+    ...(live ? [make("label", { className: "known" }, every, " also the spectrum of every pixel, in the report")] : [])];
 }
 
 export function keysPanel(anchor, keys) {

@@ -199,7 +199,8 @@ export class PhotoView {
   shortened(name, outline) {
     if (this.outlines.length < 9) return name;
     const across = outline.map(([x]) => x), room = Math.floor(this.scale * (Math.max(...across) - Math.min(...across)) / 6.5);
-    return name.length <= room ? name : room < 4 ? "" : `${name.slice(0, room - 1)}…`;
+    const number = /\d*$/.exec(name)[0], stem = room - 1 - number.length;
+    return name.length <= room ? name : stem < 1 ? "" : `${name.slice(0, stem)}…${number}`;
   }
   label(text, at, colour) {
     const c = this.context, [u, v] = this.put(...at); c.font = "13px system-ui, sans-serif"; c.lineWidth = 3; c.lineJoin = "round"; c.strokeStyle = "#000";
