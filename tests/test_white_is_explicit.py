@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import spectrabox as sb
+from spectrabox.api.arguments import as_reflectance
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.chart import CLASSIC
@@ -96,3 +97,13 @@ def test_a_signal_of_which_white_and_noise_are_not_stated_says_so():
     assert "no --noise was given: the signal is taken as exact" in caveat()
     assert "--white" not in caveat("--white", "0.39,0.51,0.17")
     assert caveat("--white", "0.39,0.51,0.17", "--noise", "0.003") == ""
+
+
+def test_a_truth_above_one_is_taken_for_per_cent():
+    nm = np.arange(400.0, 701.0, 10.0)
+    with pytest.raises(InputError, match=r"vase: a reflectance of 1\.5 looks like percent"):
+        as_reflectance((nm, np.full(nm.size, 1.5)), "vase")
+    with pytest.raises(InputError, match="cannot be negative"):
+        as_reflectance((nm, np.full(nm.size, -0.1)), "vase")
+    # brightened paper
+    assert as_reflectance((nm, np.where(nm < 450, 1.2, 0.9)), "paper").max() > 1.1

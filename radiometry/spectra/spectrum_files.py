@@ -37,10 +37,11 @@ from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC, read_spect
 from spectrabox.radiometry.spectra.formats.tm27 import is_tm27, read_tm27
 from spectrabox.radiometry.spectra.resampling import pchip
 
-__all__ = ["SpectralTable", "column_index", "format_of", "on_grid", "read_curves",
-           "read_reflectances", "read_spectrum", "read_table", "require_fraction", "spectrum_of",
-           "spectrum_on_grid", "table_text"]
+__all__ = ["SpectralTable", "check_reflectance", "column_index", "format_of", "on_grid",
+           "read_curves", "read_reflectances", "read_spectrum", "read_table", "require_fraction",
+           "spectrum_of", "spectrum_on_grid", "table_text"]
 
+MAX_REFLECTANCE = 1.4       # of fluorescent paper; above it is per cent
 FINE_STEP_NM = 2.5          # up to here linear interpolation is within measurement error
 # A step wider than both, among narrower ones, is a hole and no coarse grid.
 HOLE_STEPS, MAX_STEP_NM = 3.0, 20.0
@@ -181,7 +182,7 @@ def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | Non
                              f"are {', '.join([*(m.value for m in Quantity), *SI_FACTORS])}")
         factor = SI_FACTORS[normal]
     if quantity is Quantity.REFLECTANCE:
-        _check_reflectance(values[valid] * factor, table.nm[valid], table.file)
+        check_reflectance(values[valid] * factor, table.nm[valid], table.file)
     error = next((table.values[i] for i, name in enumerate(table.names)
                   if name == "standard_error"), None)
     return Spectrum(grid_from_nm(table.nm[valid]), values[valid] * factor, quantity,
@@ -367,11 +368,23 @@ def require_fraction(value: float, name: str) -> None:
                          "a fraction of 1")
 
 
-def _check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:
+def check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:
+    """Refuse a measured spectrum that is no reflectance: per cent, or negative.
+
+    Parameters
+    ----------
+    values, nm : (P,) arrays
+    name : str
+        Of the file or surface, for the message.
+
+    Raises
+    ------
+    InputError
+    """
     visible = values[(nm >= 400) & (nm <= 700)]
     if not visible.size:        # coarser samples than the visible range is wide
         visible = np.interp([400, 700], nm, values)
-    if visible.max() > 2:
+    if visible.max() > MAX_REFLECTANCE:
         raise InputError(f"{name}: a reflectance of {visible.max():.3g} looks like percent; "
                          "give fractions of 1, or state '# unit: percent'")
     if visible.min() < -0.02:

@@ -24,6 +24,7 @@ from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknow
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, stated_light
 from spectrabox.radiometry.spectra.spectrum_files import (
+    check_reflectance,
     on_grid,
     read_spectrum,
     require_fraction,
@@ -157,7 +158,9 @@ def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
     if isinstance(known, str | Path):
         return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), FINE_GRID)
     nm, values = (np.asarray(part, dtype=float) for part in known)
-    return on_grid(nm, values, FINE_GRID, "reflectance")
+    on_working_grid = on_grid(nm, values, FINE_GRID, "reflectance")
+    check_reflectance(on_working_grid, FINE_GRID.nm, name)
+    return on_working_grid
 
 
 def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:
