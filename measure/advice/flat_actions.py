@@ -55,8 +55,12 @@ class FlatPhotos:
 
     @cached_property
     def whites_by_flat_field(self) -> list[PhotoWhite | None]:
-        """The same of photos that were divided by that of a white card."""
-        return [_at_places(photo, replace(self.errors, flat_field=True)) for photo in self.photos]
+        """The same of photos that were divided by that of a white card, which leaves no fall-off on
+        the chart.
+        """
+        even = [replace(photo, white=replace(photo.white, field=np.zeros_like(photo.white.field)))
+                for photo in self.photos]
+        return [_at_places(photo, replace(self.errors, flat_field=True)) for photo in even]
 
     def signals(self, name: str, *, place: str = "", card: bool = False, flat_field: bool = False,
                 surface: str | None = None, moved: bool = False) -> SurfaceSignals:
