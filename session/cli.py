@@ -13,6 +13,7 @@ from typer.main import get_command
 import spectrabox
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.commands import (
+    advise,
     batch,
     camera,
     capture,
@@ -37,7 +38,7 @@ from spectrabox.session.terminal.interruption import stop_on_signals
 # rich_markup_mode None: its panels cost --help twice the time.
 app = Commands(name="spectrabox", pretty_exceptions_enable=False, rich_markup_mode=None,
                context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, batch, flat, finished, capture, geometry, camera, sampling, meter,
+for subject in (session, batch, flat, advise, finished, capture, geometry, camera, sampling, meter,
                 spectrum, filters):
     subject.register(app)
 

@@ -1,4 +1,5 @@
 """The public names of spectrabox."""
+from .api.advise import advise as advise
 from .api.camera import CameraEstimate as CameraEstimate
 from .api.camera import fit_camera as fit_camera
 from .api.chart_check import ChartCheck as ChartCheck

@@ -227,37 +227,6 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
             Explained(np.ones(1), weighted[None], inverse))
 
 
-def expected_covariance(photos: list[ChartEquations], prior: CameraPrior, family: int,
-                        relative_error: float, grid: WavelengthGrid, *,
-                        spread: np.ndarray) -> np.ndarray:
-    """Covariance (D, D) of the curves that photos like these would leave for one family, in the
-    unit of its mean.
-
-    Parameters
-    ----------
-    photos : list of ChartEquations
-    prior : CameraPrior
-    family : int
-        Component of the prior.
-    relative_error : float
-        Of patches against the model.
-    grid : WavelengthGrid
-    spread : (D, D) array
-        Covariance of the family's curves beforehand.
-    """
-    designs = _designs(photos, interpolation_matrix(prior.nm, grid.nm))
-    covariance, start = _joint_prior(prior, spread, family, GAINS[0][0], photos, designs)
-    _, jacobian = _equations(photos, designs, start, prior)
-    error = PatchError(relative_error)
-    candidate = CurveCandidate(0.0, family, GAINS[0][0], error, start, covariance, jacobian,
-                               jacobian @ start)
-    whole, size = _whole(designs, prior), prior.means.shape[1]
-    state, covariance = _condition(candidate, noise_of_photos(photos, error), prior)
-    _, posterior = _in_curves(prior, state, covariance, designs, photos)
-    unit = prior.widening[prior.level[family]] * (whole @ prior.curves(prior.means[family]))
-    return posterior[:size, :size] * unit**2
-
-
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
                  photos: list[ChartEquations],
                  designs: list[Design]) -> tuple[np.ndarray, np.ndarray]:

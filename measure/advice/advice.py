@@ -15,8 +15,8 @@ from spectrabox.measure.advice.forecast import Outlook
 
 HOW_TO = "docs/how-to/next.md"
 WHITE_CARD, CHART_NEARER, FLAT_FIELD = "white-card", "chart-nearer", "flat-field"
-LAMP_MOVED, GEL, SECOND_LAMP = "lamp-moved", "gel", "second-lamp"
-READING, MATT = "reading", "matt"
+LAMP_MOVED, GEL, TWO_GELS = "lamp-moved", "gel", "two-gels"
+SECOND_LAMP, READING, MATT = "second-lamp", "reading", "matt"
 SMALL = 0.02                # of a band's width: what brings less is not listed
 EACH_ITS_OWN = "a wavelength of its own"
 
@@ -40,6 +40,8 @@ ACTIONS = {
     LAMP_MOVED: Action("Photograph once more with the lamp in another place.",
                        "a photo with the lamp moved", "one photo"),
     GEL: Action("Photograph once more through {}.", "a photo through {}", "one photo"),
+    TWO_GELS: Action("Photograph twice more, through {}.", "a photo each through {}",
+                     "two photos"),
     SECOND_LAMP: Action("Photograph once more under {}.", "a photo under {}", "one photo"),
     READING: Action("Read the sample's reflectance at {} with an instrument.", "a reading at {}",
                     "one reading"),

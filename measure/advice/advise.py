@@ -1,7 +1,8 @@
 """What to do next of everything that can be asked: flat samples, scenes, signals.
 
-Every action is forecast by the functions that find the spectra now. Of gels and lamps the best is
-looked for among all that are at hand by linear algebra, and only that one is forecast.
+Every action is forecast by the functions that find the spectra now. Of common gels and lamps the
+best is the one that brings most where the band is widest; of those that somebody says are at hand
+all are weighed, and pairs of the best gels.
 """
 from __future__ import annotations
 
@@ -18,13 +19,15 @@ from spectrabox.measure.advice.advice import (
     MATT,
     READING,
     SECOND_LAMP,
+    TWO_GELS,
     WHITE_CARD,
     Advice,
     Advised,
     advice,
     advised,
+    ranked,
 )
-from spectrabox.measure.advice.at_hand import usual_at_hand
+from spectrabox.measure.advice.at_hand import exposure_words, usual_at_hand
 from spectrabox.measure.advice.flat_actions import (
     FlatPhotos,
     flat_photos_of,
@@ -40,10 +43,10 @@ from spectrabox.measure.advice.forecast import (
     Unknown,
     outlook_after,
     outlook_now,
+    outlook_of,
     outlook_stated,
 )
 from spectrabox.measure.advice.further import (
-    READING_ERROR,
     ChartFitted,
     may_add_photos,
     with_photos,
@@ -60,14 +63,30 @@ from spectrabox.measure.more_bands.further_photos import (
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
+from spectrabox.radiometry.error_model import PHOTO_NOISE
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records.spectra import Outcome, SurfaceSpectrum
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families, smoothness_prior
+from spectrabox.radiometry.records.spectra import (
+    Outcome,
+    SignalError,
+    SpectralMeasurement,
+    SurfaceSignals,
+    SurfaceSpectrum,
+    default_band_names,
+)
+from spectrabox.sampling.prior.mixture import (
+    PRIOR_GRID,
+    LogitMixture,
+    load_prior,
+    of_families,
+    smoothness_prior,
+)
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.sampling.summary import next_measurement_nm
 
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LIKELY = 0.1                # probability of matt from which stating it is worth a thought
+PAIRED = 4                  # best gels at hand, of which every pair is tried
 SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR)       # draws that reproduce the signal
-STOPS = 0.05                # of exposure: less is not said
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +96,6 @@ class _Surface:
     unknown: Unknown
     found: Outlook              # by its draws
     solved: Outlook             # by the forecast's way
-    covariance: np.ndarray      # (61, 61) of its reflectance
     reading_nm: float
     stated: str | None          # how much it mirrors
     matt: float                 # probability of that
@@ -112,8 +130,13 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
             considered[name] += _of_flat_sample(sample, surface)
     for name, surface in surfaces.items():
         considered[name].append(_of_reading(surface))
-    for name, more in _of_photos(capture, records, surfaces, hand or usual_at_hand()).items():
-        considered[name] += more
+    fit = records.calibrate.chart
+    if fit is not None and fit.patch_error is not None:
+        calibration = records.calibrations(capture.views)[0]
+        fitted = ChartFitted(calibration, capture.lit_chart.reflectances, float(fit.patch_error[0]))
+        for name, more in _of_photos(surfaces, *curves_and_light(calibration), fitted,
+                                     hand or usual_at_hand(), all_of_them=hand is not None).items():
+            considered[name] += more
     return advised(considered, {name: surface.found for name, surface in surfaces.items()})
 
 
@@ -131,7 +154,7 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
     colour = reflectance_to_lab(samples.grid.nm, samples.spectra.mean(axis=0))
     found = Outlook(float(np.mean(spectrum.summary.upper - spectrum.summary.lower)),
                     float(np.sqrt(np.mean(ciede2000(colour, colours)**2))))
-    return _Surface(unknown, found, outlook_now(unknown), np.cov(samples.spectra, rowvar=False),
+    return _Surface(unknown, found, outlook_now(unknown),
                     spectrum.summary.next_measurement_nm, stated.surface,
                     0.0 if spectrum.states is None else spectrum.states.shares.get("matt", 0.0))
 
@@ -162,62 +185,88 @@ def _of_reading(surface: _Surface) -> Advice:
         surface.unknown, nm)), f"{nm:.0f} nm")
 
 
-def _of_photos(capture: Capture, records: CaptureRecords, surfaces: Mapping[str, _Surface],
-               hand: LampsAtHand) -> dict[str, list[Advice]]:
-    """A photo more through the best of the gels, and under the best of the lamps."""
-    fit = records.calibrate.chart
-    if fit is None or fit.patch_error is None:
-        return {}
-    calibration = records.calibrations(capture.views)[0]
-    fitted = ChartFitted(calibration, capture.lit_chart.reflectances, float(fit.patch_error[0]))
-    curves, present = curves_and_light(calibration)
+def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: float = 0.95, *,
+                     curves: np.ndarray | None = None, present: np.ndarray | None = None,
+                     hand: LampsAtHand | None = None) -> tuple[Advice, ...]:
+    """What to do next of a surface of which signals are known, and what they err by; further photos
+    err by noise alone.
+
+    Parameters
+    ----------
+    measured : SpectralMeasurement
+        Whose first bands are the camera's under the present light.
+    prior : LogitMixture
+        On reflectances.
+    level : float
+        Of the band.
+    curves : (K, 301) array, optional
+        Sensitivities of the camera; without them no lamp is tried, only gels.
+    present : (301,) array, optional
+        The light.
+    hand : LampsAtHand, optional
+        Common lamps and gels by default.
+    """
+    posterior = solve_posterior(prior, measured)
+    if posterior.outcome not in SEEN:
+        return ()
+    bands = default_band_names(measured.signal.size)
+    estimate = TO_FINE @ posterior.mean
+    unknown = Unknown(
+        posterior.prior, level,
+        SurfaceSignals(("signal",), (False,), measured.grid, estimate[None], bands,
+                       np.zeros(measured.signal.size, int), measured.relative_response,
+                       measured.signal[None],
+                       (SignalError(PHOTO_NOISE, measured.noise_covariance[None]),),
+                       () if measured.states is None else (measured.states,)), posterior.mean,
+        np.zeros(0) if posterior.states is None else posterior.states.mean)
+    found = outlook_of(posterior, level)
+    reading = next_measurement_nm(PRIOR_GRID, posterior.covariance)
+    surface = _Surface(unknown, found, found, reading, None, 0.0)
+    known = hand or usual_at_hand()
+    if curves is None or present is None:
+        curves, present = measured.relative_response / FINE_GRID.weights_nm, np.ones(
+            FINE_GRID.nm.size)
+        known = LampsAtHand({}, known.filters)
+    each = _of_photos({"": surface}, curves, present, None, known, all_of_them=hand is not None)
+    return ranked([_of_reading(surface), *each.get("", [])])
+
+
+def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np.ndarray,
+               fitted: ChartFitted | None, hand: LampsAtHand, *,
+               all_of_them: bool) -> dict[str, list[Advice]]:
+    """A photo more through the best of the gels, and under the best of the lamps; or through and
+    under each of them, and through pairs of the best gels.
+    """
     white = white_of_bands(curves, present)
     may = {name: surface for name, surface in surfaces.items()
-           if may_add_photos(surface.unknown, len(white))}
+           if may_add_photos(surface.unknown, len(white), fitted)}
     if not may:
         return {}
-    covariance = np.mean([surface.covariance for surface in may.values()], axis=0)
+
+    def left(surface: _Surface, photos: Sequence[FurtherPhoto]) -> Outlook | None:
+        after = with_photos(surface.unknown, photos, white, fitted, surface.stated)
+        return None if after is None else outlook_after(surface.unknown, after)
+
+    photos = photos_at_hand(curves, present, hand)
+    # where the band is widest a photo counts most
+    widest = max(may.values(), key=lambda surface: surface.found.width)
+    outlooks = {photo.name: outlook for photo in photos
+                for outlook in [left(widest, [photo])] if outlook is not None}
+    best = sorted((photo for photo in photos if photo.name in outlooks),
+                  key=lambda photo: outlooks[photo.name].width)
+    gels = [photo for photo in best if photo.filter is not None]
+    lamps = [photo for photo in best if photo.filter is None]
+    pairs = [[first, second] for number, first in enumerate(gels[:PAIRED])
+             for second in gels[number + 1:PAIRED]] if all_of_them else []
+    count = None if all_of_them else 1
+    chosen = [*((GEL, [photo]) for photo in gels[:count]), *((TWO_GELS, pair) for pair in pairs),
+              *((SECOND_LAMP, [photo]) for photo in lamps[:count])]
     each: dict[str, list[Advice]] = {name: [] for name in may}
-    at_hand = photos_at_hand(curves, present, hand)
-    for action, filtered in ((GEL, True), (SECOND_LAMP, False)):
-        photos = [photo for photo in at_hand if (photo.filter is not None) is filtered]
-        if not photos:
-            continue
-        best = min(photos, key=lambda photo: left_by(covariance, photo))
+    for action, some in chosen:
         for name, surface in may.items():
-            after = with_photos(surface.unknown, [best], white, fitted, surface.stated)
+            after = outlooks[some[0].name] if surface is widest and len(some) == 1 \
+                else left(surface, some)
             if after is not None:
-                each[name].append(surface.advice(action, outlook_after(surface.unknown, after),
-                                                 best.name, exposure_words([best])))
+                each[name].append(surface.advice(action, after, " and ".join(
+                    photo.name for photo in some), exposure_words(some)))
     return each
-
-
-def left_by(covariance: np.ndarray, photo: FurtherPhoto) -> float:
-    """Mean variance that a photo of little error leaves of a reflectance, by linear algebra.
-
-    Parameters
-    ----------
-    covariance : (61, 61) array
-        Of the reflectance before it.
-    photo : FurtherPhoto
-    """
-    rows = (photo.response @ TO_FINE)[np.isin(np.arange(len(photo.white)), photo.dark,
-                                              invert=True)]
-    base = covariance @ rows.T
-    told = np.linalg.solve(rows @ base + READING_ERROR**2 * np.eye(len(rows)), base.T)
-    return float(np.trace(covariance) - np.sum(base * told.T))
-
-
-def exposure_words(photos: Sequence[FurtherPhoto]) -> str:
-    """Exposure to add to photos, and the bands that they leave dark, as a sentence.
-
-    Parameters
-    ----------
-    photos : sequence of FurtherPhoto
-    """
-    words = ""
-    if any(abs(photo.stops) >= STOPS for photo in photos):
-        words += f" Expose {' and '.join(f'{photo.stops:+.1f}' for photo in photos)} stops."
-    dark = [str(number * len(photo.white) + int(band) + 1)
-            for number, photo in enumerate(photos) for band in photo.dark]
-    return words + (f" Dark: band {', '.join(dark)} of the further bands." if dark else "")

@@ -1,14 +1,17 @@
-"""Gels and lamps that most people can have, for those who do not say which are at hand."""
+"""Gels and lamps that most people can have, and how to expose with them."""
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from spectrabox.measure.more_bands.further_photos import LampsAtHand
+from spectrabox.measure.more_bands.further_photos import FurtherPhoto, LampsAtHand
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.filters import MIN_TRANSMITTANCE, stated_filter
 from spectrabox.radiometry.spectra.named_spectra import light
 
+STOPS = 0.05                # of exposure: less is not said
 # of gels for stage lamps, every 50 nm
 GEL_NM = np.arange(400, 701, 50)
 GELS = {"a magenta gel": (0.14, 0.47, 0.04, 0.002, 0.002, 0.02, 0.87),
@@ -25,3 +28,18 @@ def usual_at_hand() -> LampsAtHand:
         {words: stated_filter(words, np.clip(PchipInterpolator(GEL_NM, values)(FINE_GRID.nm),
                                              MIN_TRANSMITTANCE, 1))
          for words, values in GELS.items()})
+
+
+def exposure_words(photos: Sequence[FurtherPhoto]) -> str:
+    """Exposure to add to photos, and the bands that they leave dark, as a sentence.
+
+    Parameters
+    ----------
+    photos : sequence of FurtherPhoto
+    """
+    words = ""
+    if any(abs(photo.stops) >= STOPS for photo in photos):
+        words += f" Expose {' and '.join(f'{photo.stops:+.1f}' for photo in photos)} stops."
+    dark = [str(number * len(photo.white) + int(band) + 1)
+            for number, photo in enumerate(photos) for band in photo.dark]
+    return words + (f" Dark: band {', '.join(dark)} of the further bands." if dark else "")

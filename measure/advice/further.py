@@ -48,18 +48,20 @@ def with_reading(unknown: Unknown, nm: float) -> SurfaceSignals:
                        tuple(_pad(states, 1) for states in now.states))
 
 
-def may_add_photos(unknown: Unknown, bands: int) -> bool:
+def may_add_photos(unknown: Unknown, bands: int, fitted: ChartFitted | None) -> bool:
     """Whether what further photos err by is known of a surface: there is one photo, which shows it
-    in all its bands, and they are few.
+    in all its bands, and they are few; of signals whose errors are noise alone always.
 
     Parameters
     ----------
     unknown : Unknown
     bands : int
         Of a photo.
+    fitted : ChartFitted or None
+        As of `with_photos`.
     """
-    return bool(np.isfinite(unknown.signals.signal).all()) \
-        and unknown.signals.signal.size == bands <= FEW_BANDS
+    return fitted is None or (bool(np.isfinite(unknown.signals.signal).all()) \
+        and unknown.signals.signal.size == bands <= FEW_BANDS)
 
 
 def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndarray,

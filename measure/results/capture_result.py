@@ -91,7 +91,7 @@ class CaptureResult(ABC):
     picture: PictureRecords | None = None       # the spectra of every pixel, where asked for
     picture_folder: str = ""          # where the picture's files lie, as its reader knows it
     # forecasts what to do next, which takes as long as a fit: called when it is asked for
-    advise: Callable[[], Advised] = Advised
+    advise: Callable[..., Advised] = Advised
 
     @cached_property
     def advice(self) -> Advised:

@@ -1,4 +1,4 @@
-"""Commands on a camera without a session: camera fit, profile, prior, preflight, add, list."""
+"""Commands on a camera without a session: camera fit, profile, prior, add, list."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -8,7 +8,6 @@ import typer
 
 from spectrabox.session.commands.requests import (
     METHODS,
-    CameraPreflightRequest,
     PriorFile,
 )
 from spectrabox.session.terminal.command_help import Commands
@@ -31,7 +30,7 @@ camera = Commands(help="Sensitivities of a camera: measured on a chart, known by
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (fit, profile, prior, preflight, add):
+    for function in (fit, profile, prior, add):
         camera.command()(function)
     camera.command("list")(list_cameras)
     app.add_typer(camera, name="camera")
@@ -163,21 +162,6 @@ def prior(
                   "\n".join([f"wrote {out}: {count} cameras, {len(families)} families of "
                              "two or more",
                              *(f"- skipped: {reason}" for reason in database.skipped)]))
-
-
-@Command
-def preflight(request: CameraPreflightRequest) -> Answer:
-    """Forecast, before shooting, the errors of curves and of spectra, family by family, for this
-    camera, chart and light, and what a second light would bring.
-    """
-    if not 0 < request.noise < 1:
-        raise UsageProblem(f"--noise {request.noise:g} is not between 0 and 1; 0.01 means 1 %")
-    if request.surfaces < 0:
-        raise UsageProblem(f"--surfaces {request.surfaces} is negative; 0 leaves spectra out")
-    if request.curves is not None and request.prior_file is not None:
-        raise UsageProblem("--curves and --prior both say what the camera is; give one")
-    from spectrabox.session.camera.preflight_answer import preflight_answer
-    return Answer(*preflight_answer(request))
 
 
 @Command

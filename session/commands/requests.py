@@ -44,8 +44,8 @@ DeltaLights = Annotated[tuple[str, ...], typer.Option(
     help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]
 Baseline = Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")]
 Lamps = Annotated[str | None, typer.Option(
-    "--lamps", metavar="NAME|FILE,...", help="Lamps at hand, for a second photo: D65,A,my.csv; a "
-    "few common ones by default.")]
+    "--lamps", metavar="NAME|FILE,...", help="Lamps at hand, for a second photo: D65,A,my.csv; "
+    "where neither these nor filters are given, common ones.")]
 Filters = Annotated[str | None, typer.Option(
     "--filters", metavar="FILE|FOLDER,...", help="Filters at hand, for a second photo under the "
     "same light: files of their transmittance, one or several a file, or folders of such "
@@ -112,48 +112,28 @@ class UpliftRequest:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanRequest(MeasuredSignal):
-    """Options of ``spectrabox plan``."""
+class AdviseRequest(MeasuredSignal):
+    """Options of ``spectrabox advise``."""
 
     folder: Annotated[Path | None, typer.Argument(
         metavar="[DIR]", help="A finished session, in place of --sensitivity, --light and "
         "--signal.")] = None
     sensitivity: OptionalSensitivity = None
-    light: OptionalLight = None
-    steps: Annotated[int, typer.Option(help="How many readings to plan.")] = 3
-    second_light: Annotated[tuple[str, ...], typer.Option(
-        metavar="FILE|NAME", help="A light for another photo.")] = ()
-    second_camera: Annotated[tuple[str, ...], typer.Option(
-        metavar="FILE|NAME", help="Another camera's curves.")] = ()
+    light: Annotated[str | None, typer.Option(
+        metavar="FILE|NAME", help="Of the signal: CSV of the light's spectrum, or a CIE name. "
+        "Before the shoot also unknown, 3200K, or a kind: daylight, halogen, led, "
+        "fluorescent.")] = None
+    noise: Annotated[str | None, typer.Option(
+        metavar="E|E1,E2,E3", help="Standard error of the signal in its unit: one number for all "
+        "bands, or one for each. Before the shoot the relative error of a patch, 0.01 by "
+        "default.")] = None
     lamps: Lamps = None
     filters: Filters = None
-    reading_minutes: Annotated[float, typer.Option(help="Minutes of one spot reading.")] = 2.0
-    photo_minutes: Annotated[float, typer.Option(help="Minutes of one more photo.")] = 5.0
-    spot_minutes: Annotated[float | None, typer.Option(
-        help="Minutes of a whole spectrum by a spectrometer.")] = None
-    seed: Seed = 0
-    allow_outside: Outside = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraPreflightRequest:
-    """Options of ``spectrabox camera preflight``."""
-
-    light: Annotated[str, typer.Option(
-        "--light", metavar="FILE|NAME", show_default=False, help="CSV of the light's spectrum, a "
-        "CIE name (D65, A, LED-B3), unknown, 3200K, or a kind: daylight, halogen, led, "
-        "fluorescent.")]
-    noise: Annotated[float, typer.Option(
-        help="Relative error of a patch, everything included.")] = 0.01
     reference: Reference = None
     layout: ChartLayout = ""
-    prior_file: PriorFile = None
-    curves: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="Measured curves of the camera, a column per band; by default it is "
-        "one like those of the prior.")] = None
-    lamps: Lamps = None
-    filters: Filters = None
+    prior_file: Annotated[Path | None, typer.Option(
+        "--prior", metavar="NPZ", help="Before the shoot: cameras like yours, of 'camera prior'; "
+        "the shipped ones by default.")] = None
     surfaces: Annotated[int, typer.Option(
-        help="Surfaces of each family that are tried; 0 leaves spectra out.")] = 20
-
-
+        help="Before the shoot: surfaces of each family that are tried.")] = 20
+    allow_outside: Outside = False

@@ -1,5 +1,5 @@
-"""Commands on signals and spectra without a session: sample, uplift, plan, certify, judge, match,
-prior train.
+"""Commands on signals and spectra without a session: sample, uplift, certify, judge, match, prior
+train.
 """
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from spectrabox.session.commands.requests import (
     Noise,
     OptionalLight,
     OptionalSensitivity,
-    PlanRequest,
     PriorFile,
     Seed,
     Sensitivity,
@@ -48,7 +47,7 @@ MATCHES_SHOWN, LEFT_OUT_NAMED = 10, 3       # rows of a table, and sentences on 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (sample, uplift, plan, certify, judge, match):
+    for function in (sample, uplift, certify, judge, match):
         app.command()(function)
     prior = Commands(help="What is known of reflectances beforehand, the prior: learn one from "
                           "your own measurements.")
@@ -184,15 +183,6 @@ def uplift(request: UpliftRequest) -> Answer:
     return Answer(facts | {"white": white, "white_from": white_from},
                   f"{text}\nwhite reads {', '.join(f'{value:.4g}' for value in white)} "
                   f"({white_from})")
-
-
-@Command
-def plan(request: PlanRequest) -> Answer:
-    """Say which reading or photo to take next, and how much narrower it would make the band of a
-    signal, or of every surface of a finished session.
-    """
-    from spectrabox.session.signals.plan_answer import plan_answer
-    return Answer(*plan_answer(request))
 
 
 @Command

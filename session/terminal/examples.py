@@ -43,8 +43,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "camera prior": ("spectrabox camera prior measured-cameras --out mine.npz",
                      "spectrabox camera prior measured-cameras --out mine.npz \\\n"
                      "    --source \"my laboratory, 2026\" --licence \"CC BY 4.0\""),
-    "camera preflight": ("spectrabox camera preflight --light led --surfaces 0",
-                         "spectrabox camera preflight --light led --lamps D65,A --surfaces 2"),
     "camera add": ("spectrabox camera add measured-cameras",
                    "spectrabox camera add measured-cameras --json"),
     "camera list": ("spectrabox camera list", "spectrabox camera list --json"),
@@ -80,9 +78,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
                "    --light D65 --side 9 --out uplifted",
                f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
                "    --light D65 --side 9 --to zarr --workers 2 --out arrays"),
-    "plan": ("spectrabox plan mybox --lamps D65,A",
-             f"spectrabox plan --sensitivity {CAMERA} --light D65 \\\n"
-             "    --signal 0.47,0.27,0.12 --lamps A,FL11"),
+    "advise": ("spectrabox advise painting", "spectrabox advise --light led --surfaces 2"),
     "certify": ("spectrabox certify measured-paints",
                 f"spectrabox certify measured-paints --sensitivity {CAMERA} --light D65 \\\n"
                 "    --out certificate.md"),

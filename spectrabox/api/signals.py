@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from spectrabox.api.arguments import (
 )
 from spectrabox.api.estimate import SpectrumEstimate
 from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.measure.advice.advise import advice_on_signal
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
@@ -217,5 +219,8 @@ def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None) -> Spe
     summary = SpectrumSummary(PRIOR_GRID, one.mean, one.standard_deviation, one.lower, one.upper,
                               one.bound_lower, one.bound_upper, one.level, one.conditional_on,
                               one.next_measurement_nm)
-    return SpectrumEstimate(name, summary, one.measurement, one.causes, prior, one.draws)
+    return SpectrumEstimate(
+        name, summary, one.measurement, one.causes, prior, one.draws,
+        advise=tuple if prior is None else partial(advice_on_signal, one.measurement, prior,
+                                                   one.level))
 

@@ -1,16 +1,16 @@
-"""Errors of spectra to expect of a photo with a chart in it, before it is taken.
+"""Before the shoot: errors of spectra to expect of a photo with a chart in it, and what would help.
 
 Cameras are drawn from the prior, lamps from what is known of the light, surfaces of every family
 from the learnt prior. A chart photo is simulated, fitted as a photo would be, and the surfaces are
 recovered with the errors that the fit states and that flat samples have besides; beside it stands
 what camera, lamp and white, known exactly, would leave. Light over chart and samples is taken as
-even, with its field unknown to the fit, as always. Further photos have the errors with which
-``more_bands.second_photo`` forecasts them after a photo.
+even, with its field unknown to the fit, as always. Further photos have the errors with which they
+are forecast after a photo; what a surface mirrors is one more error then.
 """
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -21,6 +21,9 @@ from spectrabox.calibrate.products.lamps import lamps_like
 from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.products.product_prior import draw_cameras
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.measure.advice.advice import GEL, SECOND_LAMP, TWO_GELS, Advice, advice, ranked
+from spectrabox.measure.advice.at_hand import exposure_words
+from spectrabox.measure.advice.forecast import Outlook
 from spectrabox.measure.more_bands.further_photos import (
     FurtherPhoto,
     LampsAtHand,
@@ -29,9 +32,8 @@ from spectrabox.measure.more_bands.further_photos import (
     white_of_bands,
 )
 from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
-from spectrabox.measure.more_bands.planning import PAIRED
-from spectrabox.measure.more_bands.second_photo import SecondPhoto, simulated_errors
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, with_errors
+from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     PLANE_ERROR,
@@ -56,7 +58,6 @@ from spectrabox.radiometry.records.spectra import (
 from spectrabox.radiometry.response import relative_response, response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.further.planner import PHOTO_MINUTES
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,
     LogitMixture,
@@ -64,7 +65,12 @@ from spectrabox.sampling.prior.mixture import (
     of_families,
     reflectance,
 )
-from spectrabox.sampling.prior.mixture_posterior import central_band, mean_and_spread
+from spectrabox.sampling.prior.mixture_posterior import (
+    calibrated_bands,
+    central_band,
+    mean_and_spread,
+    posterior,
+)
 from spectrabox.sampling.prior.state_posteriors import posteriors_in_states
 from spectrabox.sampling.spectral_measurement import without_states
 
@@ -72,6 +78,7 @@ TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LEVEL, REFERENCE_LIGHT = 0.95, "D65"
 PHOTOS, SURFACES, SEED = 3, 20, 1
 FEW = 42                        # surfaces of all families, for what further photos bring
+PAIRED = 4                      # best gels, of which every pair is tried
 # of the RMSE that camera and lamp, known exactly, would leave; of that under a full daylight
 MUCH_BY_CHART, MUCH_BY_LAMP = 1.10, 1.15
 
@@ -101,11 +108,11 @@ class FamilyExpectation:
 
 @dataclass(frozen=True)
 class Expectation:
-    """What to expect of a photo, by family and over all, and what a second photo would bring."""
+    """What to expect of a photo, by family and over all, and what further photos would bring."""
 
     families: tuple[FamilyExpectation, ...]
     rmse_daylight: float        # mean over families by the same cameras, known exactly, under D65
-    second: tuple[SecondPhoto, ...]     # best first
+    advice: tuple[Advice, ...]  # best first
 
     @property
     def mean(self) -> FamilyExpectation:
@@ -140,7 +147,7 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
     ----------
     shoot : Shoot
     hand : LampsAtHand
-        For a second photo.
+        For further photos.
     photos, surfaces : int
         Photos that are simulated, and surfaces of each family in each.
     """
@@ -162,7 +169,7 @@ def expected_spectra(shoot: Shoot, hand: LampsAtHand, *, photos: int = PHOTOS,
     means = np.mean(rows, axis=0)
     return Expectation(tuple(FamilyExpectation(family, *(float(value) for value in column[:5]))
                              for family, column in zip(known.families, means.T, strict=True)),
-                       float(means[5].mean()), _second(shoot, taken, hand, known))
+                       float(means[5].mean()), _advice(shoot, taken, hand, known))
 
 
 def _lamps(light: Spectrum | UnknownLight, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -286,36 +293,42 @@ def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
             np.mean(upper - lower, axis=1), ((lower <= truth) & (truth <= upper)).mean(axis=1))
 
 
-def _second(shoot: Shoot, taken: Sequence[tuple[_Photo, SurfaceSignals, np.ndarray]],
-            hand: LampsAtHand, prior: LogitMixture) -> tuple[SecondPhoto, ...]:
+def _advice(shoot: Shoot, taken: Sequence[tuple[_Photo, SurfaceSignals, np.ndarray]],
+            hand: LampsAtHand, prior: LogitMixture) -> tuple[Advice, ...]:
     """What further photos bring, the best first; of each photo that was simulated: the fit, and
     signals and spectra (n, 61) of surfaces.
     """
     at_hand = [photos_at_hand(*curves_and_light(photo.calibration), hand) for photo, _, _ in taken]
+    before = _outlook(shoot, taken, [[] for _ in taken], prior)
 
-    def after(chosen: Sequence[int]) -> SecondPhoto:
-        each = [[_errors_after(shoot, *one, photos, prior)
-                 for photos in ([], [further[index] for index in chosen])]
-                for one, further in zip(taken, at_hand, strict=True)]
-        (before, width_before), (rmse, width) = np.mean(each, axis=0).tolist()
+    def after(action: str, chosen: Sequence[int]) -> Advice:
         photos = [at_hand[0][index] for index in chosen]
         stops = np.mean([[further[index].stops for index in chosen] for further in at_hand], axis=0)
-        dark = [number * len(photo.white) + int(band) + 1 for number, photo in enumerate(photos)
-                for band in photo.dark]
-        return SecondPhoto(" and ".join(photo.name for photo in photos), width_before, width,
-                           before, rmse, PHOTO_MINUTES * len(photos), tuple(stops.tolist()),
-                           tuple(dark))
+        return advice(action, before, _outlook(shoot, taken, [
+            [further[index] for index in chosen] for further in at_hand], prior),
+            " and ".join(photo.name for photo in photos), exposure_words([
+                replace(photo, stops=float(each)) for photo, each in zip(photos, stops,
+                                                                         strict=True)]))
     order = {photo.name: index for index, photo in enumerate(at_hand[0])}
-    singles = sorted((after([index]) for index in order.values()), key=lambda step: step.rmse_after)
-    best = [order[step.name] for step in singles if step.name in hand.filters][:PAIRED]
-    pairs = [after([first, second]) for number, first in enumerate(best)
+    singles = [after(GEL if name in hand.filters else SECOND_LAMP, [index])
+               for name, index in order.items()]
+    gels = sorted((one for one in singles if one.action == GEL), key=lambda one: one.width_after)
+    best = [order[one.subject] for one in gels[:PAIRED]]
+    pairs = [after(TWO_GELS, [first, second]) for number, first in enumerate(best)
              for second in best[number + 1:]]
-    return tuple(sorted([*singles, *pairs], key=lambda step: step.rmse_after))
+    return ranked([*singles, *pairs])
+
+
+def _outlook(shoot: Shoot, taken: Sequence[tuple[_Photo, SurfaceSignals, np.ndarray]],
+             further: Sequence[Sequence[FurtherPhoto]], prior: LogitMixture) -> Outlook:
+    """Means over the simulated photos, each with further ones."""
+    return Outlook(*np.mean([_errors_after(shoot, *one, photos, prior)
+                             for one, photos in zip(taken, further, strict=True)], axis=0).tolist())
 
 
 def _errors_after(shoot: Shoot, photo: _Photo, signals: SurfaceSignals, truth: np.ndarray,
                   photos: Sequence[FurtherPhoto], prior: LogitMixture) -> tuple[float, float]:
-    """Mean RMSE and width of some of the surfaces (n, 61) in a photo and further ones."""
+    """Mean width and colour error of some of the surfaces (n, 61) in a photo and further ones."""
     white = white_of_bands(*curves_and_light(photo.calibration))
     some = range(0, len(truth), max(len(truth) // FEW, 1))
     measured = [without_states(SpectralMeasurement(
@@ -329,4 +342,30 @@ def _errors_after(shoot: Shoot, photo: _Photo, signals: SurfaceSignals, truth: n
     response, covariances = joined_errors(measured, truth[some] @ TO_FINE.T, photos, white,
                                           surfaces)
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        return simulated_errors(prior, response, covariances, truth[some])
+        return _simulated_errors(prior, response, covariances, truth[some])
+
+
+def _simulated_errors(prior: LogitMixture, response: np.ndarray, covariance: np.ndarray,
+                      spectra: np.ndarray) -> tuple[float, float]:
+    """Mean width of the bands of spectra (T, 61) from simulated signals, and root mean square
+    CIEDE2000 of their means.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    response : (J, 301) array
+        Of the bands to reflectances; rows sum to 1.
+    covariance : (T, J, J) array
+        Of the signals.
+    spectra : (T, 61) array
+    """
+    coarse = response @ TO_FINE
+    values, vectors = np.linalg.eigh(covariance)
+    # of all roots the symmetric one: like covariances give like errors, whatever their eigenvectors
+    root = (vectors * np.sqrt(np.maximum(values, 0))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    normal = np.random.default_rng(SEED).standard_normal((len(spectra), len(coarse)))
+    off = (root @ normal[..., None])[..., 0]
+    mean, ((lower, upper),) = calibrated_bands(prior, posterior(
+        prior, coarse, spectra @ coarse.T + off, covariance), (LEVEL,))
+    colours = [reflectance_to_lab(PRIOR_GRID.nm, each) for each in (mean, spectra)]
+    return float(np.mean(upper - lower)), float(np.sqrt(np.mean(ciede2000(*colours)**2)))

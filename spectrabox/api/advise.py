@@ -1,0 +1,122 @@
+"""What to do next: of results, of signals, and before the shoot."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from spectrabox.api.arguments import (
+    CameraLike,
+    FilterLike,
+    LightLike,
+    as_curves,
+    as_filter,
+    as_light,
+    as_lit_chart,
+    as_spectrum,
+    one_blas_thread,
+)
+from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimates import MeasuredSpectra
+from spectrabox.api.session import Session
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior, shipped_prior
+from spectrabox.calibrate.prior.plain_priors import prior_of_curves
+from spectrabox.measure.advice.advice import Advice
+from spectrabox.measure.advice.advise import advice_on_signal
+from spectrabox.measure.advice.at_hand import usual_at_hand
+from spectrabox.measure.advice.before_shoot import Shoot, expected_spectra
+from spectrabox.measure.more_bands.further_photos import LampsAtHand
+from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.spectra.filters import filters_at_hand
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+
+CURVES_ERROR = 0.02         # relative, of the curves of a camera that is given
+
+
+@one_blas_thread
+def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
+           lamps: Sequence[str] | Mapping[str, LightLike] | None = None,
+           filters: str | Path | Mapping[str, FilterLike] | None = None,
+           camera: CameraLike | None = None, light: LightLike = "unknown", noise: float = 0.01,
+           layout: str | Path | Chart | None = None, reference: str | None = None,
+           camera_prior: str | Path | None = None, surfaces: int = 20) -> tuple[Advice, ...]:
+    """What to do next, the best first.
+
+    Parameters
+    ----------
+    known : result of `flat` or `reconstruct_scene`, Session, or estimate of `sample`, optional
+        None: before the shoot, of a camera, a light and a chart.
+    lamps : sequence of names or files, or mapping, optional
+        Lamps at hand; where neither they nor filters are given, common ones.
+    filters : path or mapping, optional
+        Filters at hand: a file, a folder of files, or transmittances by name.
+    camera : name, path, CameraEstimate, Calibration or (nm, curves), optional
+        Before the shoot, or of a signal; before the shoot one like those of the prior by default.
+    light : name, path, (nm, values) or Spectrum
+        Before the shoot, or of a signal with ``camera``.
+    noise : float
+        Before the shoot: relative error of a patch.
+    layout, reference
+        Before the shoot: as of `find_chart`.
+    camera_prior : path, optional
+        Before the shoot: a prior made by ``spectrabox camera prior``.
+    surfaces : int
+        Before the shoot: surfaces of each family that are tried.
+
+    Returns
+    -------
+    tuple of Advice
+        Each with ``says``, ``cost``, ``width_before``, ``width_after``, ``colour_before``,
+        ``colour_after`` and ``how_to``.
+
+    Raises
+    ------
+    InputError
+        If a lamp or filter cannot be read, or lamps and filters are asked of one region.
+
+    References
+    ----------
+    What each action is, and how it is forecast: docs/how-to/next.md.
+
+    Examples
+    --------
+    >>> orange = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.003)
+    >>> for one in sb.advise(orange, lamps=["A", "FL11"], camera="Nikon 5100 (NPL)", light="D65"):
+    ...     print(one.text)
+    """
+    hand = _at_hand(lamps, filters)
+    if isinstance(known, Session):
+        known = known.spectra
+    if isinstance(known, MeasuredSpectra):
+        return known.advice if hand is None else known.found.advise(hand).overall
+    if isinstance(known, SpectrumEstimate):
+        if hand is None and camera is None:
+            return known.advice
+        if known.measurement is None or known.prior is None or known.measurement.states is not None:
+            raise InputError(f"lamps and filters are weighed for all regions of a photo together: "
+                             f"give the result that {known.name!r} is of")
+        return advice_on_signal(
+            known.measurement, known.prior, hand=hand,
+            curves=None if camera is None else as_curves(camera),
+            present=None if camera is None else spectrum_on_grid(as_spectrum(light), FINE_GRID))
+    chart = as_lit_chart(layout, reference, None)
+    cameras = shipped_prior() if camera_prior is None else load_camera_prior(Path(camera_prior))
+    if camera is not None:
+        cameras = prior_of_curves(FINE_GRID, as_curves(camera), CURVES_ERROR)
+    shoot = Shoot(as_light(light), cameras, chart.reflectances, chart.layout.centres_uv, noise)
+    return expected_spectra(shoot, hand or usual_at_hand(), surfaces=surfaces).advice
+
+
+def _at_hand(lamps: Sequence[str] | Mapping[str, LightLike] | None,
+             filters: str | Path | Mapping[str, FilterLike] | None) -> LampsAtHand | None:
+    """Lamps and filters by name; None where neither is given."""
+    if lamps is None and filters is None:
+        return None
+    by_name = lamps if isinstance(lamps, Mapping) else {name: name for name in lamps or ()}
+    if isinstance(filters, str | Path):
+        passed = filters_at_hand(Path(filters))
+    else:
+        passed = {name: as_filter(each) for name, each in (filters or {}).items()}
+    return LampsAtHand({name: spectrum_on_grid(as_spectrum(each), FINE_GRID)
+                        for name, each in by_name.items()}, passed)
