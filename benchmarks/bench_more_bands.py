@@ -5,10 +5,10 @@ lamp, a chart off the published average by 1 %, light that falls off over the pi
 in a pixel, nine published test colours, none twice before all were used. Every further photo is
 another raw file of the same scene: through a filter whose file is off by about 1 %, or under
 another lamp from another side. The sessions run as ``spectrabox flat`` writes them. Filters: a CSV
-of transmittances, a column each, ``--filters``; without it, and beside it, two gels of the kind
-that are sold for lamps, which are given here by seven values. What ``spectrabox plan`` expects of
-each, from the first photo alone, stands beside what comes out. With ``--card`` a white card of
-known spectrum takes the place of the fifth colour.
+of transmittances, a column each, ``--filters``; without it, and beside it, the two gels that
+``spectrabox advise`` takes for common. The width of the bands that it forecasts of each, from the
+first photo alone, stands beside what comes out. With ``--card`` a white card of known spectrum
+takes the place of the fifth colour.
 
     python -m benchmarks.bench_more_bands --data FOLDER --filters CSV --names "Tiffen Orange 16"
 """
@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from spectrabox.calibrate.prior.camera_prior import save_camera_prior
 from spectrabox.calibrate.prior.learnt_prior import read_camera_database
@@ -36,24 +35,23 @@ from spectrabox.fixtures.flat_sample import (
     write_photo,
 )
 from spectrabox.fixtures.paints import NM, chart_copy
+from spectrabox.measure.advice.at_hand import usual_at_hand
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, table_text
-from spectrabox.session.commands.requests import PlanRequest
+from spectrabox.session.commands.requests import AdviseRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.signals.plan_answer import plan_answer
+from spectrabox.session.signals.advise_answer import advise_answer
 
 from benchmarks.bench_flat import CHART, HEAD, REGIONS, SIZE, places, regions_toml
 from benchmarks.bench_unknown_makers import makers_of, prior_without
 
-GEL_NM = np.arange(400, 701, 50)
-GELS = {"magenta gel": (0.14, 0.47, 0.04, 0.002, 0.002, 0.02, 0.87),
-        "orange gel": (0.15, 0.10, 0.01, 0.02, 0.66, 0.88, 0.93)}
+GELS = ("magenta gel", "orange gel")
 FILE_ERROR = 0.01           # of each of three slow waves by which a filter's file is off
 CARD, CARD_REFLECTANCE = 4, 0.9     # which colour, in the middle
 FIGURES = ("rmse", "inside", "width", "delta_e00")
@@ -74,9 +72,8 @@ class Scene:
 
 def gels() -> dict[str, np.ndarray]:
     """Transmittances (P,) at NM of the two gels."""
-    nm = np.clip(NM, 400, 700)
-    return {name: np.clip(PchipInterpolator(GEL_NM, values)(nm), 1e-4, 1)
-            for name, values in GELS.items()}
+    return {words.split(" ", 1)[1]: np.interp(NM, FINE_GRID.nm, gel.transmittance)
+            for words, gel in usual_at_hand().filters.items()}
 
 
 def photograph(path: Path, scene: Scene, lamp: int, transmittance: np.ndarray | float) -> None:
@@ -131,15 +128,15 @@ def write_filters(path: Path, filters: dict[str, np.ndarray]) -> None:
 
 
 def forecasts(folder: Path, scene: Scene, filters: dict[str, np.ndarray]) -> dict[str, float]:
-    """RMSE that a finished session of one photo expects of filters, pairs and the second lamp."""
+    """Width that a finished session of one photo forecasts of filters, pairs and a second lamp."""
     write_filters(folder / "filters.csv", stated_filters(scene, filters))
     write_filters(folder / "lamp.csv", {"lamp": scene.lamps[1] / scene.lamps[1].max()})
-    facts, _ = plan_answer(PlanRequest(folder=folder, filters=str(folder / "filters.csv"),
-                                       lamps=str(folder / "lamp.csv")))
-    expected = {_in_order(step["lamp"].split(" and ")): step["rmse_after"]
-                for step in facts["lamps"]}
-    expected["two lamps"] = expected.pop(str(folder / "lamp.csv"))
-    return expected | {"one photo": facts["lamps"][0]["rmse_before"]}
+    facts, _ = advise_answer(AdviseRequest(folder=folder, filters=str(folder / "filters.csv"),
+                                           lamps=str(folder / "lamp.csv")))
+    expected = {_in_order(one["subject"].split(" and ")): one["width_after"]
+                for one in facts["overall"]}
+    expected["two lamps"] = expected.pop(str(folder / "lamp.csv"), np.nan)
+    return expected | {"one photo": facts["overall"][0]["width_before"]}
 
 
 def scores(folder: Path, scene: Scene) -> list[dict[str, Any]]:
@@ -200,13 +197,13 @@ def measure(data: Path, kinds: dict[str, Kind], cases: int, seed: int,
                     print(f"{case} {kind}: refused, {error}", file=sys.stderr)
         if len(rows) == len(kinds):
             for kind, of_kind in rows.items():
-                collected[kind].append((of_kind, expected.get(_planned_as(kind, kinds), np.nan)))
+                collected[kind].append((of_kind, expected.get(_forecast_as(kind, kinds), np.nan)))
         print(case, {kind: round(float(np.mean([row["rmse"] for row in of_kind])), 4)
                      for kind, of_kind in rows.items()}, file=sys.stderr, flush=True)
     return collected
 
 
-def _planned_as(kind: str, kinds: dict[str, Kind]) -> str:
+def _forecast_as(kind: str, kinds: dict[str, Kind]) -> str:
     """What a forecast calls a kind of session."""
     filters, _, unknown = kinds[kind]
     return "" if unknown else _in_order(filters) or kind
@@ -220,14 +217,14 @@ def print_tables(collected: dict[str, list[tuple[list[dict[str, Any]], float]]])
     """One line for each kind of session, then RMSE and coverage by set of test colours."""
     one = np.array([np.mean([row["rmse"] for row in rows]) for rows, _ in collected["one photo"]])
     print(f"{len(one)} scenes; +-: standard errors\n{'':24s} RMSE  +-    in band width dE00  "
-          "to one photo  forecast / RMSE")
+          "to one photo  forecast / width")
     for kind, cases in collected.items():
         figures = np.array([[np.mean([row[key] for row in rows]) for key in FIGURES]
                             for rows, _ in cases])
         by_case, mean = figures[:, 0], figures.mean(axis=0)
         error = by_case.std(ddof=1) / np.sqrt(len(one))
         ratio, forecast = (_ratio(*pair) for pair in (
-            (by_case, one), (np.array([expected for _, expected in cases]), by_case)))
+            (by_case, one), (np.array([expected for _, expected in cases]), figures[:, 2])))
         print(f"{kind:24s} {mean[0]:.4f} {error:.4f} {mean[1]:.3f} {mean[2]:.3f} {mean[3]:.2f}   "
               f"{ratio[0]:.3f} +- {ratio[1]:.3f}  {forecast[0]:.3f} +- {forecast[1]:.3f}")
     for kind, cases in collected.items():

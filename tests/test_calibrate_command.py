@@ -119,17 +119,6 @@ def test_a_prior_is_built_from_a_folder(tmp_path):
     assert load_camera_prior(tmp_path / "mine.npz").licence == "CC0"
 
 
-def test_preflight_answers_before_shooting():
-    result = run("camera", "preflight", "--light", "LED-B3", "--surfaces", "0",
-                 "--json")
-    assert result.exit_code == 0, result.output
-    facts = json.loads(result.stdout)
-    assert 0.01 < np.mean(facts["expected_error"]) < 0.15
-    assert np.shape(facts["half_width"]) == (3, 301)
-    errors = [entry["expected_error"] for entry in facts["second_lights"]]
-    assert errors == sorted(errors) and errors[0] < np.mean(facts["expected_error"])
-
-
 @pytest.mark.parametrize("words, code, message", [
                              (("--light", "D65"), 2,
                               "give either photos of a chart or --patches CSV"),

@@ -39,7 +39,6 @@ from spectrabox.calibrate.chart_equations import (
 )
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_field import PicturePoints, _of_distance
-from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import nonnegative
 from spectrabox.calibrate.prior.learnt_prior import KEPT_VARIANCE, _leading, within_families
@@ -410,52 +409,6 @@ def test_dark_patches_do_not_decide_how_far_a_photo_disagrees():
     held_out[-1] = 0.002                # twice as bright, and 6.7 % of 3 % of the brightest
     expected = 0.001 / (0.03 * 0.5) / np.sqrt(24)
     assert disagreement(signal, held_out) == pytest.approx(expected)
-
-
-# ---- before shooting -----------------------------------------------------------------------------
-
-def test_the_band_before_a_photo_is_as_wide_as_the_error_that_it_expects():
-    known = departing(0.08)
-    checks = preflight(known, reflectances(), daylight(), GRID)
-    curves = np.array([np.interp(GRID.nm, NM, curve)
-                       for curve in known.means[0].reshape(3, -1)])
-    square = np.mean((checks.half_width / 1.645) ** 2, axis=1)
-    np.testing.assert_allclose(np.sqrt(square / np.mean((curves / curves.max()) ** 2, axis=1)),
-                               checks.expected_error, rtol=1e-9)
-    noisier = preflight(known, reflectances(), daylight(), GRID, relative_error=0.05)
-    assert np.all(noisier.half_width >= checks.half_width * (1 - 1e-9))
-
-
-def two_kinds(weights, bright=1.0):
-    """Two measured cameras, of which one was measured brighter, and one unlike them."""
-    mean = departing(0.0).means[0]
-    other = np.roll(mean.reshape(3, -1), 2, axis=1).ravel()
-    within = 0.1 * mean[:, None] * np.random.default_rng(97).standard_normal((63, 30)) / np.sqrt(30)
-    return dataclasses.replace(
-        departing(0.0, 0.0), jitter_sd=1e-6, within=within, weights=np.array(weights),
-        means=np.array([mean, bright * other, mean]), level=np.array([0, 0, 1]),
-        shares=np.array([[1.0, 0], [1.0, 0]]), members=("a", "b", "c"))
-
-
-def test_what_is_expected_of_a_photo_is_the_mean_over_what_is_known_by_weight():
-    variances = [preflight(two_kinds(weights), reflectances(), daylight(), GRID).half_width ** 2
-                 for weights in ([0.8, 0.0, 0.2], [0.0, 0.8, 0.2], [0.6, 0.2, 0.2])]
-    np.testing.assert_allclose(variances[2], 0.75 * variances[0] + 0.25 * variances[1],
-                               rtol=1e-6)
-    assert np.abs(variances[0] / variances[1] - 1).max() > 0.1
-
-
-def test_what_is_expected_of_a_photo_does_not_hang_on_how_bright_a_camera_was_measured():
-    """The only camera measured, in two units; curves that depart by 10 % in either."""
-    known = dataclasses.replace(departing(0.1), jitter_sd=1e-6)
-    brighter = dataclasses.replace(known, means=3 * known.means)
-    beside = dataclasses.replace(
-        known, weights=np.array([0.5, 0.5]), level=np.zeros(2, int), members=("a", "b"),
-        means=np.vstack([3 * known.means, known.means]))
-    checks = [preflight(each, reflectances(), daylight(), GRID)
-              for each in (known, brighter, beside)]
-    for other in checks[1:]:
-        np.testing.assert_allclose(other.unlike_error, checks[0].unlike_error, rtol=1e-3)
 
 
 # ---- light beyond the chart, and a lamp's beam ---------------------------------------------------

@@ -22,7 +22,6 @@ from typer.testing import CliRunner
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
 from spectrabox.calibrate.sensitivity import default_prior, fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
@@ -45,22 +44,6 @@ def relative_error(found, truth):
 
 def spectrum(values):
     return Spectrum(GRID, values, Quantity.RELATIVE, "lamp")
-
-
-def test_a_second_light_is_worth_what_preflight_says():
-    known, errors = prior(), []
-    for index, truth in enumerate(on_grid(cameras(6, 70))):
-        shots = [photo(noisy(factor * signals(truth, light(), SURFACES), 0.02, 10 * index + number),
-                       light(), SURFACES, 0.02)
-                 for number, (light, factor) in enumerate(((led, 1.0), (daylight, 0.02)))]
-        errors.append([relative_error(fit_with_prior(given, known, GRID).sensitivity.curves, truth)
-                       for given in (shots[:1], shots)])
-    one, two = np.sqrt(np.mean(np.square(errors), axis=0))
-    expected = preflight(known, SURFACES, led(), GRID, relative_error=0.02,
-                         second={"daylight": daylight()})
-    promised = expected.second_lights[0][1] / expected.expected_error.mean()
-    # Six cameras scatter by about 30 % each, so the ratio of their rms by some 20 %.
-    assert two / one < 1 and two / one == pytest.approx(promised, rel=0.4)
 
 
 def test_the_exposures_of_two_photos_are_found_and_a_known_ratio_is_kept():

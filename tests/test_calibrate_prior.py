@@ -22,7 +22,6 @@ from calibrate_cameras import cameras_at_10_nm as cameras
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.preflight import preflight
 from spectrabox.calibrate.prior.camera_prior import (
     NOT_LOCALISED,
     load_camera_prior,
@@ -253,29 +252,3 @@ def test_the_shipped_prior_holds_no_nikon_d5100_and_names_its_licence():
     assert shipped.bands == 3 and "39 cameras" in shipped.source
 
 
-def test_preflight_expects_about_the_error_that_fits_have():
-    known = dataclasses.replace(prior(40, 1), weights=np.ones(1), means=prior(40, 1).means[:1],
-                                level=[0], members=("one family",))
-    expected = preflight(known, SURFACES, led(), GRID, relative_error=0.01,
-                         second={"daylight": daylight()})
-    errors = []
-    for camera, curves in enumerate(drawn(known, 8, 78)):
-        fit = fit_with_prior([photo(noisy(curves, led(), 0.01, 200 + camera), led(), SURFACES,
-                                    0.01)], known, GRID)
-        truth = on_grid(curves / curves.max())
-        errors.append(((fit.sensitivity.curves - truth) ** 2).sum(axis=1)
-                      / (truth**2).sum(axis=1))
-    ratio = np.sqrt(np.mean(errors, axis=0)) / expected.expected_error
-    # A factor of two either way: eight cameras scatter by 30 %, and the expectation is linear.
-    assert np.all((ratio > 0.5) & (ratio < 2))
-    assert expected.second_lights[0][1] < expected.expected_error.mean()
-
-
-def test_preflight_expects_more_of_an_error_for_a_camera_unlike_those_measured():
-    expected = preflight(prior(), SURFACES, led(), GRID, relative_error=0.01)
-    assert np.all(expected.expected_error < expected.unlike_error)
-
-
-def test_preflight_says_where_the_light_is_dark():
-    expected = preflight(prior(), SURFACES, np.where(GRID.nm > 650, 0.0, 1.0), GRID)
-    assert expected.unlit_nm == ((651.0, 700.0),)

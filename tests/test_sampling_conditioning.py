@@ -18,13 +18,6 @@ from spectrabox.sampling.evaluation.metrics import (
     winkler_score,
 )
 from spectrabox.sampling.further.more_measurements import Reading, condition, same_material
-from spectrabox.sampling.further.planner import (
-    after,
-    mean_width,
-    photo_candidate,
-    plan,
-    wavelength_candidates,
-)
 from spectrabox.sampling.polytope.refinement import (
     lifting,
     residual_directions,
@@ -76,39 +69,6 @@ def test_another_camera_adds_bands():
     joined = same_material([seen(TRUTH, 0.01), seen(TRUTH, 0.01, bands=4)])
     assert joined.relative_response.shape == (7, 61)
     assert joined.noise_covariance[:3, 3:].max() == 0
-
-
-# ---- plan ----------------------------------------------------------------------------------------
-
-@pytest.fixture(scope="module")
-def draws():
-    return draw_spectra(seen(TRUTH), "prior", 1500, 1, 9).spectra
-
-
-def test_a_plan_never_widens_the_band_and_starts_with_the_best(draws):
-    candidates = [*wavelength_candidates(PRIOR_GRID), photo_candidate("photo", response(5)[1])]
-    steps = plan(draws, candidates, 3)
-    assert all(step.width_after <= step.width_before for step in steps)
-    covariance = np.cov(draws, rowvar=False)
-    falls = [(mean_width(covariance) - mean_width(after(covariance, one))) / one.minutes
-             for one in candidates]
-    assert steps[0].fall_per_minute == pytest.approx(max(falls))
-
-
-def test_conditioning_on_what_was_planned_agrees_with_bayes(draws):
-    covariance = np.cov(draws, rowvar=False)
-    candidate = wavelength_candidates(PRIOR_GRID)[5]
-    precise = np.linalg.inv(np.linalg.inv(covariance + 1e-9 * np.eye(61))
-                            + candidate.rows.T @ candidate.rows / candidate.standard_error**2)
-    # Two algebraic forms; the inverse of a nearly singular covariance costs digits.
-    np.testing.assert_allclose(np.diag(after(covariance, candidate)), np.diag(precise), atol=1e-6)
-
-
-def test_nothing_to_plan_is_an_error(draws):
-    with pytest.raises(InputError, match="99 draws are too few"):
-        plan(draws[:99], wavelength_candidates(PRIOR_GRID))
-    with pytest.raises(InputError, match="nothing to plan"):
-        plan(draws, [])
 
 
 # ---- budget and scores ---------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
 from spectrabox.sampling.evaluation.metrics import curve_band
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, check_possible
-from spectrabox.sampling.further.planner import expected_rmse, mean_width
 from spectrabox.sampling.polytope.diagnostics import diagnose
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, marginal_moments
 from spectrabox.sampling.prior.families import skin
@@ -286,15 +285,6 @@ def test_many_signals_ask_for_the_reading_that_one_by_one_they_ask_for():
     # sums over every third wavelength, and 8000 draws: as good a choice to 3 %
     assert reduction[PRIOR_GRID.nm == found][0] > 0.97 * reduction.max()
     assert np.median(reduction) < 0.9 * reduction.max()
-
-
-def test_what_a_plan_promises_is_the_error_of_the_mean_and_the_width_of_the_band():
-    covariance = SMOOTH * np.outer(*2 * (np.linspace(0.01, 0.2, 61),))
-    drawn = np.random.default_rng(7).multivariate_normal(np.zeros(61), covariance, 4000)
-    lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0)
-    assert mean_width(covariance) == pytest.approx(np.mean(upper - lower), rel=0.06)
-    # 4000 curves know their mean square to a few per cent, as they are smooth
-    assert expected_rmse(covariance) == pytest.approx(np.sqrt(np.mean(drawn**2)), rel=0.06)
 
 
 def inside_transmission(index, rays=200_000):

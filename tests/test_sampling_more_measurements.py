@@ -290,7 +290,7 @@ def test_refining_as_published_keeps_the_signal_and_is_narrower():
     assert each.spectra.std(axis=0).mean() > literal.coefficients.std(axis=0).mean()
 
 
-# ---- truth, baselines, plan ----------------------------------------------------------------------
+# ---- truth, baselines, advice --------------------------------------------------------------------
 
 def test_methods_are_judged_where_the_truth_is_given(tmp_path):
     (tmp_path / "truth.csv").write_text("nm,paint\n" + "\n".join(
@@ -311,17 +311,8 @@ def test_methods_are_judged_where_the_truth_is_given(tmp_path):
     assert "Winkler" in shown.stdout and "dE FL11" in shown.stdout
 
 
-def test_a_plan_counts_what_was_measured_already(more):
-    first = run("plan", "--signal", signal(), "--steps", 1)
-    after = run("plan", "--signal", signal(), "--steps", 1, "--more", more / "more.toml")
-    assert after["steps"][0]["width_before"] < 0.6 * first["steps"][0]["width_before"]
+def test_advice_counts_what_was_measured_already(more):
+    first = run("advise", "--signal", signal())
+    after = run("advise", "--signal", signal(), "--more", more / "more.toml")
+    assert after["overall"][0]["width_before"] < 0.6 * first["overall"][0]["width_before"]
     assert len(after["taken"]) == 5
-
-
-def test_a_plan_weighs_spots_and_cameras_by_their_minutes():
-    cheap = run("plan", "--signal", signal(), "--steps", 1, "--spot-minutes", 1)
-    assert cheap["steps"][0]["measurement"] == "spectrometer spot, 400-700 nm"
-    photo = run("plan", "--signal", signal(), "--steps", 1, "--photo-minutes", 0.05,
-                "--second-camera",
-                "CIE 1931 2 Degree Standard Observer")
-    assert photo["steps"][0]["measurement"] == "photo by CIE 1931 2 Degree Standard Observer"

@@ -131,4 +131,4 @@ def describe_match(identification: Identification, names: tuple[str, ...]) -> st
     if count == 1:
         return f"of {len(names)} spectra only {names[int(np.argmax(fits))]} gives this signal"
     return (f"{count} of {len(names)} spectra give this signal and cannot be told apart: a photo "
-            "under another light may part them (spectrabox plan)")
+            "under another light may part them (spectrabox advise)")

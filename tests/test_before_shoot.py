@@ -1,4 +1,4 @@
-"""What camera preflight expects of spectra: nothing known costs, poor lamps are said."""
+"""What is expected of spectra before the shoot: nothing known costs, poor lamps are said."""
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
-from spectrabox.measure.expected_spectra import Shoot, expected_spectra
+from spectrabox.measure.advice.before_shoot import Shoot, expected_spectra
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
@@ -64,10 +64,9 @@ def test_a_lamp_that_shows_little_of_a_spectrum_is_said(in_daylight):
 
 
 def test_a_second_photo_never_harms_and_the_best_comes_first(in_daylight):
-    second = in_daylight.second
-    assert {step.name for step in second} == {"A", "LED-B3"}
-    assert all(step.rmse_after < step.rmse_before for step in second)
-    assert [step.rmse_after for step in second] == sorted(step.rmse_after for step in second)
+    after = [one.width_after for one in in_daylight.advice]
+    assert {one.subject for one in in_daylight.advice} <= {"A", "LED-B3"}
+    assert after == sorted(after) and after[-1] < in_daylight.advice[0].width_before
 
 
 def test_a_filter_that_is_badly_known_brings_less():
@@ -75,30 +74,30 @@ def test_a_filter_that_is_badly_known_brings_less():
     vague = replace(stated, modes=10 * stated.modes)
     shoot = Shoot(spectrum(light("D65", FINE_GRID)), shipped_prior(), CHART, CLASSIC.centres_uv,
                   0.01)
-    after = {step.name: step.rmse_after for step in expected_spectra(
-        shoot, LampsAtHand({}, {"exact": stated, "vague": vague}), photos=1, surfaces=6).second}
+    after = {one.subject: one.width_after for one in expected_spectra(
+        shoot, LampsAtHand({}, {"exact": stated, "vague": vague}), photos=1, surfaces=6).advice}
     assert after["exact"] < after["vague"]
+    assert after["exact and vague"] < after["vague"]
 
 
 def test_the_command_says_it_without_a_stated_light():
-    result = run("camera", "preflight", "--light", "led", "--surfaces", "1", "--json")
+    result = run("advise", "--light", "led", "--surfaces", "1", "--json")
     assert result.exit_code == 0, result.output
-    facts = json.loads(result.stdout)
-    assert facts["expected_error"] is None and facts["second_lights"] is None
-    spectra = SimpleNamespace(**facts["spectra"])
-    assert {"paint", "skin"} <= {one["family"] for one in spectra.families}
-    assert spectra.mean["rmse"] == pytest.approx(np.mean([one["rmse"] for one in spectra.families]))
-    assert spectra.will_do == (spectra.doubts == [])
+    expected_of_it = SimpleNamespace(**json.loads(result.stdout)["expected"])
+    assert {"paint", "skin"} <= {one["family"] for one in expected_of_it.families}
+    assert expected_of_it.mean["rmse"] == pytest.approx(
+        np.mean([one["rmse"] for one in expected_of_it.families]))
+    assert expected_of_it.will_do == (expected_of_it.doubts == [])
 
 
 def test_the_command_names_every_family_in_words():
-    text = run("camera", "preflight", "--light", "D65", "--surfaces", "1").stdout
-    assert "expected error of the curves" in text and "paint " in text and "second photo" in text
+    text = run("advise", "--light", "D65", "--surfaces", "1").stdout
+    assert "paint " in text and "what to do next" in text and "gel" in text
 
 
 def test_what_cannot_be_asked_is_said():
-    for words, said in ((("--surfaces", "-1"), "is negative"),
+    for words, said in ((("--surfaces", "0"), "is too few"),
                         (("--noise", "0"), "between 0 and 1"),
-                        (("--curves", "a.csv", "--prior", "b.npz"), "give one")):
-        result = run("camera", "preflight", "--light", "D65", *words)
-        assert result.exit_code == 2 and said in result.output
+                        (("--sensitivity", "a.csv", "--prior", "b.npz"), "give one")):
+        result = run("advise", "--light", "D65", *words)
+        assert result.exit_code == 3 and said in " ".join(result.output.split())
