@@ -24,11 +24,11 @@ FIRST_STEPS = """Reflectance spectra from photos that show a colour chart.
   spectrabox help              ten commands; all: help all; one: help flat"""
 USUAL = ("open", "flat", "new", "check", "run", "report", "batch", "chart", "sample", "demo")
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
-                          "colour", "rehearse", "draws"),
+                          "colour", "rehearse", "draws", "advise"),
             "Many sessions": ("batch",),
             "Photos and cameras": ("develop", "chart", "camera", "filter", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),
-            "The spectra behind a signal": ("sample", "uplift", "match", "plan", "prior"),
+            "The spectra behind a signal": ("sample", "uplift", "match", "prior"),
             "Can they be trusted": ("certify", "judge"),
             "Trying it out": ("demo", "doctor")}
 ALL = "spectrabox.help_all"     # in the context: every command is listed
