@@ -16,9 +16,8 @@ STOPS = 0.05                # of exposure: less is not said
 GEL_NM = np.arange(400, 701, 50)
 GELS = {"a magenta gel": (0.14, 0.47, 0.04, 0.002, 0.002, 0.02, 0.87),
         "an orange gel": (0.15, 0.10, 0.01, 0.02, 0.66, 0.88, 0.93)}
-LAMPS = {"daylight": "D65", "a halogen lamp": "A", "a warm white LED lamp": "LED-B1",
-         "a cold white LED lamp": "LED-B5", "an RGB LED lamp": "LED-RGB1",
-         "a violet-pumped LED lamp": "LED-V1", "a fluorescent tube": "FL11"}
+LAMPS = {"daylight": "D65", "a halogen lamp": "A", "a cold white LED lamp": "LED-B5",
+         "an RGB LED lamp": "LED-RGB1"}
 
 
 def usual_at_hand() -> LampsAtHand:
