@@ -6,7 +6,7 @@ all are weighed, and pairs of the best gels.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,19 +163,18 @@ def _of_flat_sample(sample: FlatPhotos, surface: _Surface) -> list[Advice]:
     """White card, chart nearer, flat field, lamp moved, and that it is matt."""
     unknown, capture = surface.unknown, sample.capture
     name = unknown.signals.names[0]
-    each = [surface.advice(CHART_NEARER, outlook_after(unknown, with_chart_nearer(sample, name)))]
+    forecasts: dict[str, Callable[[], Outlook]] = {
+        CHART_NEARER: lambda: outlook_after(unknown, with_chart_nearer(sample, name))}
     if not capture.known:
-        each.append(surface.advice(WHITE_CARD, outlook_after(unknown, with_white_card(sample,
-                                                                                     name))))
+        forecasts[WHITE_CARD] = lambda: outlook_after(unknown, with_white_card(sample, name))
     if not capture.development.flat_fields:
-        each.append(surface.advice(FLAT_FIELD, outlook_after(unknown, with_flat_field(sample,
-                                                                                     name))))
+        forecasts[FLAT_FIELD] = lambda: outlook_after(unknown, with_flat_field(sample, name))
     if not capture.lamp_moved:
-        each.append(surface.advice(LAMP_MOVED, outlook_after(with_level(unknown),
-                                                             with_lamp_moved(sample, name))))
+        forecasts[LAMP_MOVED] = lambda: outlook_after(with_level(unknown),
+                                                      with_lamp_moved(sample, name))
     if surface.stated is None and surface.matt > LIKELY:
-        each.append(surface.advice(MATT, outlook_stated(unknown, stated_matt(sample, name))))
-    return each
+        forecasts[MATT] = lambda: outlook_stated(unknown, stated_matt(sample, name))
+    return [surface.advice(action, forecast()) for action, forecast in forecasts.items()]
 
 
 def _of_reading(surface: _Surface) -> Advice:

@@ -56,11 +56,10 @@ class FlatPhotos:
     @cached_property
     def whites_by_flat_field(self) -> list[PhotoWhite | None]:
         """The same of photos that were divided by that of a white card, which leaves no fall-off on
-        the chart.
+        the chart; what lies there reflects what it does now.
         """
-        even = [replace(photo, white=replace(photo.white, field=np.zeros_like(photo.white.field)))
-                for photo in self.photos]
-        return [_at_places(photo, replace(self.errors, flat_field=True)) for photo in even]
+        return [None if now is None else _divided(photo, now, replace(self.errors, flat_field=True))
+                for photo, now in zip(self.photos, self.whites, strict=True)]
 
     def signals(self, name: str, *, place: str = "", card: bool = False, flat_field: bool = False,
                 surface: str | None = None, moved: bool = False) -> SurfaceSignals:
@@ -216,6 +215,16 @@ def _at_places(photo: FlatPhoto, errors: FlatErrors) -> PhotoWhite | None:
         clipped[count:2 * count] = photo.lost_bands
     return replace(white, samples=replace(white.samples, mean=mean, covariance_of_mean=covariance,
                                           clipped=clipped))
+
+
+def _divided(photo: FlatPhoto, now: PhotoWhite, errors: FlatErrors) -> PhotoWhite:
+    """White at the places of a photo once that was divided by one of a white card."""
+    even = replace(photo, samples=now.samples, lost=None, white=replace(
+        photo.white, field=np.zeros_like(photo.white.field)))
+    white = white_by_chart(even, errors)
+    assert white is not None
+    reads = (now.samples.mean - now.glare) / now.white * white.white + white.glare
+    return replace(white, samples=replace(white.samples, mean=reads))
 
 
 def _beside(photo: FlatPhoto) -> np.ndarray:
