@@ -17,6 +17,7 @@ GROUPS = {
     "From signals": ["sample", "uplift", "match"],
     "From an instrument": ["measure_spectrum"],
     "Priors and their proof": ["train_prior", "certify", "judge"],
+    "What to do next": ["advise"],
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "SpectrumEstimate",
                                   "SpectrumEstimates", "MeasuredSpectra", "FlatSpectra",
