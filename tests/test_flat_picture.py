@@ -173,8 +173,11 @@ def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(
                    for values in (summary.mean, summary.standard_deviation))
     assert np.abs(once["mean.exr"][2, 1] - mean).max() < 0.05 * width.max()
     assert np.abs((once["mean.exr"][2, 1] - mean) / width).max() < 0.1
-    # 16 000 draws tell a spread to 0.6 %, a skewed one to 3 %
-    np.testing.assert_allclose(once["standard_deviation.exr"][2, 1], width[::2], rtol=0.05)
+    # 16 000 draws tell a spread to 0.6 %, a skewed one to 3 %; gloss, of which regions draw and
+    # pixels take the variance, is the more skewed where the sample is dark: below 430 nm
+    found, at = once["standard_deviation.exr"][2, 1], nm[::2] >= 430
+    np.testing.assert_allclose(found[at], width[::2][at], rtol=0.05)
+    np.testing.assert_allclose(found[~at], width[::2][~at], rtol=0.1)
     monkeypatch.setattr(pixel_spectra, "ROWS_PER_BLOCK", 1)
     monkeypatch.setattr(pixel_spectra, "PIXELS_AT_ONCE", 1)
     shutil.rmtree(session / "results" / "picture")
