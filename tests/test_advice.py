@@ -125,8 +125,8 @@ def test_a_white_card_brings_what_was_said(folder, plain):
 
 def test_the_narrowest_comes_first_and_little_is_not_said(plain):
     for each in (plain.advice, *(one.advice for one in plain.values())):
-        after = [one.width_after for one in each]
-        assert after == sorted(after)
+        left = [(one.width_after / one.width_before) ** (1 / one.times) for one in each]
+        assert left == sorted(left)
         assert all(one.width_after < 0.98 * one.width_before for one in each)
         assert all(one.width_before == pytest.approx(each[0].width_before) for one in each)
     assert plain["cube"].advice[0].width_before == pytest.approx(plain["cube"].band_width, rel=0.01)
@@ -140,6 +140,12 @@ def test_a_list_of_all_has_means():
     assert found.width_before == pytest.approx(0.15) and found.width_after == pytest.approx(0.1)
     assert found.colour_before == pytest.approx(2.0) and found.colour_after == pytest.approx(1.25)
     assert together.by_surface == {"one": (gel,), "other": ()}
+    # a reading of each surface takes as many readings, a gel one photo
+    reading = advice("reading", wide, Outlook(0.09, 1.4), "450 nm")
+    many = dict.fromkeys("abcd", wide)
+    first, second = advised(dict.fromkeys(many, (reading, gel)), many).overall
+    assert (first.action, second.action, second.times) == ("gel", "reading", 4)
+    assert second.cost == "4 readings" and second.width_after < first.width_after
     assert not ranked([advice("matt", wide, replace(wide, width=0.199))])
 
 

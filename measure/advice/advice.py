@@ -28,6 +28,7 @@ class Action:
     says: str
     short: str
     cost: str
+    times: int = 1              # photos or readings
 
 
 ACTIONS = {
@@ -41,7 +42,7 @@ ACTIONS = {
                        "a photo with the lamp moved", "one photo"),
     GEL: Action("Photograph once more through {}.", "a photo through {}", "one photo"),
     TWO_GELS: Action("Photograph twice more, through {}.", "a photo each through {}",
-                     "two photos"),
+                     "two photos", 2),
     SECOND_LAMP: Action("Photograph once more under {}.", "a photo under {}", "one photo"),
     READING: Action("Read the sample's reflectance at {} with an instrument.", "a reading at {}",
                     "one reading"),
@@ -67,6 +68,7 @@ class Advice:
     colour_before: float
     colour_after: float
     how_to: str                 # page of the documentation, with the place on it
+    times: int = 1              # photos or readings that it takes
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -129,18 +131,19 @@ def advice(action: str, before: Outlook, after: Outlook, subject: str = "",
     """
     known = ACTIONS[action]
     return Advice(action, subject, known.says.format(subject) + more, known.cost, before.width,
-                  after.width, before.colour, after.colour, f"{HOW_TO}#{action}")
+                  after.width, before.colour, after.colour, f"{HOW_TO}#{action}", known.times)
 
 
 def ranked(each: Iterable[Advice]) -> tuple[Advice, ...]:
-    """Those that bring something, the narrowest band first.
+    """Those that bring something, what each photo or reading narrows the band most by first.
 
     Parameters
     ----------
     each : iterable of Advice
     """
     worth = [one for one in each if one.width_after < (1 - SMALL) * one.width_before]
-    return tuple(sorted(worth, key=lambda one: one.width_after / one.width_before))
+    return tuple(sorted(worth, key=lambda one: (one.width_after / one.width_before) ** (
+        1 / one.times)))
 
 
 def advised(by_surface: Mapping[str, Sequence[Advice]], now: Mapping[str, Outlook]) -> Advised:
@@ -171,5 +174,6 @@ def advised(by_surface: Mapping[str, Sequence[Advice]], now: Mapping[str, Outloo
                                colour_before=colour, colour_after=colour - closer))
         if one.action == READING and len(now) > 1:
             overall[-1] = replace(overall[-1], subject=EACH_ITS_OWN, cost=f"{len(now)} readings",
+                                  times=len(now),
                                   says=ACTIONS[READING].says.format(EACH_ITS_OWN))
     return Advised(ranked(overall), {name: ranked(each) for name, each in by_surface.items()})

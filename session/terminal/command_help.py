@@ -22,7 +22,7 @@ FIRST_STEPS = """Reflectance spectra from photos that show a colour chart.
   spectrabox sample --help     the spectra behind a signal given as numbers
   spectrabox demo --flat       a photo with known spectra, to try it on
   spectrabox help              ten commands; all: help all; one: help flat"""
-USUAL = ("open", "flat", "new", "check", "run", "report", "batch", "chart", "sample", "demo")
+USUAL = ("open", "flat", "new", "check", "run", "advise", "batch", "chart", "sample", "demo")
 SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "report", "relight",
                           "colour", "rehearse", "draws", "advise"),
             "Many sessions": ("batch",),
