@@ -45,6 +45,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import HeldOutPatches, SensitivityFit
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 from spectrabox.radiometry.records.spectra import (
+    PRODUCTS,
     Spectrum,
     UnknownLight,
     WavelengthGrid,
@@ -235,7 +236,10 @@ class CameraFit:
     @property
     def source(self) -> str:
         """Method and light, as a file of the curves states them."""
-        return f"{self.sensitivity.method}, light {self.light}".replace("\n", " ")
+        method = self.sensitivity.method
+        if self.chart.calibration.products and not method.startswith(PRODUCTS):
+            method = f"{PRODUCTS}: {method}"
+        return f"{method}, light {self.light}".replace("\n", " ")
 
     def facts(self) -> dict[str, object]:
         """As ``spectrabox camera fit --json`` names them (docs/reference/json.md)."""

@@ -2,17 +2,21 @@
 codes.
 """
 import json
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
+from spectrabox.api.arguments import as_curves
 from spectrabox.calibrate.camera_curves import curve_band
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
@@ -155,3 +159,20 @@ def test_two_bands_are_too_few(chart, tmp_path):
     (tmp_path / "two.csv").write_text("\n".join(rows), encoding="utf-8")
     result = run("camera", "fit", "--patches", tmp_path / "two.csv", "--light", "D65")
     assert result.exit_code == 3 and "the photo has 2 bands; 3 or more are needed" in result.stderr
+
+
+@pytest.mark.parametrize("words", [
+    ("sample", "--light", "D65", "--signal", "0.4,0.3,0.2", "--sensitivity"),
+    ("camera", "profile", "--light", "D65", "--camera", "A B", "--out", "p.dcp")])
+def test_products_with_an_unknown_light_are_no_sensitivities(chart, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = run("camera", "fit", "--patches", chart / "patches.csv", "--light", "unknown",
+               "--out", "products.csv")
+    assert made.exit_code == 0, made.output
+    refused = run(*words, "products.csv")
+    assert refused.exit_code == 3 and not Path("p.dcp").exists()
+    assert "products.csv holds products of sensitivity and light" in refused.output \
+        and "--light FILE, a CIE name or 3200K" in refused.output
+    estimate = SimpleNamespace(calibration=SimpleNamespace(products=True))
+    with pytest.raises(InputError, match="the camera holds products"):
+        as_curves(estimate)

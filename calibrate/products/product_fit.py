@@ -40,7 +40,7 @@ from spectrabox.calibrate.sensitivity import PriorFit, require_fit_for, sensitiv
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import LightPosterior
-from spectrabox.radiometry.records.spectra import WavelengthGrid
+from spectrabox.radiometry.records.spectra import PRODUCTS, WavelengthGrid
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 SEED = 1                    # of the draws of cameras
@@ -97,7 +97,7 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
     held_out = without.predicted(np.vstack([photos[0].reflectances] if excluded is None else [
         photos[0].reflectances, excluded.reflectances]))[:len(photos[0].signal)]
     fit = sensitivity_fit(photos[0], curves, moments, states[0].predicted, held_out, grid,
-                          f"products of sensitivity and light, {light_words}: mixture of cameras "
+                          f"{PRODUCTS}, {light_words}: mixture of cameras "
                           f"({cameras.source}) and {len(lamps.names)} lamps")
     best = max(posterior.hypotheses, key=lambda hypothesis: hypothesis.share)
     chi_square = sum(h.share * h.chi_square for h in posterior.hypotheses)

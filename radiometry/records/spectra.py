@@ -25,6 +25,11 @@ class Quantity(Enum):
     RELATIVE = "relative"
 
 
+# How a source names curves that were fitted under a light that nobody knew: they hold for photos
+# under that light alone.
+PRODUCTS = "products of sensitivity and light"
+
+
 class Outcome(Enum):
     """How a fit or a sampler ended; the value is the sentence that a person needs."""
 

@@ -52,7 +52,8 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
     Raises
     ------
     InputError
-        If there is neither such a file nor such a name, or the curves do not cover the grid.
+        If there is neither such a file nor such a name, the curves do not cover the grid, or they
+        are products with a light.
     """
     kept = own_cameras()
     own = known_name(name, kept)

@@ -13,7 +13,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
 from spectrabox.radiometry.spectra.formats.csvw import envi_header_of
@@ -205,9 +205,10 @@ def read_curves(path: Path, columns: Sequence[str | int] | None = None,
     Raises
     ------
     InputError
-        As ``read_table``, or if a cell is empty.
+        As ``read_table``, or if a cell is empty, or they are products with a light.
     """
     table = read_table(path, wavelength_column)
+    refuse_products(table.facts.get("source", ""), path.name)
     if columns is None:
         chosen = [i for i, name in enumerate(table.names) if not name.startswith("standard_error")]
     else:
@@ -216,6 +217,29 @@ def read_curves(path: Path, columns: Sequence[str | int] | None = None,
     if not np.all(np.isfinite(values)):
         raise InputError(f"{path.name}: some cells of the curves are empty or not numbers")
     return table.nm, tuple(table.names[i] for i in chosen), values
+
+
+def refuse_products(source: str, name: str) -> None:
+    """Refuse curves that are no sensitivities.
+
+    Parameters
+    ----------
+    source : str
+        Of the curves, as their file states it.
+    name : str
+        Of the file or record, for the message.
+
+    Raises
+    ------
+    InputError
+        For products of sensitivity and an unknown light.
+    """
+    if PRODUCTS in source:
+        raise InputError(f"{name} holds {PRODUCTS}, as a chart photo under an unknown light gives "
+                         "them: under another light they mean nothing. Fit the camera again with "
+                         "the light of its photo stated (camera fit --light FILE, a CIE name or "
+                         "3200K), or measure photos under the same light by their chart "
+                         "(spectrabox flat)")
 
 
 def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]:

@@ -18,7 +18,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
 from spectrabox.radiometry.records.calibration import Calibration, Filter
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
@@ -27,6 +27,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     check_reflectance,
     on_grid,
     read_spectrum,
+    refuse_products,
     require_fraction,
     spectrum_on_grid,
 )
@@ -121,13 +122,16 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
     Raises
     ------
     InputError
-        If there is neither such a file nor such a name, or the curves do not cover the grid.
+        If there is neither such a file nor such a name, the curves do not cover the grid, or they
+        are products with a light that nobody knows.
     """
     if isinstance(camera, str | Path):
         return sensitivities(str(camera), grid)
     if isinstance(camera, tuple):
         nm, curves = (np.asarray(part, dtype=float) for part in camera)
         return on_grid(nm, np.atleast_2d(curves), grid, "camera")
+    calibration = camera if isinstance(camera, Calibration) else camera.calibration
+    refuse_products(PRODUCTS if calibration.products else "", "the camera")
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
 
