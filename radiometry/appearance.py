@@ -9,10 +9,12 @@ import functools
 
 import numpy as np
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, trapezoid_weights_nm
 from spectrabox.radiometry.published.published_tables import LIGHTS, OBSERVERS, published_curves
 
 WITHIN_NM = (360.0, 780.0)
+BRIGHTEST = 1.1             # of white: a colour beyond is none of a surface that does not glow
 DARK = (6 / 29) ** 3        # of white: below, L* is linear (CIE 15:2018)
 # X, Y, Z to linear sRGB, IEC 61966-2-1:1999.
 TO_SRGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415],
@@ -122,6 +124,49 @@ def lab_from_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
     cubic = np.where(share > DARK, np.cbrt(share), share * (29 / 6) ** 2 / 3 + 4 / 29)
     x, y, z = np.moveaxis(cubic, -1, 0)
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+
+
+def share_of_white(lab: np.ndarray) -> np.ndarray:
+    """Tristimulus values (..., 3) relative to those of white; undoes ``lab_from_xyz``.
+
+    Parameters
+    ----------
+    lab : (..., 3) array
+    """
+    lightness, a, b = np.moveaxis(np.asarray(lab, dtype=float), -1, 0)
+    y = (lightness + 16) / 116
+    cubic = np.stack([y + a / 500, y, y - b / 200], axis=-1)
+    return np.where(cubic > np.cbrt(DARK), cubic**3, (cubic - 4 / 29) * 3 * (6 / 29) ** 2)
+
+
+def signal_of_colour(light: str, *, lab: np.ndarray | None = None,
+                     xyz: np.ndarray | None = None) -> np.ndarray:
+    """What the CIE 1931 observer sees (..., 3) of a colour, relative to white under its light.
+
+    Parameters
+    ----------
+    light : str
+        CIE name.
+    lab : (..., 3) array, optional
+        L*, a*, b*.
+    xyz : (..., 3) array, optional
+        In place of ``lab``; Y is 100 for white.
+
+    Raises
+    ------
+    InputError
+        If no light of that name is published, or it is not exactly one colour between black and
+        white.
+    """
+    white = 100 * tristimulus_weights(np.arange(*WITHIN_NM), light).sum(axis=1)
+    stated = [np.asarray(each, dtype=float) for each in (lab, xyz) if each is not None]
+    if len(stated) != 1 or stated[0].shape[-1:] != (3,):
+        raise InputError("give L*a*b* or X, Y, Z of a colour, three numbers")
+    signal = stated[0] / white if lab is None else share_of_white(stated[0])
+    if not np.all((signal >= 0) & (signal <= BRIGHTEST)):
+        raise InputError(f"{stated[0]} is no colour of a surface under {light}: relative to white "
+                         f"it is {np.round(signal, 3)}; L* is 0 to 100, and Y is 100 for white")
+    return signal
 
 
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:

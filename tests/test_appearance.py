@@ -7,9 +7,13 @@ import pytest
 from spectrabox.radiometry.appearance import (
     adapted_tristimulus,
     delta_e00,
+    reflectance_to_lab,
     reflectance_to_srgb,
+    signal_of_colour,
     tristimulus,
+    tristimulus_weights,
 )
+from spectrabox.radiometry.errors import InputError
 
 NM = np.arange(400.0, 701.0, 5.0)
 
@@ -49,3 +53,32 @@ def test_white_stays_white_to_an_eye_that_has_adapted(light):
     # Bradford's matrix and its inverse: round-off.
     np.testing.assert_allclose(adapted_tristimulus(NM, light) @ white, tristimulus(NM, white),
                                rtol=1e-9)
+
+
+@pytest.mark.parametrize("light", ["D65", "A", "FL11"])
+def test_a_colour_is_the_signal_that_the_observer_has_of_a_surface(light):
+    surfaces = np.array([np.full(NM.size, 0.6), 0.05 + 0.7 / (1 + np.exp((590 - NM) / 15)),
+                         np.full(NM.size, 0.004)])
+    weights = tristimulus_weights(NM, light)
+    seen = surfaces @ weights.T / weights.sum(axis=1)
+    np.testing.assert_allclose(signal_of_colour(light, lab=reflectance_to_lab(NM, surfaces, light)),
+                               seen, rtol=1e-9)
+    np.testing.assert_allclose(signal_of_colour(light, xyz=100 * surfaces @ weights.T), seen,
+                               rtol=1e-6)
+
+
+def test_colour_science_has_the_same_white_and_lab():
+    import colour
+    observer = "CIE 1931 2 Degree Standard Observer"
+    white = colour.xyY_to_XYZ([*colour.CCS_ILLUMINANTS[observer]["D65"], 1])
+    lab = [45.0, -27.0, 30.0]
+    xyz = colour.Lab_to_XYZ(lab, colour.XYZ_to_xy(white))
+    np.testing.assert_allclose(signal_of_colour("D65", lab=lab), xyz / white, rtol=1e-6)
+    np.testing.assert_allclose(signal_of_colour("D65", xyz=100 * xyz), xyz / white, rtol=1e-3)
+
+
+@pytest.mark.parametrize("colour", [{}, {"lab": [150, 0, 0]}, {"xyz": [20, 30]},
+                                    {"lab": [50, 0, 0], "xyz": [18, 18, 18]}])
+def test_what_is_no_colour_of_a_surface_is_refused(colour):
+    with pytest.raises(InputError):
+        signal_of_colour("D65", **colour)

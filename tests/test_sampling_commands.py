@@ -9,8 +9,15 @@ import pytest
 from sampling_cameras import surface
 from typer.testing import CliRunner
 
-from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb
+import spectrabox as sb
+from spectrabox.radiometry.appearance import (
+    TO_SRGB,
+    decode_srgb,
+    reflectance_to_lab,
+    tristimulus_weights,
+)
 from spectrabox.radiometry.error_model import stated_causes
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import light, relative_response, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import read_table
@@ -330,3 +337,22 @@ def test_an_srgb_colour_is_what_the_observer_sees_in_daylight_and_says_what_it_i
                         (["--signal", "1,2,3"], "--sensitivity and --light")):
         refused = CliRunner().invoke(app, ["sample", *words])
         assert refused.exit_code in (2, 3) and said in refused.stderr
+
+
+def test_a_stated_colour_comes_back_as_it_was_stated():
+    by_command = CliRunner().invoke(app, ["sample", "--lab", "45,-27,30", "--json"])
+    assert by_command.exit_code == 0, by_command.output
+    facts = json.loads(by_command.stdout)
+    lab = reflectance_to_lab(np.array(facts["wavelengths_nm"]), np.array(facts["mean"]))
+    np.testing.assert_allclose(lab, [45, -27, 30], atol=0.5)
+    estimate = sb.sample(xyz=[14.5, 20.1, 3.6], light="A")
+    np.testing.assert_allclose(
+        100 * tristimulus_weights(estimate.nm, "A") @ estimate.mean, [14.5, 20.1, 3.6], rtol=0.02)
+    for words, said in ((["--lab", "45,1,2", "--sensitivity", "x"], "leave --sensitivity"),
+                        (["--lab", "45,1,2", "--xyz", "1,2,3"], "give one of"),
+                        (["--lab", "145,1,2"], "no colour of a surface"),
+                        (["--lab", "45,1,2", "--light", "my.csv"], "my.csv")):
+        refused = CliRunner().invoke(app, ["sample", *words])
+        assert refused.exit_code in (2, 3) and said in refused.output
+    with pytest.raises(InputError, match="need the camera"):
+        sb.sample([0.1, 0.2, 0.3])

@@ -68,6 +68,11 @@ def sample(
         help="In place of --signal, --sensitivity and --light: a colour of a screen or a web "
         "page. Its spectra are of surfaces that would look so in "
         "daylight.")] = None,
+    lab: Annotated[str | None, typer.Option(
+        "--lab", metavar="L,A,B", help="In place of --signal and --sensitivity: a colour by L*a*b* "
+        "of the CIE 1931 observer under --light, a CIE name, D65 by default.")] = None,
+    xyz: Annotated[str | None, typer.Option(
+        "--xyz", metavar="X,Y,Z", help="The same by X, Y, Z, with Y = 100 for white.")] = None,
     signals: Annotated[Path | None, typer.Option(
         metavar="CSV", help="Many signals: a header that names the bands, a row for each, with its "
         "name first or without.")] = None,
@@ -117,14 +122,21 @@ def sample(
     """Recover the spectra behind a colour: mean, 95 % band, exact bounds and draws."""
     check_ending(out, {".npz": "the draws", ".csv": "means and bands"})
     check_ending(plot, {".png": "a picture of means and bands"}, "--plot")
-    if srgb is None and None in (sensitivity, light):
+    colours = [(kind, text) for kind, text in (("srgb", srgb), ("lab", lab), ("xyz", xyz))
+               if text is not None]
+    if not colours and None in (sensitivity, light):
         raise UsageProblem("give --sensitivity and --light, the camera that saw the signal and the "
-                           "light it was seen under; or a colour of a screen as --srgb R,G,B")
+                           "light it was seen under; or a colour as --lab L,A,B, --xyz X,Y,Z or "
+                           "--srgb R,G,B")
     if srgb is not None and (sensitivity or light or measured.white):
         raise UsageProblem("--srgb is a colour under D65; leave --sensitivity, --light and --white "
                            "out")
-    if [measured.signal, signals, srgb].count(None) != 2:
-        raise InputError("give one of --signal V1,V2,V3, --signals FILE.csv and --srgb R,G,B")
+    if colours and (sensitivity or measured.white):
+        raise UsageProblem(f"--{colours[0][0]} is what the CIE observer sees, relative to white; "
+                           "leave --sensitivity and --white out")
+    if len(colours) + [measured.signal is None, signals is None].count(False) != 1:
+        raise InputError("give one of --signal V1,V2,V3, --signals FILE.csv, --lab L,A,B, "
+                         "--xyz X,Y,Z and --srgb R,G,B")
     if signals is not None and (truth or twice or measured.signal_under or measured.same
                                 or measured.more):
         raise InputError("a truth and further measurements belong to one surface; give its "
@@ -133,9 +145,9 @@ def sample(
     from spectrabox.measure.signals.signal_estimate import columns_of, draws_of
     from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
     capture = signal_capture(
-        measured, signals, srgb, sensitivity or OBSERVER, light or "D65", twice=twice,
-        light_error=light_error, sensitivity_error=sensitivity_error, prior=prior, family=family,
-        swatches=swatches)
+        measured, signals, colours[0] if colours else None, sensitivity or OBSERVER,
+        light or "D65", twice=twice, light_error=light_error, sensitivity_error=sensitivity_error,
+        prior=prior, family=family, swatches=swatches)
     true = None if truth is None else stated_truth(truth, column)
     options = SampleOptions(method, samples, seed, coefficients, level, start, keep, refine)
     one, as_table = signals is None, _ends_in(out, ".csv")

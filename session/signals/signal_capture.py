@@ -22,12 +22,12 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_familie
 from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import (
+    colour_signal,
     numbers,
     optional_noise,
     optional_numbers,
     read_named_signals,
     signal_and_noise,
-    srgb_signal,
 )
 
 SRGB_CAVEAT = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
@@ -38,7 +38,7 @@ NOISE_CAVEAT = ("no --noise was given: the signal is taken as exact, and the ban
                 "a photo's")
 
 
-def signal_capture(measured: MeasuredSignal, signals: Path | None, srgb: str | None,
+def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple[str, str] | None,
                    sensitivity: str, light: str, *, twice: str | None, light_error: float,
                    sensitivity_error: float, prior: Path | None, family: Sequence[str],
                    swatches: Path | None) -> SignalCapture:
@@ -47,9 +47,10 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, srgb: str | N
     Parameters
     ----------
     measured : MeasuredSignal
-    signals, srgb, sensitivity, light, twice, light_error, sensitivity_error, prior, family, \
-    swatches
+    signals, sensitivity, light, twice, light_error, sensitivity_error, prior, family, swatches
         As the options of ``spectrabox sample``.
+    colour : (kind, text) or None
+        Which of the options srgb, lab and xyz was given, and what it says.
 
     Raises
     ------
@@ -65,16 +66,16 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, srgb: str | N
         reflected = measurement_of_signal(response, signal, white, error)
     more = further_measurements(measured, sensitivity, response, white)
     noise = optional_noise(measured.noise, bands)
-    if srgb is not None:
-        colour, rounding = srgb_signal(srgb)
-        named, noise = {"": colour}, rounding if noise is None else noise
+    if colour is not None:
+        seen, rounding = colour_signal(*colour, light)
+        named, noise = {"": seen}, rounding if noise is None else noise
     elif signals is not None:
         named = read_named_signals(signals, bands)
     else:
         named = {"": numbers(measured.signal or "", bands, "signal")}
-    caveats = [SRGB_CAVEAT] if srgb is not None else \
-        [caveat for stated, caveat in ((white, WHITE_CAVEAT), (noise, NOISE_CAVEAT))
-         if stated is None]
+    caveats = [caveat for holds, caveat in (
+        (colour is not None and colour[0] == "srgb", SRGB_CAVEAT),
+        (colour is None and white is None, WHITE_CAVEAT), (noise is None, NOISE_CAVEAT)) if holds]
     return SignalCapture(
         response, np.array(list(named.values())), tuple(named), white, noise, light_error,
         sensitivity_error, of_families(load_prior(prior), tuple(family)), more, reflected,

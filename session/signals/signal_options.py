@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals.sample import READING_ERROR, listed, reading_at
-from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb
+from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb, signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -65,6 +65,28 @@ def optional_noise(text: str | None, bands: int) -> np.ndarray | None:
     if text is not None and is_number(text.strip()):
         text = ",".join([text] * bands)
     return optional_numbers(text, bands, "noise")
+
+
+def colour_signal(kind: str, text: str, light: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """What the CIE 1931 observer sees of a colour, relative to white, and how far rounding leaves
+    it open (standard error, None where it is stated exactly): (3,) each.
+
+    Parameters
+    ----------
+    kind : str
+        "srgb", "lab" or "xyz".
+    text : str
+        As the option of that name.
+    light : str
+        CIE name, of L*a*b* and X, Y, Z.
+
+    Raises
+    ------
+    InputError
+    """
+    if kind == "srgb":
+        return srgb_signal(text)
+    return signal_of_colour(light, **{kind: numbers(text, 3, kind)}), None
 
 
 def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,7 @@ from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, m
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEstimate
+from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
@@ -30,11 +31,14 @@ from spectrabox.sampling.evaluation.identification import VARIATION, read_spectr
 from spectrabox.sampling.further.swatch_files import read_swatches, swatch_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
 SwatchesLike = str | Path | tuple[ArrayLike, ArrayLike, ArrayLike]
 
 
 @one_blas_thread
-def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: ArrayLike = 0.0,
+def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None,
+           light: LightLike | None = None, lab: ArrayLike | None = None,
+           xyz: ArrayLike | None = None, noise: ArrayLike = 0.0,
            white: ArrayLike | None = None, light_error: float = 0.0,
            sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,
            method: str = SampleOptions.method, draws: int = SampleOptions.samples,
@@ -51,8 +55,13 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
     camera : name, path, CameraEstimate, Calibration or (nm, curves)
         A measured camera or observer by name, or its sensitivities.
     light : name, path, (nm, values) or Spectrum
+        That it was seen under; a CIE name, and D65 by default, of ``lab`` and ``xyz``.
+    lab : (3,) or (S, 3) array, optional
+        In place of signals and camera: L*a*b* of the CIE 1931 observer.
+    xyz : (3,) or (S, 3) array, optional
+        The same by X, Y, Z, with Y = 100 for white.
     noise : float or (K,) array
-        Standard error of the signal in each band, in its unit.
+        Standard error of the signal in each band, in its unit; of a colour relative to white.
     white : (K,) array, optional
         What a perfect white reads in each band; 1 by default.
     light_error, sensitivity_error : float
@@ -97,7 +106,13 @@ def sample(signals: ArrayLike, *, camera: CameraLike, light: LightLike, noise: A
     --------
     >>> spectra = sb.sample([[0.53, 0.24, 0.08]], camera="Nikon 5100 (NPL)", light="D65",
     ...                     noise=0.003)
+    >>> leaf = sb.sample(lab=[45, -27, 30])
     """
+    if lab is not None or xyz is not None:
+        signals, camera, light = _of_colour(signals, camera, light, lab, xyz)
+    if signals is None or camera is None or light is None:
+        raise InputError("signals need the camera that saw them and their light (camera=, light=); "
+                         "a colour is given as lab= or xyz=")
     response = relative_response(camera, light)
     given = np.asarray(signals, dtype=float)
     bands = len(response)
@@ -200,6 +215,19 @@ def match(signal: SpectrumEstimate | ArrayLike,
         known = read_spectral_libraries([str(word) for word in words], signal.measurement.grid)
     return match_signal(signal.name, signal.measurement, known, as_prior(prior),
                         variation=variation, evidence_ratio=evidence_ratio)
+
+
+def _of_colour(signals: ArrayLike | None, camera: CameraLike | None, light: LightLike | None,
+               lab: ArrayLike | None, xyz: ArrayLike | None) -> tuple[np.ndarray, str, str]:
+    """Signals of a colour relative to white, and the observer and the light that they are of."""
+    if signals is not None or camera is not None:
+        raise InputError("a colour is what the CIE observer sees; leave signals and camera out")
+    name = "D65" if light is None else light
+    if not isinstance(name, str):
+        raise InputError("the light of a colour is given by its CIE name, such as 'D65' or 'A'")
+    return signal_of_colour(
+        name, lab=None if lab is None else np.asarray(lab, dtype=float),
+        xyz=None if xyz is None else np.asarray(xyz, dtype=float)), OBSERVER, name
 
 
 def _swatches(swatches: SwatchesLike, bands: int) -> tuple[np.ndarray, np.ndarray]:
