@@ -157,7 +157,8 @@ def test_a_shared_calibration_that_was_damaged_is_made_again(session, tmp_path):
 def test_a_session_that_differs_shares_nothing_with_it(session, tmp_path):
     folders = copies(session, tmp_path, ["a", "b"])
     text = (folders[1] / "session.toml").read_text(encoding="utf-8")
-    (folders[1] / "session.toml").write_text(text + "[chart]\nleave_out = [3]\n", encoding="utf-8")
+    text = text.replace("[chart]\n", "[chart]\nleave_out = [3]\n")
+    (folders[1] / "session.toml").write_text(text, encoding="utf-8")
     shared = with_shared(tmp_path / "shared", session)
     states = [calibrated(folder, shared) for folder in folders]
     assert [each["calibrate"] for each in states] == ["copied", "run"]

@@ -7,12 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flat_example import CHART, LAMPS, SIZE, picture, rect_of, write_flat
+from flat_example import CHART, SIZE, picture, rect_of, write_flat
 from served_page import drag, opened_in, served, wait_ready
 
+from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import chart_corners, lamplight, write_photo
+from spectrabox.fixtures.paints import NM
 from spectrabox.session.commands.session import _folder_to_open
 
+FAR = 2.4       # height of the lamp in widths of the picture: the chart is of no stated reflectance
+GEL = 0.1 + 0.7 / (1 + np.exp((NM - 570) / 12))     # transmittance: keeps red away
 HOW_TO = Path(__file__).resolve().parent.parent / "docs/how-to/page.md"
 ROW = re.compile(r"^\| ([^|]+) \| [^|]+ \| (\d+) \|$", re.MULTILINE)
 STATED = {task: int(clicks) for task, clicks in ROW.findall(HOW_TO.read_text(encoding="utf-8"))}
@@ -58,11 +62,11 @@ def session_of(folder):
 def test_eight_tasks_take_no_more_clicks_than_the_how_to_says(tmp_path, opened):
     rng = np.random.default_rng(3)
     photo, gel, moved = (tmp_path / name for name in ("IMG_1.dng", "gel.dng", "moved.dng"))
-    write_photo(photo, picture(), Fraction(1, 60), rng)
-    write_photo(gel, picture() * np.array([0.7, 0.2, 0.6]), Fraction(1, 30), rng)
-    x, y, z, power = LAMPS[0]
-    light = lamplight(SIZE, [(x + 0.8, y, z, power)])
-    write_photo(moved, picture(light=light / light.max()), Fraction(1, 60), rng)
+    first, second = (lamplight(SIZE, [(x, 0.2, FAR, 1.0)]) for x in (0.1, 0.9))
+    write_photo(photo, picture(light=first / first.max()), Fraction(1, 60), rng)
+    write_photo(gel, picture(light=first / first.max(), power=lamp.radiance(NM) * GEL),
+                Fraction(1, 30), rng)
+    write_photo(moved, picture(light=second / second.max()), Fraction(1, 60), rng)
     session, tried = _folder_to_open((photo,)), set()
     with served(session) as (address, _):
         page = opened(address)

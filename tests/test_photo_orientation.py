@@ -16,6 +16,7 @@ from spectrabox.capture.photo.orientation import photo_orientation, turned, turn
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.radiometry.chart import AFTER_2014
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.cli import app
 from spectrabox.session.commands.session import _folder_to_open
@@ -83,8 +84,8 @@ def test_page_regions_and_report_are_of_the_upright_picture(tmp_path):
     assert green > red and green > blue
     region = f"green_wall={x0},{y0},{x1},{y1}"
     session = tmp_path / "s"
-    assert CliRunner().invoke(app, ["flat", str(photo), "--region", region, "--session",
-                                    str(session), "--quiet"]).exit_code == 0
+    words = ["--region", region, "--reference", AFTER_2014, "--session", str(session), "--quiet"]
+    assert CliRunner().invoke(app, ["flat", str(photo), *words]).exit_code == 0
     mean = load_finished(read_session(session)).records.sample.spectra["green_wall"].summary.mean
     truth = np.interp(FINE_GRID.nm, NM, paint("green_wall")[1])
     # as of a photo that was not turned (0.02); the grey table beside it is 0.08 away

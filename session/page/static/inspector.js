@@ -76,10 +76,12 @@ const otherRow = ({ name, drop }) => make("li", {}, make("div", { className: "ma
 
 const rowOf = (name) => document.querySelector(`#marks li[data-name="${CSS.escape(name)}"]`);
 function row(name) {
-  let fresh = false;
   const input = make("input", { value: name, "aria-label": `Name of ${name}`, data: { name }, on: {
-    change: () => on.rename(name, input.value.trim(), input), focus: () => { fresh = true; on.select(name); },
-    click: () => { if (fresh) input.select(); fresh = false; },       // a first click takes the whole name
+    change: () => on.rename(name, input.value.trim(), input), focus: () => on.select(name),
+    mousedown: (event) => {     // a first press takes the whole name, whatever moves under it then
+      if (document.activeElement === input) return;
+      event.preventDefault(); input.focus({ preventScroll: true }); input.select();
+    },
     keydown: (event) => { if (event.key === "Enter") $("canvas").focus({ preventScroll: true }); } } });
   const tick = make("input", { type: "checkbox", title: "Compare", "aria-label": `Compare ${name}`, on: { change: () => pick({ name }) } });
   const head = make("div", { className: "mark" }, make("span", { className: "sw" }), input, make("span", { className: "lab" }), make("span", { className: "sp" }), ...(session.state.live ? [tick] : []));
