@@ -3,22 +3,22 @@ codes.
 """
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
-from spectrabox.api.arguments import as_curves
+import spectrabox as sb
 from spectrabox.calibrate.camera_curves import curve_band
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.records.spectra import Quantity, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
 from spectrabox.session.camera.patch_files import read_patches
@@ -173,6 +173,16 @@ def test_products_with_an_unknown_light_are_no_sensitivities(chart, words, tmp_p
     assert refused.exit_code == 3 and not Path("p.dcp").exists()
     assert "products.csv holds products of sensitivity and light" in refused.output \
         and "--light FILE, a CIE name or 3200K" in refused.output
-    estimate = SimpleNamespace(calibration=SimpleNamespace(products=True))
-    with pytest.raises(InputError, match="the camera holds products"):
-        as_curves(estimate)
+
+
+def test_a_camera_of_an_unknown_light_is_refused_where_a_light_is_given(chart, tmp_path):
+    samples = read_patches(chart / "patches.csv").samples
+    photo = ChartPhoto(samples, chart_reflectances("BabelColor Average", GRID), UnknownLight())
+    camera = calibrate_chart([photo], GRID).calibration
+    assert camera.products
+    with pytest.raises(InputError, match="the camera holds products of sensitivity and light"):
+        sb.sample([0.4, 0.3, 0.2], camera=camera, light="D65")
+    write_exr(tmp_path / "photo.exr", np.full((24, 24, 3), 0.2), "RGB")
+    with pytest.raises(InputError, match="the camera holds products of sensitivity and light"):
+        sb.reconstruct_scene(tmp_path / "photo.exr", scene="box.xml", camera=camera, light="D65",
+                             materials=["wall"])

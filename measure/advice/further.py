@@ -60,8 +60,8 @@ def may_add_photos(unknown: Unknown, bands: int, fitted: ChartFitted | None) -> 
     fitted : ChartFitted or None
         As of `with_photos`.
     """
-    return fitted is None or (bool(np.isfinite(unknown.signals.signal).all()) \
-        and unknown.signals.signal.size == bands <= FEW_BANDS)
+    return fitted is None or (bool(np.isfinite(unknown.signals.signal).all())
+                              and unknown.signals.signal.size == bands <= FEW_BANDS)
 
 
 def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndarray,

@@ -130,10 +130,26 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
     if isinstance(camera, tuple):
         nm, curves = (np.asarray(part, dtype=float) for part in camera)
         return on_grid(nm, np.atleast_2d(curves), grid, "camera")
-    calibration = camera if isinstance(camera, Calibration) else camera.calibration
-    refuse_products(PRODUCTS if calibration.products else "", "the camera")
+    require_sensitivities(camera)
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
+
+
+def require_sensitivities(camera: Calibration | CameraEstimate) -> None:
+    """Refuse a camera that was fitted under an unknown light, where a light is given.
+
+    Parameters
+    ----------
+    camera : Calibration or CameraEstimate
+
+    Raises
+    ------
+    InputError
+        If its curves are products with that light.
+    """
+    calibration = camera if isinstance(camera, Calibration) else camera.calibration
+    if calibration.products:
+        refuse_products(PRODUCTS, "the camera")
 
 
 def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:

@@ -20,6 +20,7 @@ from spectrabox.api.arguments import (
     families_of,
     folder_for_pictures,
     one_blas_thread,
+    require_sensitivities,
     surfaces_of,
 )
 from spectrabox.api.camera import CameraEstimate
@@ -258,6 +259,8 @@ def _calibration(camera: CameraLike, light: Spectrum, photo: Photo, errors: Repe
     """The calibration that a camera brings along, how it explains its chart, and the strength of
     the light on the scene, as far as either is known.
     """
+    if isinstance(camera, Calibration | CameraEstimate):
+        require_sensitivities(camera)
     if isinstance(camera, Calibration):
         return replace(camera, light=light), None, camera.light_scale
     if not isinstance(camera, CameraEstimate):
