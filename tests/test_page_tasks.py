@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flat_example import CHART, SIZE, picture, rect_of, write_flat
+from flat_example import CHART, LAMPS, SIZE, picture, rect_of, write_flat
 from served_page import drag, opened_in, served, wait_ready
 
 from spectrabox.fixtures import lamp
@@ -15,7 +15,6 @@ from spectrabox.fixtures.flat_sample import chart_corners, lamplight, write_phot
 from spectrabox.fixtures.paints import NM
 from spectrabox.session.commands.session import _folder_to_open
 
-FAR = 2.4       # height of the lamp in widths of the picture: the chart is of no stated reflectance
 GEL = 0.1 + 0.7 / (1 + np.exp((NM - 570) / 12))     # transmittance: keeps red away
 HOW_TO = Path(__file__).resolve().parent.parent / "docs/how-to/page.md"
 ROW = re.compile(r"^\| ([^|]+) \| [^|]+ \| (\d+) \|$", re.MULTILINE)
@@ -62,7 +61,7 @@ def session_of(folder):
 def test_eight_tasks_take_no_more_clicks_than_the_how_to_says(tmp_path, opened):
     rng = np.random.default_rng(3)
     photo, gel, moved = (tmp_path / name for name in ("IMG_1.dng", "gel.dng", "moved.dng"))
-    first, second = (lamplight(SIZE, [(x, 0.2, FAR, 1.0)]) for x in (0.1, 0.9))
+    first, second = (lamplight(SIZE, [(x, *LAMPS[0][1:])]) for x in (0.1, 0.9))
     write_photo(photo, picture(light=first / first.max()), Fraction(1, 60), rng)
     write_photo(gel, picture(light=first / first.max(), power=lamp.radiance(NM) * GEL),
                 Fraction(1, 30), rng)
