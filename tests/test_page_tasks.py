@@ -1,6 +1,7 @@
 """Eight tasks on the page, from outside, each in at most the clicks that the how-to states."""
 import contextlib
 import re
+import shutil
 import tomllib
 from fractions import Fraction
 from pathlib import Path
@@ -8,12 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flat_example import CHART, LAMPS, SIZE, picture, rect_of, write_flat
-from served_page import drag, opened_in, served, wait_ready
+from served_page import drag, on_screen, opened_in, served, wait_ready
+from session_box import marks
 
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import chart_corners, lamplight, write_photo
 from spectrabox.fixtures.paints import NM
 from spectrabox.session.commands.session import _folder_to_open
+from spectrabox.session.config.template import TEMPLATES
+from spectrabox.session.problems import check_session
 
 GEL = 0.1 + 0.7 / (1 + np.exp((NM - 570) / 12))     # transmittance: keeps red away
 HOW_TO = Path(__file__).resolve().parent.parent / "docs/how-to/page.md"
@@ -162,3 +166,37 @@ def test_a_session_that_waits_for_its_photo_takes_it(tmp_path, opened_empty):
         page.set_input_files("#wanted-file", taken)
         page.wait_for_selector("body[data-photo]")
         assert photo.read_bytes() == taken.read_bytes()
+
+
+def test_corners_of_a_box_are_clicked_by_their_names(captured, opened):
+    shutil.copy(TEMPLATES / "box.toml", captured / "session.toml")
+    seen = marks(np.random.default_rng(1))
+    with served(captured) as (address, _):
+        page = opened(address)
+        page.click("#tools >> text=Box")
+        for name, at in seen.items():
+            page.select_option("#corner", name)
+            page.mouse.click(*on_screen(page, *at))
+        page.click("#save")
+        page.wait_for_selector("#marks >> text=8 box corners")
+    camera = session_of(captured)["scene"]["box"]["camera"]
+    assert camera.keys() == {"fov_deg", "corners_px"} and camera["corners_px"].keys() == seen.keys()
+    for name, at in seen.items():
+        np.testing.assert_allclose(camera["corners_px"][name], at, atol=1)
+    assert check_session(captured).problems == []
+
+
+def test_a_grey_card_is_clicked_in_both_photos(captured, opened):
+    card = [(20, 20), (60, 20), (60, 50), (20, 50)]
+    with served(captured) as (address, _):
+        page = opened(address)
+        for photo in ("photo", "chart"):
+            page.click(f"#photos button:has-text('{photo}')")
+            page.wait_for_selector(f"body[data-photo={photo}]")
+            page.click("#tools >> text=Grey card")
+            for at in card:
+                page.mouse.click(*on_screen(page, *at))
+            page.wait_for_selector("#marks >> text=reference")
+    drift = session_of(captured)["drift"]
+    for photo in ("object", "chart"):
+        np.testing.assert_allclose(drift[f"{photo}_px"], [card], atol=1)
