@@ -11,7 +11,12 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import CONTRADICTS, evidence_for_another_light
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.measure.held_out_spectra import held_out_patches
-from spectrabox.measure.results.chart_words import chart_at_fault, held_out_facts, light_facts
+from spectrabox.measure.results.chart_words import (
+    chart_at_fault,
+    chart_level_notes,
+    held_out_facts,
+    light_facts,
+)
 from spectrabox.measure.verdict.calibration_criteria import calibration_doubts
 from spectrabox.measure.verdict.calibration_criteria import (
     held_out_criteria as criteria_of_left_out,
@@ -211,3 +216,7 @@ def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, says):
                                   brighter_error=np.full(24, 0.03), colour_chance=chance)
     found = chart_at_fault(patches, CLASSIC.names)
     assert found.startswith(says) and bool(found) == bool(says)
+    named = [*brighter, *colour] if says else []
+    kept_out = dataclasses.replace(patches, excluded=np.isin(np.arange(24), named))
+    assert chart_at_fault(kept_out, CLASSIC.names) == ""
+    assert chart_level_notes(kept_out, CLASSIC.names) == ()

@@ -23,14 +23,15 @@ NEAR = 1.0              # standard errors: a level that is nearer explains nothi
 
 def chart_level_notes(patches: HeldOutPatches, names: Sequence[str]) -> tuple[str, ...]:
     """Patches that are darker or brighter in all bands than the other patches make them, by more
-    than chance: at most once in 20 charts is one named of which nothing is wrong.
+    than chance: at most once in 20 charts is one named of which nothing is wrong. Those that were
+    kept out of the fit are not named.
 
     Parameters
     ----------
     patches : HeldOutPatches
     names : sequence of I str
     """
-    named = np.flatnonzero(_beyond_chance(patches)).tolist()
+    named = np.flatnonzero(_beyond_chance(patches) & ~patches.excluded.astype(bool)).tolist()
     if not named:
         return ()
     each = "; ".join(f"{names[patch]} {_reason(patches, patch)}" for patch in named)
@@ -94,16 +95,19 @@ def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object
     return {"reference": copy.edition, "probability": copy.probability,
             "log_evidence": copy.evidence, "notes": list(chart_copy_notes(copy, names)),
             "patches": rows}
+
+
 def chart_at_fault(patches: HeldOutPatches, names: Sequence[str]) -> str:
     """What is wrong with the chart itself, in sentences: patches whose level or colour is off by
-    more than chance; empty where none is.
+    more than chance; empty where none is but those that were kept out of the fit.
 
     Parameters
     ----------
     patches : HeldOutPatches
     names : sequence of I str
     """
-    level, colour = _beyond_chance(patches), _other_colour(patches)
+    fitted = ~patches.excluded.astype(bool)
+    level, colour = _beyond_chance(patches) & fitted, _other_colour(patches) & fitted
     named = np.flatnonzero(level | colour).tolist()
     if not named:
         return ""
