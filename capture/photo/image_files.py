@@ -1,6 +1,7 @@
 """Photos in EXR and TIFF read as linear images, those of other formats for a first look."""
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
 
@@ -26,6 +27,9 @@ from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 CLIP_FRACTION = 0.98
 HALF_STEP, SINGLE_STEP = 2.0**-11, 2.0**-24     # relative rounding of floats
+HALVES = ("half", "float16")
+MIN_BANDS = 3
+ARRAY = "array"         # the source of what a program holds
 
 
 def require_linear_file(path: Path) -> None:
@@ -70,32 +74,42 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
         return _developed(values, header)
     signal = _bands(values, header)
     del values      # a photo may fill half of the memory
-    scale = header.full_scale()
-    signal *= np.float32(1 / scale)
-    if scale > 1:
-        return _linear_image(signal, header, clip=CLIP_FRACTION, quantum=1 / scale)
-    clip = CLIP_FRACTION if signal.max() <= 1 else np.inf
-    step = HALF_STEP if header.kind == "half" else SINGLE_STEP
-    return _linear_image(signal, header, clip=clip, quantum=step * float(np.abs(signal).max()))
+    signal *= np.float32(1 / header.full_scale())
+    return _linear_image(signal, header, *_clip_and_step(signal, header.kind))
 
 
 def _bands(values: np.ndarray, header: PictureHeader) -> np.ndarray:
     """The bands (H, W, K) float32 in the order to use them; integers are not scaled."""
     bands = values[..., header.bands].astype(np.float32)
-    if bands.shape[2] < 3:
+    if bands.shape[2] < MIN_BANDS:
         raise InputError(f"photo {header.path.name} has {bands.shape[2]} band(s) "
-                         f"({', '.join(header.names)}); at least 3 are needed")
+                         f"({', '.join(header.names)}); at least {MIN_BANDS} are needed")
     return bands
+
+
+def _clip_and_step(signal: np.ndarray, kind: str) -> tuple[float, float]:
+    """The clip point of values of a type, which are fractions by now, and one step of them."""
+    if kind in FULL_SCALE:
+        return CLIP_FRACTION, 1 / FULL_SCALE[kind]
+    step = HALF_STEP if kind in HALVES else SINGLE_STEP
+    return (CLIP_FRACTION if signal.max() <= 1 else np.inf), step * float(np.abs(signal).max())
+
+
+def _clipped_and_noise(signal: np.ndarray, clip: float, quantum: float,
+                       name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Which pixels (H, W, K) are saturated, and their variance, as they tell it themselves."""
+    saturated = signal >= clip
+    variance = photon_transfer(signal, saturated, quantum, name).variance(signal)
+    for array in (signal, saturated, variance):
+        array.flags.writeable = False  # the record then keeps them without a copy
+    return saturated, variance
 
 
 def _linear_image(signal: np.ndarray, header: PictureHeader, clip: float, quantum: float,
                   kind: PhotoKind = PhotoKind.LINEAR_FILE) -> LinearImage:
     """A photo whose noise and saturation its own pixels tell."""
-    require_finite(header.path, signal)
-    saturated = signal >= clip
-    variance = photon_transfer(signal, saturated, quantum, header.path.name).variance(signal)
-    for array in (signal, saturated, variance):
-        array.flags.writeable = False  # the record then keeps them without a copy
+    require_finite(header.path.name, signal)
+    saturated, variance = _clipped_and_noise(signal, clip, quantum, header.path.name)
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
         exposure_s=header.positive("ExposureTime"),
@@ -115,7 +129,7 @@ def _developed(values: np.ndarray, header: PictureHeader) -> LinearImage:
     signal, variance, saturated = (
         np.ascontiguousarray(values[..., [header.names.index(prefix + band) for band in bands]],
                              dtype=np.float32) for prefix in ("", VARIANCE, SATURATED))
-    require_finite(header.path, signal)
+    require_finite(header.path.name, signal)
     bad = np.count_nonzero(~((variance >= 0) & (variance <= MAX_SIGNAL**2)))
     if bad:
         raise InputError(f"developed photo {header.path.name} states a variance that is negative, "
@@ -129,6 +143,39 @@ def _developed(values: np.ndarray, header: PictureHeader) -> LinearImage:
         camera=header.words("spectrabox:camera"),
         source=header.words("spectrabox:source") or header.path.name,
         sha256=sha256_of(header.path))
+
+
+def image_of_array(values: np.ndarray) -> LinearImage:
+    """Linear values that a program holds as a photo; saturation and noise as of a file of them.
+
+    Parameters
+    ----------
+    values : (H, W, K) array
+        Floats, or 16-bit integers, which are taken as fractions of 65535.
+
+    Raises
+    ------
+    InputError
+        If they are of other types or of fewer than 3 bands, or some are NaN.
+    """
+    if values.ndim != 3 or values.shape[2] < MIN_BANDS or not values.size:
+        raise InputError(f"an array of shape {values.shape} is no photo; give (height, width, "
+                         f"bands) with at least {MIN_BANDS} bands")
+    kind = values.dtype.name
+    if kind == "uint8":
+        raise InputError("an array of 8-bit values is hardly proportional to light; decode it "
+                         "first (of sRGB: colour.cctf_decoding(values / 255)), or divide values "
+                         "that are proportional by 255")
+    if kind not in FULL_SCALE and values.dtype.kind != "f":
+        raise InputError(f"an array of {kind} values has no known full scale; divide it by what "
+                         "the sensor can hold")
+    scale = FULL_SCALE.get(kind, 1)
+    signal = (values / np.float32(scale)).astype(np.float32)
+    require_finite(ARRAY, signal)
+    saturated, variance = _clipped_and_noise(signal, *_clip_and_step(signal, kind), ARRAY)
+    return LinearImage(signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
+                       exposure_s=None, iso=None, f_number=None, kind=PhotoKind.LINEAR_FILE,
+                       camera="", source=ARRAY, sha256=hashlib.sha256(signal.tobytes()).hexdigest())
 
 
 def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:

@@ -98,7 +98,7 @@ def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
             raise InputError(f"photo {path.name} cannot be read to its end "
                              f"({reason_of(file)}); copy or export it again")
         signal = np.asarray(stored).reshape(last - first, spec.width, -1)[..., bands]
-        require_finite(path, signal)
+        require_finite(path.name, signal)
         return signal
 
     return read_by_strips(read, spec.height, spec.tile_height) if spec.tile_width else read
@@ -149,7 +149,7 @@ def _zarr_rows(path: Path) -> PictureRows:
         signal = picture.read(first, last).astype(np.float32)
         if full != 1:
             signal /= np.float32(full)
-        require_finite(path, signal)
+        require_finite(path.name, signal)
         return signal
 
     return PictureRows(height, width, bands, read_by_strips(read, height, picture.chunk_rows),

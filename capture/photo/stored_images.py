@@ -239,13 +239,13 @@ def open_as_stored(path: Path) -> oiio.ImageInput | None:
     return oiio.ImageInput.open(os.fspath(path), as_stored)
 
 
-def require_finite(path: Path, signal: np.ndarray) -> None:
+def require_finite(name: str, signal: np.ndarray) -> None:
     """Raise where a signal (H, W, K) holds values that are no numbers, or too large to square.
 
     Parameters
     ----------
-    path : Path
-        For the message.
+    name : str
+        Of the photo, for the message.
     signal : (H, W, K) array
 
     Raises
@@ -254,10 +254,10 @@ def require_finite(path: Path, signal: np.ndarray) -> None:
     """
     bad = np.count_nonzero(~np.isfinite(signal))
     if bad:
-        raise InputError(f"photo {path.name} has {bad} of {signal.size} values that are NaN or "
+        raise InputError(f"photo {name} has {bad} of {signal.size} values that are NaN or "
                          "infinite; export it again without them, nothing is guessed in their "
                          "place")
     largest = float(np.abs(signal).max(initial=0))
     if largest > MAX_SIGNAL:
-        raise InputError(f"photo {path.name} holds values up to {largest:.2g}, beyond "
+        raise InputError(f"photo {name} holds values up to {largest:.2g}, beyond "
                          f"{MAX_SIGNAL:.0e}; scale it so that white is near 1")

@@ -103,6 +103,11 @@ class PatchSamples(Record):
         """Of each patch's mean (I, K), by the noise of its pixels."""
         return np.sqrt(np.diagonal(self.covariance_of_mean, axis1=1, axis2=2))
 
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviation (I, K) of single pixels about a plane fitted to each patch."""
+        return np.asarray(self.standard_error * np.sqrt(self.pixels)[:, None])
+
 
 class EdgeKind(Enum):
     """What an edge inside a region can be, by how the bands step across it."""

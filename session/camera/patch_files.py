@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.camera import ERROR_PREFIX, ChartSignals
+from spectrabox.measure.chart_patches import CLIPPED_PREFIX, COUNTS, POSITIONS, SPREAD_PREFIX
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
@@ -24,9 +25,11 @@ def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
     """Signals of a chart's patches, in chart order, the names of the bands, and notes.
 
     The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
-    of band NAME, and where such columns name no bands they stand in the bands' order. Without
-    names, every column is a band. A first column of words (patch names) is left out. Where no
-    errors are stated, those that charts and photos have are assumed, and a note says so.
+    of band NAME, and where such columns name no bands they stand in the bands' order. Of a table
+    that ``spectrabox chart --out`` wrote, ``clipped NAME`` says which signals are none, and
+    positions and spread are left out. Without names, every column is a band. A first column of
+    words (patch names) is left out. Where no errors are stated, those that charts and photos have
+    are assumed, and a note says so.
 
     Parameters
     ----------
@@ -55,7 +58,10 @@ def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
     values = np.array(rows, dtype=float)
     names = [name.strip() for name in header or (f"band {column + 1}"
                                                  for column in range(values.shape[1]))]
-    bands = [index for index, name in enumerate(names) if not name.startswith(ERROR_PREFIX)]
+    further = [index for index, name in enumerate(names) if name in (*POSITIONS, *COUNTS)
+               or name.startswith((SPREAD_PREFIX, CLIPPED_PREFIX))]
+    bands = [index for index, name in enumerate(names)
+             if index not in further and not name.startswith(ERROR_PREFIX)]
     errors = [index for index, name in enumerate(names) if name.startswith(ERROR_PREFIX)]
     if errors and len(errors) != len(bands):
         raise InputError(f"{path.name} holds {len(bands)} bands and {len(errors)} standard errors; "
@@ -71,7 +77,10 @@ def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
         error = ASSUMED_ERROR * np.maximum(np.abs(signal), DARK * np.abs(signal).max(axis=0))
         notes = (f"{path.name} states no errors of its signals: {ASSUMED_ERROR:.1%} is assumed, as "
                  f"charts and photos have it; columns named {ERROR_PREFIX} state others",)
-    return ChartSignals(path.name, _samples(signal, error), tuple(band_names), notes)
+    clipped = np.column_stack([values[:, names.index(column)] if column in names
+                               else np.zeros(len(values))
+                               for column in (f"{CLIPPED_PREFIX} {band}" for band in band_names)])
+    return ChartSignals(path.name, _samples(signal, error, clipped), tuple(band_names), notes)
 
 
 def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int],
@@ -90,10 +99,9 @@ def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns
     return values[:, columns]
 
 
-def _samples(signal: np.ndarray, error: np.ndarray) -> PatchSamples:
+def _samples(signal: np.ndarray, error: np.ndarray, clipped: np.ndarray) -> PatchSamples:
     covariance = np.einsum("ik,kl->ikl", error**2, np.eye(signal.shape[1]))
-    return PatchSamples(signal, covariance, np.ones(len(signal)), np.zeros(signal.shape),
-                        np.zeros(signal.shape))
+    return PatchSamples(signal, covariance, np.ones(len(signal)), clipped, np.zeros(signal.shape))
 
 
 def _rows(path: Path) -> list[list[str]]:

@@ -22,6 +22,7 @@ from spectrabox.session.terminal.command_line import (
 
 if TYPE_CHECKING:
     from spectrabox.capture.chart.quality import ChartVerdict
+    from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records.photos import ChartDetection, LinearImage
 
 ENCODED_SUFFIXES = (".jpg", ".jpeg", ".png")
@@ -41,6 +42,9 @@ def chart(
         "JPEG or PNG, of which light, glare and focus are judged.")],
     overlay: Annotated[Path | None, typer.Option(
         metavar="PNG", help="Write the photo with the samples drawn.")] = None,
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="CSV", help="Write position, linear values and their spread, a row "
+        "for each patch.")] = None,
     corners: Annotated[str | None, typer.Option(metavar=CORNERS, help=CORNERS_HELP)] = None,
     layout: ChartLayout = "",
     reference: Annotated[str | None, typer.Option(
@@ -55,7 +59,9 @@ def chart(
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_writers import write_png
-    from spectrabox.session.camera.camera_files import chart_named
+    from spectrabox.measure.chart_patches import patch_columns, table_of_columns
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.session.camera.camera_files import chart_named, read_layout
     image = _open(photo, encoded)
     try:
         detection, verdict = chart_named(image, layout, reference,
@@ -68,7 +74,10 @@ def chart(
                        "photo": photo}, "", error.exit_code)
     if overlay is not None:
         write_png(overlay, chart_overlay(image, detection))
-    return Answer(_facts(photo, image, detection, verdict),
+    if out is not None:
+        write_text_whole(out, table_of_columns(patch_columns(
+            read_layout(layout), detection, verdict.samples, verdict.excluded)))
+    return Answer(_facts(photo, image, read_layout(layout), detection, verdict),
                   _text(photo, image, detection, verdict),
                   0 if verdict.verdict == "good" else RE_SHOOT)
 
@@ -128,13 +137,18 @@ def _photo_facts(image: LinearImage) -> dict[str, Any]:
             "noise_at_half": [value / HALF_SCALE for value in noise if value is not None]}
 
 
-def _facts(photo: Path, image: LinearImage, detection: ChartDetection,
+def _facts(photo: Path, image: LinearImage, chart: Chart, detection: ChartDetection,
            verdict: ChartVerdict) -> dict[str, Any]:
+    from spectrabox.measure.chart_patches import angle_deg, centres_px
     samples = verdict.samples
-    return {"verdict": verdict.verdict, "reasons": list(verdict.reasons),
-            "corners_px": detection.corners_px.tolist(), "mean": samples.mean.tolist(),
-            "standard_error": samples.standard_error.tolist(), "mirrored": detection.mirrored,
-            "confidence": detection.confidence, "pixels": samples.pixels.tolist(),
+    return {"verdict": verdict.verdict, "reasons": list(verdict.reasons), "names": chart.names,
+            "corners_px": detection.corners_px.tolist(),
+            "centres_px": centres_px(detection).tolist(),
+            "angle_deg": angle_deg(detection, chart), "mean": samples.mean.tolist(),
+            "standard_error": samples.standard_error.tolist(),
+            "spread": samples.spread.tolist(), "clipped": samples.clipped.tolist(),
+            "mirrored": detection.mirrored, "confidence": detection.confidence,
+            "pixels": samples.pixels.tolist(),
             "saturated_fraction": samples.saturated_fraction.tolist(),
             "gradient": samples.gradient.tolist(), "excluded_fraction": verdict.excluded.tolist(),
             "white_signal": verdict.white_signal, "uneven": verdict.uneven, "glare": verdict.glare,

@@ -32,7 +32,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
                 "spectrabox develop mybox/photos/box.dng \\\n"
                 "    --flat-field mybox/photos/flat.dng --out even.exr"),
     "chart": ("spectrabox chart painting/photos/painting.dng",
-              "spectrabox chart painting/photos/painting.dng --overlay chart.png"),
+              "spectrabox chart painting/photos/painting.dng \\\n"
+              "    --overlay chart.png --out patches.csv"),
     "camera fit": ("spectrabox camera fit painting/photos/painting.dng --light unknown",
                    "spectrabox camera fit mybox/photos/chart.dng \\\n"
                    "    --light mybox/spectra/light.csv --out curves.csv"),

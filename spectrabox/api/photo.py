@@ -12,11 +12,20 @@ from spectrabox.api.arguments import as_chart
 from spectrabox.api.notebook import axes_for
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
-from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
+from spectrabox.capture.photo.image_files import image_of_array
+from spectrabox.capture.photo.orientation import AS_READ, photo_orientation, turned
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.camera import judged_chart
 from spectrabox.measure.captured import InputFile
+from spectrabox.measure.chart_patches import (
+    angle_deg,
+    centres_px,
+    patch_columns,
+    table_of_columns,
+)
 from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 
 if TYPE_CHECKING:
@@ -100,15 +109,16 @@ class Photo:
                 f"{width} x {height} pixels, {self.bands} bands, {exposure}>")
 
 
-def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] | None = None,
-               flat: str | Path | None = None, not_linear: bool = False,
-               orientation: int | None = None) -> Photo:
+def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
+               dark: list[str | Path] | None = None, flat: str | Path | None = None,
+               not_linear: bool = False, orientation: int | None = None) -> Photo:
     """Open a photo as linear camera signal, turned upright as other programs show it.
 
     Parameters
     ----------
-    photo : path, or list of paths
-        Camera raw, DNG, linear EXR or TIFF; several are an exposure bracket and are merged.
+    photo : path, list of paths, or (H, W, K) array
+        Camera raw, DNG, linear EXR or TIFF; several are an exposure bracket and are merged. An
+        array holds linear values: floats, or 16-bit integers as fractions of 65535.
     dark : list of paths, optional
         Dark frames at the photo's exposure and ISO.
     flat : path, optional
@@ -126,7 +136,8 @@ def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] |
     Raises
     ------
     InputError
-        If a file cannot be read, or its values are not proportional to light.
+        If a file cannot be read, or its values are not proportional to light; if an array has
+        other types, or comes with dark frames or a flat field.
     CheckError
         If exposures of a bracket, dark frames or flat field do not fit the photo.
 
@@ -138,6 +149,12 @@ def open_photo(photo: str | Path | list[str | Path], *, dark: list[str | Path] |
     --------
     >>> photo = sb.open_photo("painting/photos/painting.dng")
     """
+    if isinstance(photo, np.ndarray):
+        if dark or flat is not None:
+            raise InputError("an array is taken as it is; subtract dark frames and divide by the "
+                             "flat field before, or give files")
+        turn = AS_READ if orientation is None else orientation
+        return Photo(turned(image_of_array(photo), turn), (), turn)
     paths = [Path(one) for one in (photo if isinstance(photo, list) else [photo])]
     turn = photo_orientation(paths[0]) if orientation is None else orientation
     image, notes = develop_photos(paths, [Path(one) for one in dark or []],
@@ -158,6 +175,10 @@ def as_input_file(photo: str | Path | Photo) -> InputFile:
 class ChartInPhoto:
     """A colour chart in a photo, its patches, and whether the photo is good enough.
 
+    Patches are in chart order, row by row as printed, whichever way the chart lies. Positions are
+    (x, y) in pixels of the photo: x to the right, y down, (0, 0) the centre of the first pixel; of
+    a camera raw in pixels of the whole sensor, as other programs show the photo.
+
     Attributes
     ----------
     photo : Photo
@@ -172,8 +193,10 @@ class ChartInPhoto:
     Examples
     --------
     >>> chart = sb.find_chart("painting/photos/painting.dng")
-    >>> chart.verdict, chart.reasons, chart.corners
-    >>> chart.samples.mean
+    >>> chart.verdict, chart.reasons, chart.names
+    >>> chart.centres, chart.corners, chart.angle_deg
+    >>> chart.mean, chart.standard_error, chart.spread, chart.clipped
+    >>> chart.to_csv("patches.csv")
     >>> chart.plot()
     """
 
@@ -193,14 +216,86 @@ class ChartInPhoto:
         return self.quality.reasons
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names (I) of the patches."""
+        return self.layout.names
+
+    @property
     def corners(self) -> np.ndarray:
-        """Sampled quadrilaterals (I, 4, 2) of the patches, in pixels of the photo."""
+        """Corners (I, 4, 2) of the sampled middle of each patch, 0.6 of its sides: as printed top
+        left, top right, bottom right, bottom left.
+        """
         return self.detection.corners_px
 
     @property
+    def centres(self) -> np.ndarray:
+        """Centres (I, 2) of the patches."""
+        return centres_px(self.detection)
+
+    @property
+    def angle_deg(self) -> float:
+        """How far the chart is turned clockwise in the photo, -180 to 180; 0 as printed."""
+        return angle_deg(self.detection, self.layout)
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Linear values (I, K): mean of each patch, black-subtracted, without white balance, as a
+        fraction of white.
+        """
+        return self.samples.mean
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """Standard error (I, K) of ``mean`` by the noise of its pixels."""
+        return self.samples.standard_error
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviation (I, K) of the single pixels of a patch, less light that changes
+        evenly across it, dust and glints; of a camera raw a pixel is a cell of the mosaic.
+        """
+        return self.samples.spread
+
+    @property
+    def clipped(self) -> np.ndarray:
+        """Whether more than 1 % of the pixels (I, K) are saturated, so that the mean is too low."""
+        return self.samples.clipped
+
+    @property
     def samples(self) -> PatchSamples:
-        """Mean signals (I, K) of the patches, with their covariance."""
+        """Mean signals (I, K) of the patches, with their covariance, and the number of pixels."""
         return self.quality.samples
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """All this by the names of columns, as ``to_csv`` writes them and a data frame takes them.
+
+        Returns
+        -------
+        dict
+            From names to arrays (I,).
+        """
+        return patch_columns(self.layout, self.detection, self.samples, self.quality.excluded)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write a row for each patch, as ``spectrabox chart --out``; ``camera fit --patches`` reads
+        it.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Path
+            Of the file.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the file cannot be written; an older one is left as it was.
+        """
+        write_text_whole(Path(path), table_of_columns(self.columns()))
+        return Path(path)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """The photo with the sampled quadrilaterals of the patches.
@@ -226,13 +321,14 @@ class ChartInPhoto:
                 f"{len(self.corners)} patches, confidence {self.detection.confidence:.2f}>")
 
 
-def find_chart(photo: str | Path | Photo, *, layout: str | Path | Chart | None = None,
+def find_chart(photo: str | Path | Photo | np.ndarray, *, layout: str | Path | Chart | None = None,
                reference: str | None = None, corners: ArrayLike | None = None) -> ChartInPhoto:
     """Find the colour chart in a photo and judge the photo.
 
     Parameters
     ----------
-    photo : path or Photo
+    photo : path, Photo, or (H, W, K) array of linear values
+        As `open_photo` takes them; of a JPEG or PNG `open_photo` with ``not_linear=True``.
     layout : name, layout file or Chart, optional
         A ColorChecker Classic by default.
     reference : str, optional
