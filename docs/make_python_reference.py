@@ -21,8 +21,8 @@ GROUPS = {
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "SpectrumEstimate",
                                   "SpectrumEstimates", "MeasuredSpectra", "FlatSpectra",
-                                  "SceneSpectra", "ChartCheck", "ColourProfile",
-                                  "MeterReading"],
+                                  "SceneSpectra", "ColourComparison", "ChartCheck",
+                                  "ColourProfile", "MeterReading"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")
@@ -47,10 +47,11 @@ import spectrabox as sb
 The examples use the files of this demo and of `spectrabox demo mybox`. Shapes: K bands of the
 camera, P wavelengths in nm, T draws, I chart patches, (H, W) an image. Reflectances and signals
 relative to white run from 0 to 1. Where a function takes a light, it takes what the command line
-takes: the name of a CIE illuminant ("D65"), the path of a spectral file, wavelengths with values,
-or a record. No function prints (a notebook shows a bar while a long call lasts), needs a session
-folder, or writes a file that was not asked for; equal arguments and seeds give equal results, bit
-for bit those of the commands.
+takes: the name of a CIE illuminant ("D65"), the path of a spectral file, wavelengths with values
+(nm, values), a SpectralDistribution of colour-science, or a record. Other spectra are taken
+likewise, and a camera's curves as MultiSpectralDistributions too. No function prints (a notebook
+shows a bar while a long call lasts), needs a session folder, or writes a file that was not asked
+for; equal arguments and seeds give equal results, bit for bit those of the commands.
 
 ## What stays
 

@@ -4,9 +4,9 @@ from .api.camera import CameraEstimate as CameraEstimate
 from .api.camera import fit_camera as fit_camera
 from .api.chart_check import ChartCheck as ChartCheck
 from .api.colour_profile import ColourProfile as ColourProfile
-from .api.estimate import SpectrumEstimate as SpectrumEstimate
-from .api.estimates import MeasuredSpectra as MeasuredSpectra
-from .api.estimates import SpectrumEstimates as SpectrumEstimates
+from .api.estimates.estimate import SpectrumEstimate as SpectrumEstimate
+from .api.estimates.measured_spectra import MeasuredSpectra as MeasuredSpectra
+from .api.estimates.spectrum_estimates import SpectrumEstimates as SpectrumEstimates
 from .api.flat import FlatSpectra as FlatSpectra
 from .api.flat import flat as flat
 from .api.meter_reading import MeterReading as MeterReading
@@ -24,6 +24,7 @@ from .api.scene import reconstruct_scene as reconstruct_scene
 from .api.session import Session as Session
 from .api.signals import match as match
 from .api.signals import sample as sample
+from .measure.surfaces.colour_comparison import ColourComparison as ColourComparison
 from .radiometry.errors import CalibrationError as CalibrationError
 from .radiometry.errors import ChartNotFoundError as ChartNotFoundError
 from .radiometry.errors import CheckError as CheckError

@@ -30,7 +30,8 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
                     "session/terminal/command_help.py", "session/commands/")}
 EXTRA_OWNERS = {("fixtures/demos/demo_photos.py", "colour"), ("fixtures/paints.py", "colour"),
                 ("fixtures/lamp.py", "colour"), ("fixtures/demos/demo_session.py", "colour"),
-                ("spectrabox/api/estimate.py", "colour")}   # handed out as colour-science's own
+                # handed out as colour-science's own
+                ("spectrabox/api/estimates/estimate.py", "colour")}
 
 
 @cache

@@ -2,16 +2,18 @@
 import numpy as np
 import pytest
 
-from spectrabox.measure.regions.colour_comparison import (
+from spectrabox.measure.surfaces.colour_comparison import (
     BY_CHANCE,
     compare_colours,
     signal_difference,
 )
-from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.surfaces.metamers import LIGHTS
+from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.error_model import PHOTO_NOISE, WHITE, proportional_covariance
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import SignalError, SurfaceSignals
+from spectrabox.sampling.prior.mixture import load_prior
+from spectrabox.sampling.prior.signal_posterior import solve_posterior
 
 BANDS = np.array([np.exp(-(((FINE_GRID.nm - peak) / 35) ** 2)) for peak in (610, 540, 460)])
 BANDS /= BANDS.sum(axis=1, keepdims=True)
@@ -23,21 +25,27 @@ def region(reflectance, *, noise=0.002, white=0.0, error=0.0):
     signal = BANDS @ reflectance + noise * np.asarray(error)
     errors = (SignalError(PHOTO_NOISE, noise**2 * np.eye(3)[None]),
               SignalError(WHITE, proportional_covariance(signal, np.full((3, 3), white**2))[None]))
-    return RegionSignal(SurfaceSignals(("a",), (False,), FINE_GRID, reflectance[None],
-                                       ("R", "G", "B"), np.zeros(3, int), BANDS, signal[None],
-                                       errors), (1.0, 0.0), 0.0, None)
+    return SurfaceSignals(("a",), (False,), FINE_GRID, reflectance[None], ("R", "G", "B"),
+                          np.zeros(3, int), BANDS, signal[None], errors)
+
+
+def compared(*surfaces):
+    return compare_colours(surfaces, [solve_posterior(load_prior(), measurement(one, 0))
+                                      for one in surfaces])
 
 
 def test_an_error_of_white_that_both_share_does_not_hide_a_difference():
     """Without noise of its own a pair differs by an unknown white only in proportion."""
     reddish = GREY + 0.02 * (FINE_GRID.nm > 580)
-    alone, shared = (compare_colours(region(GREY, white=white), region(reddish, white=white),
-                                     ((), ())) for white in (0.0, 0.05))
+    alone, shared = (compared(region(GREY, white=white), region(reddish, white=white))
+                     for white in (0.0, 0.05))
     assert alone.distinct and shared.distinct
     # the shared 5 % of a difference of 0.02 is 0.001, half the noise of one signal
     assert shared.difference == pytest.approx(alone.difference, rel=0.1)
     # and draws that err by one white differ less than draws that each have a white of their own
-    assert shared.standard_error[0] < 1.3 * alone.standard_error[0]
+    widths = [upper - lower for _, lower, upper in (shared.delta_e(), alone.delta_e())]
+    assert widths[0] < 1.3 * widths[1]
+    assert np.all(shared.lab().standard_error < 1.3 * alone.lab().standard_error)
 
 
 def test_two_areas_of_one_colour_are_told_apart_as_rarely_as_stated():
@@ -52,7 +60,11 @@ def test_two_areas_of_one_colour_are_told_apart_as_rarely_as_stated():
 
 
 def test_the_same_signal_twice_looks_alike_on_average_and_the_answer_says_so():
-    both = compare_colours(region(GREY, white=0.03), region(GREY, white=0.03), ((), ()))
+    both = compared(region(GREY, white=0.03), region(GREY, white=0.03))
     assert not both.distinct and "cannot tell" in both.sentence and both.difference == 0
-    assert both.delta_e00 == pytest.approx(np.zeros(len(LIGHTS)), abs=1e-9)
-    assert np.all(both.standard_error > 0)      # what the camera does not see may differ
+    for light in LIGHTS:
+        value, lower, upper = both.delta_e(light)
+        assert value == pytest.approx(0, abs=1e-9) and lower == 0
+        assert upper > 0            # what the camera does not see may differ
+    np.testing.assert_array_equal(both.spectrum.value, 0)
+    assert "dE00 0.0 (95 %: 0.0 to " in repr(both)

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import spectrabox as sb
 from spectrabox.api.arguments import as_reflectance
 from spectrabox.capture.photo.image_writers import write_exr
+from spectrabox.measure.signals.signal_estimate import NO_NOISE, NO_WHITE
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
@@ -93,10 +94,28 @@ def test_a_signal_of_which_white_and_noise_are_not_stated_says_so():
         result = CliRunner().invoke(app, ["sample", *CAMERA, "--signal", "0.346,0.449,0.146",
                                           "--json", *more])
         return json.loads(result.stdout).get("caveat", "")
-    assert "no --white was given: the signal is taken as relative to a perfect white" in caveat()
-    assert "no --noise was given: the signal is taken as exact" in caveat()
-    assert "--white" not in caveat("--white", "0.39,0.51,0.17")
+    assert NO_WHITE in caveat() and "taken as relative to a perfect white" in NO_WHITE
+    assert NO_NOISE in caveat() and "taken as exact" in NO_NOISE
+    assert caveat("--white", "0.39,0.51,0.17") == NO_NOISE
     assert caveat("--white", "0.39,0.51,0.17", "--noise", "0.003") == ""
+
+
+def test_python_says_what_was_not_stated_of_a_signal_as_the_command_does():
+    signal, white = [0.346, 0.449, 0.146], [0.39, 0.51, 0.17]
+    bare = sb.sample(signal, **NAMED)
+    assert bare.caveats == (NO_WHITE, NO_NOISE)
+    for shown in (repr(bare), bare._repr_html_(), repr(sb.sample([signal, signal], **NAMED))):
+        assert shown.count(NO_NOISE.split("'")[0]) == 1     # HTML writes the apostrophe its own way
+    assert sb.sample(signal, white=white, **NAMED).caveats == (NO_NOISE,)
+    stated = sb.sample(signal, white=white, noise=0.003, **NAMED)
+    assert stated.caveats == () and "\n" not in repr(stated)
+    assert sb.sample(lab=[45, -27, 30]).caveats == (NO_NOISE,)      # white by what it is
+    with pytest.raises(InputError, match="relative to white by what it is"):
+        sb.sample(lab=[45, -27, 30], white=white)
+    nm = np.arange(400, 701, 5)
+    library = {"grey": np.full(nm.size, 0.4)}
+    assert NO_NOISE in sb.match([0.4, 0.4, 0.4], library, nm=nm, **NAMED).says
+    assert NO_NOISE not in sb.match([0.4, 0.4, 0.4], library, nm=nm, noise=0.01, **NAMED).says
 
 
 def test_a_truth_above_one_is_taken_for_per_cent():

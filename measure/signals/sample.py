@@ -82,7 +82,8 @@ def sample_signals(capture: SignalCapture, options: SampleOptions, *,
         estimates = [_estimate_from_draws(*_measured(capture, signal), options, capture, correction)
                      for signal in capture.signals]
     seconds = (time.perf_counter() - started) / len(estimates)
-    return [replace(estimate, name=name or None, caveat=capture.caveat, seconds=seconds)
+    caveat = "\n".join(capture.caveats) or None
+    return [replace(estimate, name=name or None, caveat=caveat, seconds=seconds)
             for name, estimate in zip(capture.names, estimates, strict=True)]
 
 

@@ -17,6 +17,10 @@ from spectrabox.sampling.prior.family_coverage import FamilyCoverage, coverage_f
 from spectrabox.sampling.prior.mixture import LogitMixture
 
 SHOWN_NM, BASELINE_NM = 25, 50      # between the wavelengths of a text
+NO_WHITE = ("no white was stated (--white, white=): the signal is taken as relative to a perfect "
+            "white, which values of a raw photo are not")
+NO_NOISE = ("no noise was stated (--noise, noise=): the signal is taken as exact, and the band is "
+            "narrower than a photo's")
 CURVES = ("mean", "standard_deviation", "lower", "upper")
 
 
@@ -32,9 +36,10 @@ class SignalCapture:
     names : tuple of S str
         Empty of a signal that stands alone.
     white : (K,) array, optional
-        What a perfect white reads, in the signals' unit; 1 by default.
+        What a perfect white reads, in the signals' unit; 1 by default. Ones of colours, which are
+        relative to white by what they are.
     noise : (K,) array, optional
-        Standard errors in the signals' unit; 0 by default.
+        Standard errors in the signals' unit; none by default, which the answer says.
     light_error, sensitivity_error : float
         Relative standard errors of the light scale and of each curve.
     prior : LogitMixture, optional
@@ -45,7 +50,7 @@ class SignalCapture:
         Light reflected twice off the surface.
     swatches : signals (n, K) and reflectances (n, 61), optional
         Measured samples of the material, which correct the learnt prior; draws are then made.
-    caveat : str, optional
+    origin : str, optional
         What an answer has to say of where the signals are from.
     """
 
@@ -60,7 +65,14 @@ class SignalCapture:
     more: Sequence[MoreMeasurement] = ()
     twice: SpectralMeasurement | None = None
     swatches: tuple[np.ndarray, np.ndarray] | None = None
-    caveat: str | None = None
+    origin: str | None = None
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """Where the signals are from, and what was taken of them where nothing was stated."""
+        return tuple(sentence for sentence in (
+            self.origin, NO_WHITE if self.white is None else None,
+            NO_NOISE if self.noise is None else None) if sentence is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +98,7 @@ class SignalEstimate:
     certified, certificate : tuple of FamilyCoverage, str, optional
         What 95 % bands of those families held on unseen surfaces.
     caveat : str, optional
-        Of where the signal is from.
+        Where the signal is from, and what was not stated of it: sentences, one a line.
     baselines : dict of (61,) arrays, optional
         Other authors' single spectra; None of one who finds none.
     judged : dict of SpectrumScores, optional

@@ -8,11 +8,11 @@ import numpy as np
 
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.records import ChartRecords
-from spectrabox.measure.regions.colour_comparison import compare_colours
 from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
 from spectrabox.measure.steps.photos import UNEVEN
+from spectrabox.measure.surfaces.colour_comparison import compare_colours
 from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
 from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab, reflectance_to_srgb
@@ -84,16 +84,17 @@ def described_comparison(sample: PointedSample,
                          picked: Sequence[tuple[str, Region]]) -> dict[str, Any]:
     """Two parts of photos beside each other, each with its title."""
     (first, region), (second, other) = picked
-    both = compare_colours(sample.signal("pointer", region), sample.signal("pointer", other),
-                           (region.families, other.families))
+    pointed = [sample.pointed(region), sample.pointed(other)]
+    both = compare_colours([signal.signals for signal, _ in pointed],
+                           [posterior for _, posterior in pointed])
     return {"names": [first, second], "distinct": both.distinct, "says": both.sentence,
             "spectra": [{"nm": PRIOR_GRID.nm.tolist(), "mean": _rounded(mean)}
-                        for mean in both.spectra],
-            "lights": [
-                {"light": light, "hex": [hex_colour(colour) for colour in srgb],
-                 "delta_e00": round(float(delta), 2), "error": round(float(error), 2)}
-                for light, srgb, delta, error in zip(
-                    LIGHTS, both.srgb, both.delta_e00, both.standard_error, strict=True)]}
+                        for mean in both.means],
+            "lights": [{"light": light, "hex": [hex_colour(colour) for colour in both.srgb(light)],
+                        "delta_e00": round(value, 2), "lower": round(lower, 2),
+                        "upper": round(upper, 2)}
+                       for light, (value, lower, upper) in ((light, both.delta_e(light))
+                                                            for light in LIGHTS)]}
 
 
 def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: np.ndarray,

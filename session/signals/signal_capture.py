@@ -30,12 +30,8 @@ from spectrabox.session.signals.signal_options import (
     signal_and_noise,
 )
 
-SRGB_CAVEAT = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
+SRGB_ORIGIN = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
                "of surfaces that would look so in daylight, not of what was photographed")
-WHITE_CAVEAT = ("no --white was given: the signal is taken as relative to a perfect white, which "
-                "values of a raw photo are not")
-NOISE_CAVEAT = ("no --noise was given: the signal is taken as exact, and the band is narrower than "
-                "a photo's")
 
 
 def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple[str, str] | None,
@@ -69,18 +65,16 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
     if colour is not None:
         seen, rounding = colour_signal(*colour, light)
         named, noise = {"": seen}, rounding if noise is None else noise
+        white = np.ones(bands)      # a colour is relative to white
     elif signals is not None:
         named = read_named_signals(signals, bands)
     else:
         named = {"": numbers(measured.signal or "", bands, "signal")}
-    caveats = [caveat for holds, caveat in (
-        (colour is not None and colour[0] == "srgb", SRGB_CAVEAT),
-        (colour is None and white is None, WHITE_CAVEAT), (noise is None, NOISE_CAVEAT)) if holds]
     return SignalCapture(
         response, np.array(list(named.values())), tuple(named), white, noise, light_error,
         sensitivity_error, of_families(load_prior(prior), tuple(family)), more, reflected,
         None if swatches is None else read_swatches(swatches, bands),
-        "\n".join(caveats) or None)
+        SRGB_ORIGIN if colour is not None and colour[0] == "srgb" else None)
 
 
 def stated_truth(file: Path, column: str | None) -> np.ndarray:

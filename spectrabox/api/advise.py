@@ -15,8 +15,8 @@ from spectrabox.api.arguments import (
     as_spectrum,
     one_blas_thread,
 )
-from spectrabox.api.estimate import SpectrumEstimate
-from spectrabox.api.estimates import MeasuredSpectra
+from spectrabox.api.estimates.estimate import SpectrumEstimate
+from spectrabox.api.estimates.measured_spectra import MeasuredSpectra
 from spectrabox.api.session import Session
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior, shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves

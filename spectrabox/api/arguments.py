@@ -4,7 +4,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar, Union
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +39,23 @@ if TYPE_CHECKING:
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
-Curves = tuple[ArrayLike, ArrayLike]        # wavelengths (Q,) in nm, values
+
+
+class ColourScienceSpectra(Protocol):
+    """A SpectralDistribution of colour-science, or several of one grid (MultiSpectralDistributions)
+    """
+
+    @property
+    def wavelengths(self) -> Any:
+        """(Q,) in nm."""
+
+    @property
+    def values(self) -> Any:
+        """(Q,), or (Q, K) of several."""
+
+
+# wavelengths (Q,) in nm and values (Q,) or (K, Q), or a spectrum of colour-science
+Curves = tuple[ArrayLike, ArrayLike] | ColourScienceSpectra
 LightLike = str | Path | Spectrum | UnknownLight | Curves
 FilterLike = str | Path | Filter | Curves
 KnownSpectrum = str | Path | float | Spectrum | Curves
@@ -57,6 +73,36 @@ def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments
     return limited
 
 
+def as_samples(given: object, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (Q,) and values (Q,) or (K, Q) of arrays, or of a spectrum of colour-science.
+
+    Parameters
+    ----------
+    given : (nm, values), SpectralDistribution or MultiSpectralDistributions
+    name : str
+        What it is of, for the message.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or its shapes do not go together.
+    """
+    if hasattr(given, "wavelengths") and hasattr(given, "values"):
+        parts: Any = (given.wavelengths, np.asarray(given.values).T)
+    else:
+        parts = given
+    try:
+        nm, values = (np.asarray(part, dtype=float) for part in parts)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {type(given).__name__} is no spectrum; give a file, "
+                         "wavelengths and values (nm, values), or a SpectralDistribution of "
+                         "colour-science") from None
+    if nm.ndim != 1 or values.shape[-1:] != nm.shape or nm.size < 2 or np.any(np.diff(nm) <= 0):
+        raise InputError(f"{name}: wavelengths of shape {nm.shape} and values of shape "
+                         f"{values.shape} were given; wavelengths rise, and each has one value")
+    return nm, values
+
+
 def as_light(light: LightLike) -> Spectrum | UnknownLight:
     """A light from a file, a name, (nm, values), or a record.
 
@@ -64,7 +110,8 @@ def as_light(light: LightLike) -> Spectrum | UnknownLight:
     ----------
     light : str, Path, (nm, values), Spectrum or UnknownLight
         A spectral file, a CIE name such as "D65", "unknown", a temperature such as "3200K", or a
-        kind of lamp: daylight, halogen, led, fluorescent.
+        kind of lamp: daylight, halogen, led, fluorescent. Here and below (nm, values) may be a
+        SpectralDistribution of colour-science, and several curves its MultiSpectralDistributions.
 
     Raises
     ------
@@ -75,7 +122,7 @@ def as_light(light: LightLike) -> Spectrum | UnknownLight:
         return light
     if isinstance(light, str | Path):
         return stated_light(str(light), FINE_GRID)
-    nm, values = (np.asarray(part, dtype=float) for part in light)
+    nm, values = as_samples(light, "light")
     return Spectrum(FINE_GRID, on_grid(nm, values, FINE_GRID, "light"), Quantity.RELATIVE, "given")
 
 
@@ -91,7 +138,7 @@ def as_filter(through: FilterLike) -> Filter:
         return through
     if isinstance(through, str | Path):
         return unknown_filter() if str(through) == UNKNOWN else read_filter(Path(through))
-    nm, values = (np.asarray(part, dtype=float) for part in through)
+    nm, values = as_samples(through, "filter")
     return filter_of("given", nm, values)
 
 
@@ -127,8 +174,8 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
     """
     if isinstance(camera, str | Path):
         return sensitivities(str(camera), grid)
-    if isinstance(camera, tuple):
-        nm, curves = (np.asarray(part, dtype=float) for part in camera)
+    if isinstance(camera, tuple) or hasattr(camera, "wavelengths"):
+        nm, curves = as_samples(camera, "camera")
         return on_grid(nm, np.atleast_2d(curves), grid, "camera")
     require_sensitivities(camera)
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
@@ -177,10 +224,36 @@ def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
         return np.full(FINE_GRID.nm.size, float(known))
     if isinstance(known, str | Path):
         return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), FINE_GRID)
-    nm, values = (np.asarray(part, dtype=float) for part in known)
+    nm, values = as_samples(known, name)
     on_working_grid = on_grid(nm, values, FINE_GRID, "reflectance")
     check_reflectance(on_working_grid, FINE_GRID.nm, name)
     return on_working_grid
+
+
+def as_reflectance_at(nm: np.ndarray, given: KnownSpectrum | ArrayLike, name: str) -> np.ndarray:
+    """A reflectance at wavelengths (P,): as ``as_reflectance``, or an array (P,) of them.
+
+    Parameters
+    ----------
+    nm : (P,) array
+    given : as of ``as_reflectance``, or (P,) array
+    name : str
+        Of the surface, for messages.
+
+    Raises
+    ------
+    InputError
+        As ``as_reflectance``, or if an array has another number of values.
+    """
+    if isinstance(given, np.ndarray | list):
+        values = np.asarray(given, dtype=float)
+        if values.shape != nm.shape:
+            raise InputError(f"{name}: {values.shape} values were given for the {nm.size} "
+                             f"wavelengths from {nm[0]:g} to {nm[-1]:g} nm; give one for each, or "
+                             "(nm, values)")
+        check_reflectance(values, nm, name)
+        return values
+    return np.interp(nm, FINE_GRID.nm, as_reflectance(given, name))   # type: ignore[arg-type]
 
 
 def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:

@@ -24,8 +24,12 @@ from spectrabox.api.arguments import (
 )
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
-from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import MeasuredSpectra, advice_of
+from spectrabox.api.estimates.measured_spectra import (
+    MeasuredSpectra,
+    advice_of,
+    prior_of,
+    surface_estimate,
+)
 from spectrabox.api.photo import Photo, as_input_file
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
@@ -49,7 +53,7 @@ from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, SurfaceSignals
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.further.swatch_files import read_swatch_spectra
@@ -69,8 +73,6 @@ class FlatSpectra(MeasuredSpectra):
     ----------
     picture : PictureRecords or None
         The files of a picture of spectra, where one was asked for.
-    signals : SurfaceSignals
-        Of the regions, relative to white, with their errors by cause.
     light : dict
         Of each region: the light on it relative to the chart's mean, and its relative error.
 
@@ -92,8 +94,7 @@ class FlatSpectra(MeasuredSpectra):
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
                              partial(advice_of, found, name), rendered=False)
-            for name in signals.names])
-        self.signals: SurfaceSignals = signals
+            for name in signals.names], signals)
         self.picture: PictureRecords | None = records.picture
         self.light: dict[str, tuple[float, float]] = found.light
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from spectrabox.api.camera import CameraEstimate
-    from spectrabox.api.estimate import SpectrumEstimate
+    from spectrabox.api.estimates.estimate import SpectrumEstimate
 
 WIDTH, HEIGHT = 150, 36     # of the small plot, in pixels
 
@@ -26,11 +26,13 @@ def axes_for(axes: Axes | None, inches: tuple[float, float] | None = None) -> Ax
 
 
 def spectrum_html(estimates: Sequence[SpectrumEstimate]) -> str:
-    """A table with one row a surface."""
+    """A table with one row a surface, and below it what was not stated of their signals."""
     rows = Markup("").join(_row(estimate) for estimate in estimates)
     table = Markup("<table><thead><tr><th>surface</th><th>colour</th><th>400 to 700 nm, 0 to 1</th>"
                    "<th>band width</th></tr></thead><tbody>{}</tbody></table>")
-    return str(table.format(rows))
+    caveats = dict.fromkeys(caveat for estimate in estimates for caveat in estimate.caveats)
+    return str(table.format(rows) + Markup("").join(Markup("<p>{}</p>").format(caveat)
+                                                    for caveat in caveats))
 
 
 def _row(estimate: SpectrumEstimate) -> Markup:

@@ -24,8 +24,12 @@ from spectrabox.api.arguments import (
     surfaces_of,
 )
 from spectrabox.api.camera import CameraEstimate
-from spectrabox.api.estimate import prior_of, surface_estimate
-from spectrabox.api.estimates import MeasuredSpectra, advice_of
+from spectrabox.api.estimates.measured_spectra import (
+    MeasuredSpectra,
+    advice_of,
+    prior_of,
+    surface_estimate,
+)
 from spectrabox.api.notebook import axes_for
 from spectrabox.api.photo import Photo, as_input_file, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
@@ -92,7 +96,7 @@ class SceneSpectra(MeasuredSpectra):
         super().__init__(found, [
             surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
                              partial(advice_of, found, name), rendered=True)
-            for name in signals.names])
+            for name in signals.names], signals)
         self.records = records
 
     @property

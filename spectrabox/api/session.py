@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from spectrabox.api.estimate import SpectrumEstimate
+from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.flat import FlatSpectra
 from spectrabox.api.notebook import spectrum_html
 from spectrabox.api.progress import ProgressLike, progress_steps

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,14 +11,16 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.arguments import (
     CameraLike,
+    KnownSpectrum,
     LightLike,
     as_prior,
+    as_reflectance,
     families_of,
     one_blas_thread,
     relative_response,
 )
-from spectrabox.api.estimate import SpectrumEstimate
-from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.api.estimates.estimate import SpectrumEstimate
+from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
 from spectrabox.measure.advice.advise import advice_on_signal
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions
@@ -26,7 +29,6 @@ from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEsti
 from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectrumSummary
-from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
 from spectrabox.sampling.further.swatch_files import read_swatches, swatch_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -38,7 +40,7 @@ SwatchesLike = str | Path | tuple[ArrayLike, ArrayLike, ArrayLike]
 @one_blas_thread
 def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None,
            light: LightLike | None = None, lab: ArrayLike | None = None,
-           xyz: ArrayLike | None = None, noise: ArrayLike = 0.0,
+           xyz: ArrayLike | None = None, noise: ArrayLike | None = None,
            white: ArrayLike | None = None, light_error: float = 0.0,
            sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,
            method: str = SampleOptions.method, draws: int = SampleOptions.samples,
@@ -60,10 +62,11 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         In place of signals and camera: L*a*b* of the CIE 1931 observer.
     xyz : (3,) or (S, 3) array, optional
         The same by X, Y, Z, with Y = 100 for white.
-    noise : float or (K,) array
+    noise : float or (K,) array, optional
         Standard error of the signal in each band, in its unit; of a colour relative to white.
+        Without it the signal is taken as exact, and the answer says so (``caveats``).
     white : (K,) array, optional
-        What a perfect white reads in each band; 1 by default.
+        What a perfect white reads in each band; 1 by default, and the answer says so.
     light_error, sensitivity_error : float
         Relative standard errors of the light's strength and of each curve.
     families : str or sequence of str, optional
@@ -110,6 +113,9 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
     """
     if lab is not None or xyz is not None:
         signals, camera, light = _of_colour(signals, camera, light, lab, xyz)
+        if white is not None:
+            raise InputError("a colour is relative to white by what it is; leave white out")
+        white = np.ones(3)
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "
                          "a colour is given as lab= or xyz=")
@@ -120,8 +126,8 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
     if given.ndim not in (1, 2) or rows.shape[1] != bands:
         raise InputError(f"signals of shape {given.shape} were given and the camera has {bands} "
                          f"bands; give ({bands},) or (number, {bands})")
-    errors = np.asarray(noise, dtype=float)
-    if errors.shape not in ((), (bands,)):
+    errors = None if noise is None else np.asarray(noise, dtype=float)
+    if errors is not None and errors.shape not in ((), (bands,)):
         raise InputError(f"noise of shape {errors.shape} was given for {bands} bands; give one "
                          f"standard error, or one a band ({bands},)")
     labels = [f"signal {number}" for number in range(1, len(rows) + 1)] if names is None \
@@ -132,19 +138,21 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
     learnt = as_prior(prior, families_of(families))
     capture = SignalCapture(
         response, rows, tuple(labels), None if white is None else np.asarray(white, dtype=float),
-        np.broadcast_to(errors, bands).copy(), light_error, sensitivity_error, learnt,
+        None if errors is None else np.broadcast_to(errors, bands).copy(), light_error,
+        sensitivity_error, learnt,
         swatches=None if swatches is None else _swatches(swatches, bands))
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients, level),
                           with_draws=given.ndim == 1)
-    estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None)
+    estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None,
+                           capture.caveats)
                  for name, one in zip(labels, each, strict=True)]
     return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)
 
 
 def match(signal: SpectrumEstimate | ArrayLike,
-          library: str | Path | Sequence[str | Path] | Mapping[str, ArrayLike], *,
+          library: str | Path | Sequence[str | Path] | Mapping[str, KnownSpectrum | ArrayLike], *,
           camera: CameraLike | None = None, light: LightLike | None = None,
-          noise: ArrayLike = 0.0, nm: ArrayLike | None = None, variation: float = VARIATION,
+          noise: ArrayLike | None = None, nm: ArrayLike | None = None, variation: float = VARIATION,
           evidence_ratio: float | None = None,
           prior: str | Path | LogitMixture | None = None) -> SurfaceMatch:
     """Which measured spectra could have given a signal, or that none could.
@@ -154,14 +162,15 @@ def match(signal: SpectrumEstimate | ArrayLike,
     signal : SpectrumEstimate or (K,) array
         An estimate holds its camera, light and errors; an array needs ``camera`` and ``light``.
     library : path, several, or mapping of names to reflectances
-        Spectral files, folders and archives as of ``spectrabox match --library``; or reflectances
-        (P,) at wavelengths ``nm``.
+        Spectral files, folders and archives as of ``spectrabox match --library``; or reflectances,
+        arrays (P,) at wavelengths ``nm``, or each a file, (nm, values) or a SpectralDistribution.
     camera, light
         As of `sample`, of a signal that is given as an array.
-    noise : float or (K,) array
-        Of a signal that is given as an array.
+    noise : float or (K,) array, optional
+        Standard error of a signal that is given as an array; without it the signal is taken as
+        exact.
     nm : (P,) array, optional
-        Wavelengths of a mapping.
+        Wavelengths of the arrays of a mapping.
     variation : float
         Standard deviation of surfaces of one material, in reflectance.
     evidence_ratio : float, optional
@@ -203,18 +212,19 @@ def match(signal: SpectrumEstimate | ArrayLike,
     if signal.measurement is None:
         raise InputError(f"the spectrum of {signal.name!r} was given: there is nothing to identify")
     if isinstance(library, Mapping):
-        if nm is None:
+        if nm is None and any(isinstance(one, np.ndarray | list) for one in library.values()):
             raise InputError("reflectances of a library need their wavelengths: give nm")
-        spectra = on_grid(np.asarray(nm, dtype=float),
-                          np.array([np.asarray(one, dtype=float) for one in library.values()]),
-                          signal.measurement.grid, "library")
+        spectra = np.array([as_reflectance(
+            (nm, one) if isinstance(one, np.ndarray | list) else one, name)  # type: ignore[arg-type]
+            for name, one in library.items()])
         known = SpectralLibrary(tuple(library), ("given",) * len(library), spectra,
                                 np.zeros_like(spectra), ())
     else:
         words = [library] if isinstance(library, str | Path) else list(library)
         known = read_spectral_libraries([str(word) for word in words], signal.measurement.grid)
-    return match_signal(signal.name, signal.measurement, known, as_prior(prior),
-                        variation=variation, evidence_ratio=evidence_ratio)
+    found = match_signal(signal.name, signal.measurement, known, as_prior(prior),
+                         variation=variation, evidence_ratio=evidence_ratio)
+    return replace(found, says="\n".join([found.says, *signal.caveats]))
 
 
 def _of_colour(signals: ArrayLike | None, camera: CameraLike | None, light: LightLike | None,
@@ -242,13 +252,14 @@ def _swatches(swatches: SwatchesLike, bands: int) -> tuple[np.ndarray, np.ndarra
     return signals, swatch_reflectances(nm, values, "swatches")
 
 
-def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None) -> SpectrumEstimate:
+def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None,
+              caveats: tuple[str, ...]) -> SpectrumEstimate:
     """The public estimate of one signal."""
     summary = SpectrumSummary(PRIOR_GRID, one.mean, one.standard_deviation, one.lower, one.upper,
                               one.bound_lower, one.bound_upper, one.level, one.conditional_on,
                               one.next_measurement_nm)
     return SpectrumEstimate(
-        name, summary, one.measurement, one.causes, prior, one.draws,
+        name, summary, one.measurement, one.causes, prior, one.draws, caveats=caveats,
         advise=tuple if prior is None else partial(advice_on_signal, one.measurement, prior,
                                                    one.level))
 

@@ -169,9 +169,9 @@ const refuse = (text) => { $("comparison").replaceChildren(make("p", { className
 function showComparison({ names, lights, spectra, says, distinct, refused }) {
   if (refused) { refuse(refused); return; }
   const table = make("table"), head = table.createTHead().insertRow(), body = table.createTBody();
-  for (const text of ["Light", `${names[0]} | ${names[1]}`, "\u0394E00"]) head.append(make("th", { scope: "col", text }));
-  for (const { light, hex, delta_e00: delta, error } of lights)
-    body.append(make("tr", {}, make("th", { scope: "row", text: LIGHTS[light] ?? light }), make("td", {}, pairOf(hex)), make("td", { text: `${one(delta)} ± ${one(error)}` })));
+  for (const text of ["Light", `${names[0]} | ${names[1]}`, "\u0394E00 (95 %)"]) head.append(make("th", { scope: "col", text }));
+  for (const { light, hex, delta_e00: delta, lower, upper } of lights)
+    body.append(make("tr", {}, make("th", { scope: "row", text: LIGHTS[light] ?? light }), make("td", {}, pairOf(hex)), make("td", { text: `${one(delta)} (${one(lower)} to ${one(upper)})` })));
   $("comparison").replaceChildren(smallSpectrum(`Reflectances of ${names[0]} and ${names[1]} over wavelength`, spectra[0], [spectra[1]]),
     make("p", { className: distinct ? "" : "bad", text: says }), table);
 }

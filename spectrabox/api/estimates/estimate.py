@@ -5,26 +5,27 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from spectrabox.api.arguments import KnownSpectrum, as_reflectance_at
+from spectrabox.api.estimates.estimate_tables import estimates_to_csv, estimates_to_xarray
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.advice.advice import Advice
-from spectrabox.measure.captured import Capture
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement, with_added
-from spectrabox.measure.surfaces.swatch_correction import CORRECTED
+from spectrabox.measure.surfaces.colour_comparison import Colour
+from spectrabox.measure.surfaces.surface_signals import with_added
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import (
     SpectralMeasurement,
     SpectrumSamples,
     SpectrumSummary,
-    SurfaceSignals,
-    SurfaceSpectrum,
 )
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 from spectrabox.sampling.summary import check_draws, check_level
 
@@ -36,13 +37,6 @@ if TYPE_CHECKING:
 COLOUR_DRAWS = 2000         # behind a colour's standard error, where no draws are held
 COLOUR_SEED = 1
 DRAWS_SHOWN = 30
-
-
-class Colour(NamedTuple):
-    """A colour value with its standard error."""
-
-    value: np.ndarray
-    standard_error: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +62,8 @@ class SpectrumEstimate:
         The one spectrum of the fit to the photo of a scene.
     given : (nm, reflectance) or None
         Of a surface whose spectrum is known.
+    caveats : tuple of str
+        What was not stated of a signal, and what was taken instead, in sentences.
 
     References
     ----------
@@ -91,6 +87,7 @@ class SpectrumEstimate:
     samples: SpectrumSamples | None = None
     inverse_rendering: np.ndarray | None = None
     given: tuple[np.ndarray, np.ndarray] | None = None
+    caveats: tuple[str, ...] = ()
     # forecasts what to do next, which takes a while: called when it is asked for
     advise: Callable[[], tuple[Advice, ...]] = tuple
 
@@ -218,16 +215,18 @@ class SpectrumEstimate:
         mean, draws = (self._lab_of(light, spectra) for spectra in (self.mean, self._colour_draws))
         return Colour(mean, draws.std(axis=0))
 
-    def delta_e(self, light: str, other: SpectrumEstimate | np.ndarray) -> Colour:
+    def delta_e(self, other: SpectrumEstimate | KnownSpectrum | ArrayLike,
+                light: str = "D65") -> Colour:
         """CIEDE2000 between the means of two surfaces under a light, with its standard error.
 
         Parameters
         ----------
+        other : SpectrumEstimate, (P,) array, path, (nm, values) or Spectrum
+            Another estimate, whose errors are taken to be independent (surfaces of one photo share
+            most of theirs: `MeasuredSpectra.compare`), or a measured reflectance, an array being
+            one on the wavelengths of this estimate.
         light : str
             CIE name: D65, A, FL11, LED-B3.
-        other : SpectrumEstimate or (P,) array
-            Another estimate, whose errors are taken to be independent, or a reflectance on the
-            wavelengths of this one.
 
         Returns
         -------
@@ -237,13 +236,17 @@ class SpectrumEstimate:
         Raises
         ------
         InputError
-            If no light of that name is published.
+            If no light of that name is published, or the other is no reflectance.
         """
+        if not isinstance(light, str) or (isinstance(other, str) and not Path(other).is_file()):
+            raise InputError(f"{other!r} is no surface, or {light!r} no light: give the other "
+                             "surface, a reflectance or its file first, and a CIE name after it, "
+                             "as in delta_e(other, light='D65')")
         if isinstance(other, SpectrumEstimate):
             theirs, drawn = other._lab_of(light, other.mean), other._lab_of(light,
                                                                             other._colour_draws)
         else:
-            theirs = drawn = self._lab_of(light, np.asarray(other, dtype=float))
+            theirs = drawn = self._lab_of(light, as_reflectance_at(self.nm, other, "other"))
         mine = self._lab_of(light, self._colour_draws)
         if drawn.ndim == 2:
             # in another order: draws of equal seeds would err alike
@@ -305,14 +308,15 @@ class SpectrumEstimate:
             raise InputError(f"{self.name!r} was not estimated with the learnt prior")
         return solve_posterior(self.prior, self.measurement)
 
-    def plot(self, axes: Axes | None = None, *, truth: np.ndarray | None = None) -> Axes:
+    def plot(self, axes: Axes | None = None, *,
+             truth: KnownSpectrum | ArrayLike | None = None) -> Axes:
         """Draws, band, exact bounds and mean over wavelength, as in the report.
 
         Parameters
         ----------
         axes : matplotlib Axes, optional
             To draw into; new ones by default.
-        truth : (P,) array, optional
+        truth : (P,) array, path, (nm, values) or Spectrum, optional
             A measured reflectance to compare with.
 
         Returns
@@ -328,7 +332,7 @@ class SpectrumEstimate:
                 else (held.spectra, held.grid.nm)
             plot_estimate(axes, self._summary, draws, draws_nm, self.inverse_rendering)
         if truth is not None:
-            plot_truth(axes, self.nm, truth)
+            plot_truth(axes, self.nm, as_reflectance_at(self.nm, truth, "truth"))
         axes.set_title(self.name)
         axes.legend(frameon=False, fontsize="small")
         return axes
@@ -355,6 +359,25 @@ class SpectrumEstimate:
             If xarray is not installed.
         """
         return estimates_to_xarray({self.name: self}, draws, seed).isel(surface=0)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write mean, standard deviation, band and bounds, a row a wavelength.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Path
+            Of the file.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the file cannot be written; an older one is left as it was.
+        """
+        return estimates_to_csv({self.name: self}, path)
 
     def to_colour(self) -> SpectralDistribution:
         """The mean as a colour-science SpectralDistribution.
@@ -407,45 +430,10 @@ class SpectrumEstimate:
         if self.given is not None:
             return f"<SpectrumEstimate {self.name!r}: given>"
         lightness, a, b = self.lab().value
-        return (f"<SpectrumEstimate {self.name!r}: L*a*b* {lightness:.1f} {a:.1f} {b:.1f}, "
-                f"{100 * self._summary.level:.4g} % band {self.band_width:.3f} wide>")
-
-
-def prior_of(capture: Capture, name: str) -> LogitMixture | None:
-    """The prior that the spectra of a surface were drawn from; None by other methods."""
-    if capture.sampling.method != "prior":
-        return None
-    return of_families(load_prior(), capture.surfaces[name].families)
-
-
-def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, SurfaceSpectrum],
-                     prior: LogitMixture | None,
-                     advise: Callable[[], tuple[Advice, ...]], *,
-                     rendered: bool) -> SpectrumEstimate:
-    """The estimate of one surface of a scene or of a flat sample.
-
-    Parameters
-    ----------
-    signals : SurfaceSignals
-    name : str
-        Of the surface.
-    spectra : mapping of SurfaceSpectrum
-        Of every unknown surface.
-    prior : LogitMixture or None
-        That the spectra were drawn from; None for another method than the learnt prior.
-    advise : callable
-        What to do next of it.
-    rendered : bool
-        Whether the spectra of ``signals`` are those of inverse rendering.
-    """
-    index = signals.names.index(name)
-    if signals.known[index]:
-        return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
-    samples = spectra[name].samples
-    return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
-                            errors_by_cause(signals, index),
-                            None if samples.method.endswith(CORRECTED) else prior, samples,
-                            signals.spectra[index] if rendered else None, advise=advise)
+        said = [f"<SpectrumEstimate {self.name!r}: L*a*b* {lightness:.1f} {a:.1f} {b:.1f}, "
+                f"{100 * self._summary.level:.4g} % band {self.band_width:.3f} wide>",
+                *self.caveats]
+        return "\n".join(said)
 
 
 def _on(nm: np.ndarray, own_nm: np.ndarray, spectra: np.ndarray) -> np.ndarray:
@@ -453,50 +441,3 @@ def _on(nm: np.ndarray, own_nm: np.ndarray, spectra: np.ndarray) -> np.ndarray:
     if np.array_equal(nm, own_nm):
         return spectra
     return np.array([np.interp(nm, own_nm, spectrum) for spectrum in spectra])
-
-
-def estimates_to_xarray(estimates: Mapping[str, SpectrumEstimate], draws: int,
-                        seed: int) -> Dataset:
-    """Estimates on the same wavelengths as an xarray Dataset.
-
-    Parameters
-    ----------
-    estimates : mapping of SpectrumEstimate
-    draws : int
-        How many of each to include.
-    seed : int
-
-    Returns
-    -------
-    xarray.Dataset
-        Dimensions ``surface``, ``wavelength`` (nm), and ``draw`` where draws are asked for;
-        variables are reflectances, 0 to 1.
-
-    Raises
-    ------
-    EnvironmentProblem
-        If xarray is not installed.
-    """
-    try:
-        import xarray
-    except ImportError:
-        raise EnvironmentProblem("to_xarray needs xarray, which is not installed: pip install "
-                                 "'spectrabox[xarray]'") from None
-    each = list(estimates.values())
-    columns: dict[str, Any] = {
-        "mean": [one.mean for one in each],
-        "standard_deviation": [one.standard_deviation for one in each],
-        "lower": [one.band()[0] for one in each], "upper": [one.band()[1] for one in each],
-        "bound_lower": [one.bounds()[0] for one in each],
-        "bound_upper": [one.bounds()[1] for one in each]}
-    reflectance: dict[str, Any] = {"units": "1", "long_name": "reflectance"}
-    variables: dict[str, Any] = {name: (("surface", "wavelength"), np.array(values), reflectance)
-                                 for name, values in columns.items()}
-    if draws:
-        variables["draws"] = (("surface", "draw", "wavelength"),
-                              np.array([one.draws(draws, seed) for one in each]),
-                              reflectance | {"seed": seed})
-    nm = ("wavelength", each[0].nm, {"units": "nm"})
-    return xarray.Dataset(variables, {"surface": list(estimates), "wavelength": nm},
-                          {"title": "reflectance estimates", "band_level": 0.95,
-                           "outcome": [one.outcome for one in each]})

@@ -1,0 +1,187 @@
+"""Estimates of the surfaces of a photo, with the verdict on them and what they rest on."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from spectrabox.api.estimates.estimate import SpectrumEstimate
+from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
+from spectrabox.measure.advice.advice import Advice
+from spectrabox.measure.captured import Capture
+from spectrabox.measure.results.capture_result import CaptureResult
+from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
+from spectrabox.measure.surfaces.surface_signals import alone, errors_by_cause, measurement
+from spectrabox.measure.surfaces.swatch_correction import CORRECTED
+from spectrabox.measure.verdict.conditions import conditions_text
+from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
+from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+
+
+class MeasuredSpectra(SpectrumEstimates):
+    """Estimates of the surfaces of a photo, with the verdict on them and what they rest on.
+
+    Parameters
+    ----------
+    found : CaptureResult
+    estimates : sequence of SpectrumEstimate
+        Of its surfaces.
+    signals : SurfaceSignals
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Sensitivities and light, or their products where the light is unknown.
+    signals : SurfaceSignals
+        Of the surfaces, relative to white, with their errors by cause.
+    notes : tuple of str
+        What to beware of, in sentences.
+
+    References
+    ----------
+    Criteria of the verdict: docs/how-to/report.md.
+
+    Examples
+    --------
+    >>> result = sb.flat("painting/photos/painting.dng", {"wall": (986, 462, 1073, 537)})
+    >>> print(result.text())
+    >>> result.facts()["regions"][0]["band_width"]
+    """
+
+    def __init__(self, found: CaptureResult, estimates: Sequence[SpectrumEstimate],
+                 signals: SurfaceSignals) -> None:
+        super().__init__(estimates)
+        self.found = found
+        self.signals = signals
+        self.calibration: Calibration = found.calibration
+        self.notes: tuple[str, ...] = tuple(found.warnings)
+
+    @property
+    def verdict(self) -> str:
+        """"pass", "warn" or "fail", by the criteria of the report."""
+        return self.found.verdict.word
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
+        return self.found.verdict.reasons
+
+    @property
+    def methods(self) -> list[str]:
+        """Paragraphs for the methods section of a paper, as the report has them."""
+        return self.found.methods
+
+    @property
+    def advice(self) -> tuple[Advice, ...]:
+        """What to do next of all surfaces together, the best first, as `SpectrumEstimate.advice` of
+        each.
+        """
+        return self.found.advice.overall
+
+    def compare(self, first: str, second: str) -> ColourComparison:
+        """How two surfaces differ, in spectrum and colour, and whether the camera tells them apart.
+
+        Parameters
+        ----------
+        first, second : str
+            Names of surfaces whose spectra were estimated.
+
+        Returns
+        -------
+        ColourComparison
+            Errors that both share are counted once, so that two areas of one paint do not differ by
+            them, as they seem to in `SpectrumEstimate.delta_e`.
+
+        Raises
+        ------
+        KeyError
+            If there is no such surface.
+        InputError
+            If a spectrum was given, or not drawn from the learnt prior.
+        CheckError
+            If no band of the photos shows both.
+        """
+        estimates = [self[first], self[second]]
+        return compare_colours(
+            [alone(self.signals, self.signals.names.index(name)) for name in (first, second)],
+            [estimate.posterior for estimate in estimates])
+
+    def facts(self) -> dict[str, Any]:
+        """Everything that was found as plain numbers and sentences, by the keys of
+        ``spectrabox run --json`` (docs/reference/json.md).
+
+        Returns
+        -------
+        dict
+            Of numbers, strings, lists and dicts.
+        """
+        return self.found.facts()
+
+    def text(self) -> str:
+        """What ``spectrabox run`` prints: a row for each surface, warnings, and the verdict.
+
+        Returns
+        -------
+        str
+        """
+        return self.found.text()
+
+    def __repr__(self) -> str:
+        return "\n".join([conditions_text(self.found.conditions), super().__repr__(),
+                          self.found.verdict.line])
+
+    def _repr_html_(self) -> str:
+        verdict = Markup("<p>{}</p><pre>{}</pre>").format(
+            self.found.verdict.line, conditions_text(self.found.conditions))
+        return str(verdict) + super()._repr_html_()
+
+
+def advice_of(found: CaptureResult, name: str) -> tuple[Advice, ...]:
+    """What to do next of one surface.
+
+    Parameters
+    ----------
+    found : CaptureResult
+    name : str
+        Of the surface.
+    """
+    return found.advice.by_surface.get(name, ())
+
+
+def prior_of(capture: Capture, name: str) -> LogitMixture | None:
+    """The prior that the spectra of a surface were drawn from; None by other methods."""
+    if capture.sampling.method != "prior":
+        return None
+    return of_families(load_prior(), capture.surfaces[name].families)
+
+
+def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, SurfaceSpectrum],
+                     prior: LogitMixture | None,
+                     advise: Callable[[], tuple[Advice, ...]], *,
+                     rendered: bool) -> SpectrumEstimate:
+    """The estimate of one surface of a scene or of a flat sample.
+
+    Parameters
+    ----------
+    signals : SurfaceSignals
+    name : str
+        Of the surface.
+    spectra : mapping of SurfaceSpectrum
+        Of every unknown surface.
+    prior : LogitMixture or None
+        That the spectra were drawn from; None for another method than the learnt prior.
+    advise : callable
+        What to do next of it.
+    rendered : bool
+        Whether the spectra of ``signals`` are those of inverse rendering.
+    """
+    index = signals.names.index(name)
+    if signals.known[index]:
+        return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
+    samples = spectra[name].samples
+    return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
+                            errors_by_cause(signals, index),
+                            None if samples.method.endswith(CORRECTED) else prior, samples,
+                            signals.spectra[index] if rendered else None, advise=advise)
