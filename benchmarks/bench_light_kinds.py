@@ -11,6 +11,7 @@ from this table with its default seed. Surfaces are 30 published test colours.
 is right for: measured lamps of lights/, daylights by a model of the atmosphere [Bird & Riordan
 1986] and tinted filaments, none of them in the prior, cameras of makers that are left out, a
 quarter with another infrared cut, and patches off by 1 to 1.6 % a band and 0 to 2.5 % in common.
+It also counts how often a kind or a temperature is contradicted that is right, or wrong.
 ``--published`` takes published lamps in place of measured ones, each left out of the prior with all
 that are nearly it; the power of the evidence in ``calibrate.products.product_fit`` is the one
 of least log loss there.
@@ -28,17 +29,25 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from spectrabox.calibrate.doubts import KIND_CONTRADICTS, nats_against
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
-from spectrabox.calibrate.products.lamps import Lamps, all_lamps, blackbodies
+from spectrabox.calibrate.products.lamps import (
+    CCT_MIRED_SD,
+    Lamps,
+    all_lamps,
+    blackbodies,
+    colour_temperatures,
+)
 from spectrabox.calibrate.products.product_fit import (
     EVIDENCE_POWER,
     SEED,
     WIDENING,
     fit_products,
-    light_posterior,
+    kind_probabilities,
 )
 from spectrabox.calibrate.products.product_posterior import posterior_of_products
 from spectrabox.calibrate.products.product_prior import product_prior
+from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
@@ -60,6 +69,8 @@ NAMES = {"halogen": r"Filament|Planckian Radiation [23]",      # of measured lam
 EDGES = (0, 0.05, 0.2, 0.4, 0.6, 0.75, 0.9, 0.97, 1)      # of the stated probability
 POWERS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0)
 NEARLY = 0.1                # rms, of a mean of 1: a lamp that stands for another
+STATEMENTS = ("right kind", "wrong kind", "right temperature", "wrong temperature")
+FAR_MIRED = 60              # of a temperature that is wrong
 PATCH_ERRORS = ((0.01, 0.0), (0.008, 0.012), (0.016, 0.025))    # of a band, in common
 # extraterrestrial sunlight, W m-2 um-1, and absorption of ozone, cm-1 [Bird & Riordan 1986]
 SUN_NM = np.r_[400:560:10, 570, 593, 610, 630, 656, 668, 690, 710]
@@ -143,6 +154,8 @@ def probabilities(data: Path, database: CameraDatabase, cases: int, published: b
                   rng: np.random.Generator) -> dict[str, Any]:
     """Stated probabilities of the kinds against the share of charts that they are right for."""
     makers, known, stated, right = np.asarray(makers_of(database)), all_lamps(), [], []
+    against: dict[str, list[float]] = {name: [] for name in STATEMENTS}
+    other = np.random.default_rng(cases)        # of the stated temperatures
     with np.load(data / "lights" / "lights_for_checks.npz") as stored:
         measured = (np.array([np.interp(GRID.nm, stored["wavelengths_nm"], spectrum)
                               for spectrum in stored["spectra"]]),
@@ -159,8 +172,19 @@ def probabilities(data: Path, database: CameraDatabase, cases: int, published: b
         photo = simulated(curves / curves.max(), lamp, np.zeros((0, GRID.nm.size)), rng,
                           *PATCH_ERRORS[rng.integers(len(PATCH_ERRORS))]).photo
         prior = product_prior(prior_without(database, makers == makers[camera]), lamps, SEED)
-        answer = light_posterior(posterior_of_products([photo], prior), GRID)
-        stated.append(answer.probabilities)
+        posterior = posterior_of_products([photo], prior)
+        stated.append(kind_probabilities(posterior))
+        mired = 1e6 / float(colour_temperatures(lamp[None])[0])
+        wrong = other.uniform(130, 380)         # 2600 to 7700 K
+        said_of_it = [("right kind", UnknownLight(kind=LIGHT_KINDS[kind])),
+                      *(("wrong kind", UnknownLight(kind=name))
+                        for name in LIGHT_KINDS if name != LIGHT_KINDS[kind]),
+                      ("right temperature", UnknownLight(
+                          cct=1e6 / (mired + CCT_MIRED_SD * other.standard_normal())))]
+        if abs(wrong - mired) > FAR_MIRED:
+            said_of_it.append(("wrong temperature", UnknownLight(cct=1e6 / wrong)))
+        for name, light in said_of_it:
+            against[name].append(nats_against(posterior, light))
         right.append(np.arange(len(share)) == kind)
     said, true = np.array(stated), np.array(right)
     rows = []
@@ -177,7 +201,9 @@ def probabilities(data: Path, database: CameraDatabase, cases: int, published: b
         tempered = share**(1 - power) * posterior**power
         losses[power] = round(float(-np.log((tempered / tempered.sum(axis=1, keepdims=True))[true]
                                             ).mean()), 4)
-    return {"log loss by power": losses, "rows": np.round(rows, 3).tolist(),
+    return {"contradicted": {name: [len(nats), float(np.mean(np.array(nats) > KIND_CONTRADICTS))]
+                             for name, nats in against.items()},
+            "log loss by power": losses, "rows": np.round(rows, 3).tolist(),
             "most likely kind": [float(said.max(axis=1).mean()), float(np.mean(
                 np.argmax(said, axis=1) == np.argmax(true, axis=1)))]}
 

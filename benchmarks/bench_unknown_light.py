@@ -20,10 +20,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from spectrabox.calibrate.chart_equations import ChartEquations, chart_equations, field_terms
-from spectrabox.calibrate.doubts import (
-    CONTRADICTS,
-    evidence_for_another_light,
-)
+from spectrabox.calibrate.doubts import CONTRADICTS, evidence_on_spectrum
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps
@@ -183,7 +180,9 @@ def run(database: CameraDatabase, spectra: np.ndarray, kinds: np.ndarray | None,
             other = rng.integers(len(spectra))
         row["other"] = float(other)
         for name, stated in (("right", spectra[lamp]), ("wrong", spectra[other])):
-            row[name] = evidence_for_another_light([case.photo], priors[maker], stated, GRID)
+            row[name] = evidence_on_spectrum(
+                name, replace(case.photo, power=stated * GRID.weights_nm), priors[maker],
+                GRID).against
             if harms:
                 row |= {f"{figure}_{name}": value for figure, value in harm(
                     case, priors[maker], stated).items()}

@@ -16,7 +16,13 @@ from spectrabox.calibrate.chart_copy import COPY_ERROR, copy_of_chart, of_editio
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
 from spectrabox.calibrate.colour_drift import colour_drift
-from spectrabox.calibrate.doubts import light_doubts, matrix_contradicts, unlike_cameras
+from spectrabox.calibrate.doubts import (
+    LightEvidence,
+    evidence_on_kind,
+    evidence_on_spectrum,
+    matrix_contradicts,
+    unlike_cameras,
+)
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.joint.joint_estimate import require_explained
 from spectrabox.calibrate.joint.suspect_patches import without_suspects
@@ -86,6 +92,7 @@ class ChartCalibration(Record):
     cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
     reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
     departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
+    light_evidence: tuple[LightEvidence, ...] = ()  # on each light of which something was stated
     copy: ChartCopy | None = None                   # None: the reflectances were stated
 
     @property
@@ -163,7 +170,7 @@ def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     if chosen.curves is None:
         colour += f", {delta_e_without[known].mean():.2f} for patches left out of the fit"
         error += " left out of the fit"
-    checks = [colour, error]
+    checks = [*fitted.light_notes, colour, error]
     if fit.condition_number is not None:
         checks.append(f"condition number {fit.condition_number:.4g}")
     if scale.standard_error is not None:
@@ -178,7 +185,7 @@ def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     if fitted.light is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
         doubts += (CalibrationDoubt.COLOUR_MATRIX,)
     checks += [doubt.value for doubt in doubts
-               if not any(note.startswith(doubt.value) for note in fitted.notes)]
+               if not any(check.startswith(doubt.value) for check in checks)]
 
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
                               tuple(checks), doubts, fitted.light,
@@ -186,7 +193,8 @@ def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
                             first.samples.saturated, fitted.cleaned, first.reflectances,
-                            fitted.departures, None if fitted.prior_fit is None else
+                            fitted.departures, fitted.evidence,
+                            None if fitted.prior_fit is None else
                             copy_of_chart(photos, fitted.prior_fit, grid))
 
 
@@ -203,7 +211,9 @@ class _Fitted(NamedTuple):
     doubts: tuple[CalibrationDoubt, ...] = ()
     prior_fit: PriorFit | None = None
     light: LightPosterior | None = None
+    light_notes: tuple[str, ...] = ()
     departures: tuple[LightDeparture, ...] = ()
+    evidence: tuple[LightEvidence, ...] = ()
 
 
 def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) -> None:
@@ -254,20 +264,20 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     require_explained(fit, light, used, cameras, grid)
 
     notes, doubts = [*fit_notes(fit, grid)], list[CalibrationDoubt]()
+    evidence = evidence_on_lights(photos, used, cameras, grid)
+    light_notes = [one.words for one in evidence]
+    if any(one.contradicts for one in evidence):
+        doubts.append(CalibrationDoubt.WRONG_LIGHT)
     departures: tuple[LightDeparture, ...] = ()
     if isinstance(first.light, Spectrum):
-        lights = [photo.light_on(grid) for photo in photos]
-        departures = light_departures(fit.posterior, lights, grid)
-        unfiltered = [number for number, photo in enumerate(photos) if photo.filter is None]
-        wrong_lights, sentences = light_doubts([lights[number].source for number in unfiltered],
-                                               [used[number] for number in unfiltered], cameras,
-                                               grid)
+        departures = light_departures(
+            fit.posterior, [photo.light_on(grid) for photo in photos], grid)
         if unlike_cameras(fit):
             doubts.append(CalibrationDoubt.UNLIKE_CAMERAS)
-        doubts += wrong_lights
-        notes += [*sentences, *(departure.words for departure in departures)]
+        light_notes += [departure.words for departure in departures]
     elif light is not None:
-        notes += light.sentences
+        light = replace(light, sentences=(*light_notes, *light.sentences))
+        light_notes = [*light.sentences]
     else:
         notes.append(f"no measured camera has {cameras.bands} bands: products of sensitivity and "
                      "light were fitted with smoothness alone, so narrow lines of the lamp are "
@@ -294,7 +304,34 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     return _Fitted(replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
                    replace(fit.photos[0].light_scale, residuals=residuals), predicted, held_out,
                    without, without_suspects(photos, cameras, grid, without), tuple(notes),
-                   tuple(doubts), fit, light, departures)
+                   tuple(doubts), fit, light, tuple(light_notes), departures, evidence)
+
+
+def evidence_on_lights(photos: Sequence[ChartPhoto], used: list[ChartEquations],
+                       cameras: CameraPrior, grid: WavelengthGrid) -> tuple[LightEvidence, ...]:
+    """What photos say for and against each light of which something was stated.
+
+    Where no camera is known, smoothness alone, no lamp can be told from another. A photo through a
+    filter says nothing of a spectrum that was stated.
+
+    Parameters
+    ----------
+    photos : sequence of ChartPhoto
+        By one camera.
+    used : list of ChartEquations
+        Of their patches that are used.
+    cameras : CameraPrior
+    grid : WavelengthGrid
+        Working grid, every nm from 400 to 700 nm.
+    """
+    light = photos[0].light
+    if cameras.source == SMOOTH_SOURCE or (isinstance(light, UnknownLight) and not light.stated):
+        return ()
+    if isinstance(light, UnknownLight):
+        return (evidence_on_kind(light, used, cameras),)
+    return tuple(
+        evidence_on_spectrum(photo.light_on(grid).source, equations, cameras, grid)
+        for photo, equations in zip(photos, used, strict=True) if photo.filter is None)
 
 
 def _disagreeing_bands(photo: ChartPhoto, used: ChartEquations, fit: PriorFit) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -32,6 +33,8 @@ from spectrabox.measure.results.chart_words import (
     held_out_sentence,
     posterior_facts,
 )
+from spectrabox.measure.verdict.camera_verdict import camera_verdict
+from spectrabox.measure.verdict.criterion import Verdict
 from spectrabox.radiometry.chart import (
     CLASSIC,
     Chart,
@@ -228,6 +231,11 @@ class CameraFit:
         """What was checked, in sentences: light, chart, colour matrix."""
         return self.chart.calibration.checks + self._copy_sentences()
 
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What was fitted, how surely, and what speaks against it."""
+        return camera_verdict(self)
+
     @property
     def light(self) -> str:
         """What is known of the light of each photo, in words."""
@@ -246,6 +254,12 @@ class CameraFit:
         result, fit, names = self.chart, self.sensitivity, self.photos[0].chart.names
         known = result.calibration.light_posterior
         facts: dict[str, object] = {
+            "verdict": self.verdict.word, "says": self.verdict.says,
+            "light_evidence": [
+                {"light": one.stated, "against": one.against, "limit": one.limit,
+                 "contradicts": one.contradicts,
+                 "kinds": dict(zip(one.kinds, one.probabilities.tolist(), strict=True)),
+                 "says": one.words} for one in result.light_evidence],
             "wavelengths_nm": fit.grid.nm, "sensitivities": fit.curves, "bands": self.bands,
             "lower": None if self.band is None else self.band.lower,
             "upper": None if self.band is None else self.band.upper,
@@ -278,7 +292,7 @@ class CameraFit:
         """What was fitted and checked, for a person."""
         return "\n".join([f"bands {', '.join(self.bands)}: {self.sensitivity.method}",
                           *(f"- {check}" for check in self._sentences()),
-                          self.sensitivity.outcome.value])
+                          self.verdict.line])
 
     def _sentences(self) -> list[str]:
         return [*self.chart.calibration.checks, held_out_sentence(self.held_out),

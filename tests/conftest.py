@@ -124,7 +124,7 @@ def light_as_stated(monkeypatch):
     their time, for tests of something else.
     """
     from spectrabox.calibrate import chart_calibration
-    monkeypatch.setattr(chart_calibration, "light_doubts", lambda *_: ((), ()))
+    monkeypatch.setattr(chart_calibration, "evidence_on_lights", lambda *_: ())
 
 
 @pytest.fixture(scope="session")

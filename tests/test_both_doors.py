@@ -21,11 +21,12 @@ ROOMS = ("capture", "calibrate", "measure", "sampling")
 CAMERA, LIGHT, NOISE = "Nikon 5100 (NPL)", "LED-B3", 0.003
 SEEN = ("--sensitivity", CAMERA, "--light", LIGHT, "--noise", NOISE)
 # how an answer is laid out, and regions and wavelengths as options and files write them
-WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "light_words", "_cells",
-         "_cell", "certificate_page", "condition_on_families", "coverage_facts", "held_out_facts",
-         "held_out_sentence", "poor_patches", "posterior_facts", "judgement_text", "rows",
-         "copy_facts", "edition_sentence", "chart_copy_notes", "_copy_sentences",
-         "left_out", "parse_wavelengths", "point_region", "_checked"}
+WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "line", "says", "title",
+         "light_words", "_cells", "_cell", "certificate_page", "condition_on_families",
+         "coverage_facts", "held_out_facts", "held_out_sentence", "poor_patches",
+         "posterior_facts", "judgement_text", "rows", "copy_facts", "edition_sentence",
+         "chart_copy_notes", "_copy_sentences", "left_out", "parse_wavelengths", "point_region",
+         "_checked"}
 
 
 def entered(call):
@@ -145,8 +146,13 @@ def session(tmp_path_factory):
 
 def test_a_camera_fitted(session):
     photo, light = session / "photos" / "sample.dng", "LED-B3"
-    camera, said = both(lambda: sb.fit_camera(photo, light=light),
-                        "camera", "fit", photo, "--light", light)
+
+    def fitted():
+        camera = sb.fit_camera(photo, light=light)
+        assert camera.verdict == "pass"
+        return camera
+    camera, said = both(fitted, "camera", "fit", photo, "--light", light)
+    assert said["says"] == camera.says
     np.testing.assert_array_equal(camera.curves, said["sensitivities"])
     np.testing.assert_array_equal(camera.band(), [said["lower"], said["upper"]])
     assert set(camera.checks) <= set(said["checks"])

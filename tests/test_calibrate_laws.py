@@ -330,7 +330,7 @@ def calibrated():
     curves = on_grid(cameras(1, 44)[0])
     pairs = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chart_calibration, "light_doubts", lambda *_: ((), ()))
+        patch.setattr(chart_calibration, "evidence_on_lights", lambda *_: ())
         for method in ("nonnegative", "smooth", "file", "prior"):
             options = CalibrationOptions("prior" if method == "file" else method, coarse_prior(),
                                          curves=curves if method == "file" else None)

@@ -70,15 +70,29 @@ def lamps_like(light: UnknownLight, mired_sd: float = CCT_MIRED_SD) -> Lamps:
         By which the temperature may be off, in mired.
     """
     lamps = all_lamps()
-    weights = np.array(lamps.weights)
-    if light.kind is not None:
-        weights[lamps.kind != LIGHT_KINDS.index(light.kind)] = 0
-    if light.cct is not None:
-        away = np.abs(1e6 / colour_temperatures(lamps.spectra) - 1e6 / light.cct)
-        weights = weights * np.exp(-0.5 * ((away - away.min()) / mired_sd) ** 2)
+    weights = lamps.weights * likeness(lamps, light, mired_sd)
     kept = np.flatnonzero(weights > 1e-3 * weights.max())
     return Lamps(lamps.spectra[kept], lamps.kind[kept], weights[kept] / weights[kept].sum(),
                  tuple(lamps.names[index] for index in kept))
+
+
+def likeness(lamps: Lamps, light: UnknownLight, mired_sd: float = CCT_MIRED_SD) -> np.ndarray:
+    """How well each lamp (L,) is what is stated of a light, 0 to 1.
+
+    Parameters
+    ----------
+    lamps : Lamps
+    light : UnknownLight
+    mired_sd : float
+        By which the temperature may be off, in mired.
+    """
+    like = np.ones(len(lamps.names))
+    if light.kind is not None:
+        like[lamps.kind != LIGHT_KINDS.index(light.kind)] = 0
+    if light.cct is not None:
+        away = np.abs(1e6 / colour_temperatures(lamps.spectra) - 1e6 / light.cct)
+        like = like * np.exp(-0.5 * ((away - away.min()) / mired_sd) ** 2)
+    return like
 
 
 def nominal_kind(source: str) -> str | None:

@@ -6,6 +6,7 @@ fitted with smoothness alone, as under a known light; a lamp's narrow lines are 
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -227,12 +228,8 @@ def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightP
     prior = posterior.prior
     basis = interpolation_matrix(prior.nm, grid.nm)
     # the lamp of each component moves with its products: one gain for all
-    kind = prior.lamps.kind[prior.lamp]
-    shares = np.zeros(len(LIGHT_KINDS))
     mean, square = np.zeros(prior.nm.size), np.zeros(prior.nm.size)
     for hypothesis in posterior.hypotheses:
-        shares += hypothesis.share * np.bincount(kind, hypothesis.weights,
-                                                 minlength=len(LIGHT_KINDS))
         lamps = prior.components[:, prior.light] + (
             hypothesis.seen @ hypothesis.projected[prior.light].T)
         lamps = np.maximum(lamps, 0)
@@ -241,9 +238,7 @@ def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightP
         square += hypothesis.share * (hypothesis.weights @ lamps**2 + own)
     total = sum(hypothesis.share for hypothesis in posterior.hypotheses)
     mean, square = mean / total, square / total
-    of_prior = np.bincount(kind, prior.weights, minlength=len(LIGHT_KINDS))
-    shares = of_prior**(1 - EVIDENCE_POWER) * shares**EVIDENCE_POWER
-    shares = shares / shares.sum()
+    shares = kind_probabilities(posterior)
     half = NORMAL_QUANTILE * np.sqrt(np.maximum(square - mean**2, 0))
     every_lamp = prior.components[:, prior.light]
     before = NORMAL_QUANTILE * np.sqrt(
@@ -255,18 +250,65 @@ def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightP
                           LEVEL, _sentences(shares, half, before, mean))
 
 
+def kind_probabilities(posterior: ProductPosterior) -> np.ndarray:
+    """Probability (Q,) of each of ``LIGHT_KINDS``.
+
+    Parameters
+    ----------
+    posterior : ProductPosterior
+    """
+    prior = posterior.prior
+    kind, count = prior.lamps.kind[prior.lamp], len(LIGHT_KINDS)
+    shares = sum((hypothesis.share * np.bincount(kind, hypothesis.weights, minlength=count)
+                  for hypothesis in posterior.hypotheses), np.zeros(count))
+    return _tempered(np.bincount(kind, prior.weights, minlength=count), shares)
+
+
+def share_of_lamps(posterior: ProductPosterior, like: np.ndarray) -> float:
+    """Probability of some lamps against all others.
+
+    Parameters
+    ----------
+    posterior : ProductPosterior
+    like : (L,) array
+        How much each lamp of the prior is one of them, 0 to 1.
+    """
+    prior = posterior.prior
+    each = like[prior.lamp]
+    total = sum(hypothesis.share for hypothesis in posterior.hypotheses)
+    after = sum(hypothesis.share * (hypothesis.weights @ each)
+                for hypothesis in posterior.hypotheses) / total
+    after, before = min(after, 1.0), min(prior.weights @ each, 1.0)     # round-off of all lamps
+    return float(_tempered(np.array([before, 1 - before]), np.array([after, 1 - after]))[0])
+
+
+def _tempered(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Probabilities by ``EVIDENCE_POWER`` of the evidence that led from one to the other."""
+    shares = before**(1 - EVIDENCE_POWER) * after**EVIDENCE_POWER
+    return np.asarray(shares / shares.sum())
+
+
+def kind_words(kinds: Sequence[str], probabilities: np.ndarray) -> str:
+    """The likeliest kinds of light with their probabilities.
+
+    Parameters
+    ----------
+    kinds : sequence of Q str
+    probabilities : (Q,) array
+    """
+    order = np.argsort(-probabilities)
+    first, second = (f"{kinds[index]} ({probabilities[index]:.0%})" for index in order[:2])
+    if probabilities[order[0]] >= SURE:
+        return first
+    either = probabilities[order[1]] >= OPEN
+    return f"either {first} or {second}" if either else f"likely {first}, else {second}"
+
+
 def _sentences(shares: np.ndarray, half: np.ndarray, before: np.ndarray,
                mean: np.ndarray) -> tuple[str, ...]:
-    order = np.argsort(-shares)
-    first, second = (LIGHT_KINDS[index] for index in order[:2])
-    if shares[order[0]] >= SURE:
-        sentences = [f"the chart's light is {first} ({shares[order[0]]:.0%})"]
-    elif shares[order[1]] >= OPEN:
-        sentences = [f"the chart cannot tell two kinds of light apart: {first} "
-                     f"({shares[order[0]]:.0%}) and {second} ({shares[order[1]]:.0%})"]
-    else:
-        sentences = [f"the chart's light is likely {first} ({shares[order[0]]:.0%}), else {second} "
-                     f"({shares[order[1]]:.0%})"]
+    # where lamps of one kind were stated, their kind is no finding
+    sentences = [f"the chart's light is {kind_words(LIGHT_KINDS, shares)}"] \
+        if np.count_nonzero(shares) > 1 else []
     width = float(np.mean(half) / np.mean(mean))
     sentences.append(f"its spectrum by itself is known within {width:.0%} of its mean "
                      f"({LEVEL:.0%} band); your spectra do not need the lamp alone, so they are "

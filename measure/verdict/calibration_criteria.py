@@ -92,10 +92,20 @@ def held_out_criteria(found: CaptureResult) -> list[Criterion]:
     if chart is None or chart.left_out is None:
         return []
     return [row for view, patches in {"": chart.left_out, **chart.others}.items()
-            for row in _one_chart(patches, chart.layout.names, where_of(view))]
+            for row in held_out_of_chart(patches, chart.layout.names, where_of(view))]
 
 
-def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> list[Criterion]:
+def held_out_of_chart(patches: HeldOutPatches, names: Sequence[str],
+                      where: str = "") -> list[Criterion]:
+    """How well each patch of one chart is predicted by a calibration without it.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    names : sequence of I str
+    where : str
+        Which photo it is of, as the end of a name; empty of the first.
+    """
     _, held, expected = patches.means
     short = expected - held > LEFT_OUT_SHORT
     sentence = f"{held_out_sentence(patches).capitalize()}."
@@ -117,16 +127,17 @@ def _one_chart(patches: HeldOutPatches, names: Sequence[str], where: str) -> lis
     return rows
 
 
-def chart_limits(found: CaptureResult) -> tuple[float, float]:
+def chart_limits(stated: bool) -> tuple[float, float]:
     """Residuals of a chart up to which it passes, and beyond which it fails.
 
     Where nobody stated its reflectances, it departs from the mean of copies by what they differ by.
 
     Parameters
     ----------
-    found : CaptureResult
+    stated : bool
+        Whether its reflectances were.
     """
-    copied = 0.0 if found.stated.chart_stated else COPY_ERROR
+    copied = 0.0 if stated else COPY_ERROR
     return float(np.hypot(CHART_LIMITS[0], copied)), float(np.hypot(CHART_LIMITS[1], copied))
 
 
@@ -143,8 +154,9 @@ def chart_agreement(found: CaptureResult) -> list[Criterion]:
     for view, made in found.other_calibrations.items():
         assert chart is not None and made.sensitivity.residuals is not None
         each[view] = root_mean_square(made.sensitivity.residuals[chart.others[view].judged])
-    return [graded(name + where_of(view), value, chart_limits(found), "The calibration"
-                    f"{where_of(view)} reproduces the chart within {percent(value)} rms.")
+    limits = chart_limits(found.stated.chart_stated)
+    return [graded(name + where_of(view), value, limits, f"The calibration{where_of(view)} "
+                   f"reproduces the chart within {percent(value)} rms.")
             for view, value in each.items() if value is not None]
 
 

@@ -86,8 +86,8 @@ class CalibrationDoubt(Enum):
 
     UNLIKE_CAMERAS = ("the curves are like those of no measured camera: check that the light "
                       "spectrum is that of the photo")
-    WRONG_LIGHT = ("the chart contradicts the stated light: correct its spectrum, or state the "
-                   "light as \"unknown\"")
+    WRONG_LIGHT = ("the chart contradicts the stated light: correct it, or state the light as "
+                   "\"unknown\"")
     TWO_LIGHTS = ("two kinds of light fall on the chart: its colours drift over it beyond chance; "
                   "use lamps of one kind, keep out daylight and other lamps, and photograph again")
     COLOUR_MATRIX = ("the colour matrix in the photo's file contradicts the curves: check that the "

@@ -91,11 +91,16 @@ class UnknownLight(Record):
     cct: float | None = None    # correlated colour temperature, K
 
     @property
+    def stated(self) -> str:
+        """What was stated of it: a kind, a temperature; empty where nothing was."""
+        return (self.kind or "") if self.cct is None else f"{self.cct:g} K"
+
+    @property
     def words(self) -> str:
         """What is known of it, as a report says it."""
         if self.cct is not None:
-            return f"unknown light of {self.cct:g} K"
-        return "unknown light" if self.kind is None else f"unknown light, {self.kind}"
+            return f"unknown light of {self.stated}"
+        return f"unknown light, {self.stated}" if self.stated else "unknown light"
 
 
 def default_band_names(count: int) -> tuple[str, ...]:

@@ -109,10 +109,10 @@ def chart_section(found: CaptureResult) -> ChartSection | None:
     return ChartSection(
         chart, _patches(chart, residuals, fit.held_out_residuals), swatches, prior_figure, families,
         chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals, found.bands,
-                              chart_limits(found)[0]),
+                              chart_limits(found.stated.chart_stated)[0]),
         root_mean_square(residuals),
         irradiance_figure("irradiance", chart.irradiance, chart.layout.rows), left_out_drawn,
-        chart_limits(found)[0])
+        chart_limits(found.stated.chart_stated)[0])
 
 
 def _patches(chart: ChartResult, residuals: np.ndarray,

@@ -14,6 +14,7 @@ from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
+from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
 from spectrabox.measure.plots import plot_sensitivities
@@ -58,6 +59,7 @@ class CameraEstimate:
     Examples
     --------
     >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
+    >>> camera.verdict, camera.says
     >>> lower, upper = camera.band()
     >>> camera.plot()
     """
@@ -99,8 +101,26 @@ class CameraEstimate:
         return self.fit.band.lower, self.fit.band.upper
 
     @property
+    def verdict(self) -> str:
+        """"pass", "warn" or "fail"."""
+        return self.fit.verdict.word
+
+    @property
+    def says(self) -> str:
+        """What was fitted, how surely, and what speaks against it, in one sentence."""
+        return self.fit.verdict.says
+
+    @property
+    def light_evidence(self) -> tuple[LightEvidence, ...]:
+        """What the chart says for and against each light that was stated: ``stated``, ``against``
+        (in nats; negative speaks for it), ``contradicts``, ``kinds`` with their ``probabilities``
+        by the chart alone, ``words``.
+        """
+        return self.fit.chart.light_evidence
+
+    @property
     def checks(self) -> tuple[str, ...]:
-        """What was checked, in sentences: light, chart, colour matrix."""
+        """What was checked, in sentences: the light first, then chart and colour matrix."""
         return self.fit.checks
 
     @property
@@ -174,8 +194,7 @@ class CameraEstimate:
         return target
 
     def __repr__(self) -> str:
-        return (f"<CameraEstimate {', '.join(self.bands)}: {self.fit.sensitivity.method}, "
-                f"chart patches left out within CIEDE2000 {self.chart_delta_e:.1f}>")
+        return f"<CameraEstimate {self.verdict}: {self.says}>"
 
     def _repr_html_(self) -> str:
         return camera_html(self)

@@ -74,6 +74,7 @@ def camera_html(camera: CameraEstimate) -> str:
             " ".join(f"{a:.1f},{2 * HEIGHT * (1 - max(float(b), 0.0) / top):.1f}"
                      for a, b in zip(x[::step], curve[::step], strict=True)), colour)
         for curve, colour in zip(camera.curves, band_colours(camera.bands), strict=True))
-    checks = Markup("").join(Markup("<li>{}</li>").format(check) for check in camera.checks)
+    checks = Markup("").join(Markup("<li>{}</li>").format(check)
+                             for check in (camera.fit.verdict.line, *camera.checks))
     return str(Markup('<svg width="{}" height="{}" role="img" aria-label="sensitivities">{}</svg>'
                       "<ul>{}</ul>").format(2 * WIDTH, 2 * HEIGHT, lines, checks))
