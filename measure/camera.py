@@ -28,6 +28,7 @@ from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.results.chart_words import (
     chart_copy_notes,
     copy_facts,
+    difference_sentence,
     edition_sentence,
     held_out_facts,
     held_out_sentence,
@@ -296,7 +297,7 @@ class CameraFit:
 
     def _sentences(self) -> list[str]:
         return [*self.chart.calibration.checks, held_out_sentence(self.held_out),
-                *self._copy_sentences(), *self.notes]
+                difference_sentence(self.held_out), *self._copy_sentences(), *self.notes]
 
     def _copy_sentences(self) -> tuple[str, ...]:
         copy, names = self.chart.copy, self.photos[0].chart.names

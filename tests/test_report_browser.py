@@ -120,6 +120,18 @@ def test_plots_are_read_out_and_tables_opened_by_keyboard_alone(opened):
     assert page.locator("details[open]").count() == closed - 1
 
 
+def test_every_patch_of_the_chart_is_drawn_with_its_band_and_its_reference(opened):
+    page = opened()
+    page.evaluate(UNFOLD)
+    # of the example of a scene no patch was left out
+    patches = 24 if page.locator("#patches").count() else 0
+    for part in (".band", ".mean", ".truth"):
+        assert page.locator(f".patch svg {part}").count() == patches
+    # as printed: six in a row
+    places = page.eval_on_selector_all(".patch", "all => all.map(one => Math.round(one.offsetTop))")
+    assert len(set(places)) == patches / 6 and places == sorted(places)
+
+
 def test_a_table_that_is_wider_than_the_screen_is_scrolled_by_keyboard(opened):
     page = opened(WIDTHS[1])
     page.evaluate(UNFOLD)

@@ -3,6 +3,7 @@ import dataclasses
 import json
 import re
 
+import colour
 import numpy as np
 import pytest
 from report_example import GRID, example_session, with_found
@@ -113,6 +114,39 @@ def test_without_a_reference_no_difference_is_said(session):
     assert section.mean is None and section.large[0].patch == SOILED
     page = render_report(results).page
     assert page.count('class="halves"') == 24 and 'class="difference"' not in page
+
+
+def test_the_spectra_of_all_patches_stand_beside_their_reference(session, tmp_path):
+    grid, reference = session.found.reconstruction.grid, session.found.chart.left_out.reference
+    estimate = reference * np.linspace(1, 1.2, 24)[:, None]
+    patches = dataclasses.replace(session.found.chart.left_out, mean=estimate,
+                                  saturated=np.arange(24) == 23)
+    results = with_found(session, chart=dataclasses.replace(session.found.chart,
+                                                            left_out=patches))
+    # by colour-science, from spectra
+    shape = colour.SpectralShape(grid.nm[0], grid.nm[-1], 5)
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
+    domain = {"cmfs": observer, "illuminant": colour.SDS_ILLUMINANTS["D65"].copy().align(shape),
+              "method": "Integration"}
+    white = colour.XYZ_to_xy(colour.sd_to_XYZ(colour.sd_ones(shape), **domain))
+
+    def lab(spectrum):
+        xyz = colour.sd_to_XYZ(colour.SpectralDistribution(spectrum, grid.nm), **domain)
+        return colour.XYZ_to_Lab(xyz / 100, white)
+    each = np.array([colour.delta_E(lab(one), lab(other))
+                     for one, other in zip(estimate, reference, strict=True)])[:23]
+    facts = report_numbers(results)["chart"]["left_out"]
+    # their tables of observer and light are in steps of 5 nm here, ours of 1 nm
+    np.testing.assert_allclose([row["delta_e00"] for row in facts["patches"]][:23], each, atol=0.05)
+    wanted = {"mean": each.mean(), "median": np.median(each),
+              "percentile_90": np.percentile(each, 90), "largest": each.max()}
+    assert facts["delta_e00"] == pytest.approx(wanted, abs=0.05)
+    np.testing.assert_allclose([row["reference"] for row in facts["patches"]], reference, atol=5e-6)
+    page = render_report(results).page
+    said = [f"{wanted[key]:.1f}" for key in wanted]
+    assert re.search(r"Chart patches, estimated beside reference: ΔE₀₀ mean {}, median {}, 90.% up "
+                     r"to {}, worst {}".format(*said), page)
+    assert page.count('class="patch"') == 24 and page.count("saturated</span>") == 1
 
 
 def test_a_patch_without_signal_comes_first_and_striped(session):

@@ -2,10 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtri
 
+from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartCopy,
@@ -19,6 +21,40 @@ POOR = 0.85             # of a patch's band: below it a reason is given
 DARK = 0.12             # mean reflectance below which glare may be what changes a patch's level
 LARGE_DEPARTURE = 0.03  # of a patch from copies of its edition, that matters
 NEAR = 1.0              # standard errors: a level that is nearer explains nothing
+CURVE_DECIMALS = 5      # of reflectances among plain numbers
+
+
+@dataclass(frozen=True)
+class DifferenceSummary:
+    """CIEDE2000 over several patches."""
+
+    mean: float
+    median: float
+    percentile_90: float
+    largest: float
+
+
+def patch_differences(patches: HeldOutPatches) -> np.ndarray:
+    """CIEDE2000 (I,) between the estimated spectrum of each patch and its reference, under D65.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    """
+    return ciede2000(*(reflectance_to_lab(patches.grid.nm, one)
+                       for one in (patches.mean, patches.reference)))
+
+
+def difference_summary(patches: HeldOutPatches) -> DifferenceSummary:
+    """Their mean, median, 90th percentile and maximum over the patches that are judged.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    """
+    each = patch_differences(patches)[patches.judged]
+    return DifferenceSummary(float(each.mean()), float(np.median(each)),
+                             float(np.percentile(each, 90)), float(each.max()))
 
 
 def chart_level_notes(patches: HeldOutPatches, names: Sequence[str]) -> tuple[str, ...]:
@@ -199,6 +235,19 @@ def held_out_sentence(patches: HeldOutPatches) -> str:
             "for chart colours)")
 
 
+def difference_sentence(patches: HeldOutPatches) -> str:
+    """One sentence on the colours of all patches, as their estimated spectra have them.
+
+    Parameters
+    ----------
+    patches : HeldOutPatches
+    """
+    size = difference_summary(patches)
+    return (f"these spectra against the chart's reference: CIEDE2000 {size.mean:.1f} on average, "
+            f"{size.median:.1f} in the median, up to {size.percentile_90:.1f} for 90% of the "
+            f"patches, {size.largest:.1f} at most")
+
+
 def light_facts(calibration: Calibration) -> dict[str, object]:
     """What is known of the light by itself: kind, wavelengths, mean and band, as plain numbers.
 
@@ -238,13 +287,19 @@ def held_out_facts(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, o
     names : sequence of I str
         Of the patches.
     """
-    reasons = poor_patches(patches, names)
-    rows = [{"patch": number + 1, "name": names[number], "rmse": float(patches.rmse[number]),
+    reasons, differences = poor_patches(patches, names), patch_differences(patches)
+    curves = {"estimate": patches.mean, "lower": patches.lower, "upper": patches.upper,
+              "reference": patches.reference}
+    rows = [{"patch": number + 1, "name": names[number],
+             "delta_e00": float(differences[number]), "rmse": float(patches.rmse[number]),
              "inside": float(patches.inside[number]),
              "expected": float(patches.expected[number]),
              "kept_out": bool(patches.excluded[number]),
-             "saturated": not patches.judged[number], "reason": reasons.get(names[number])}
+             "saturated": not patches.judged[number], "reason": reasons.get(names[number]),
+             **{name: np.round(curve[number], CURVE_DECIMALS).tolist()
+                for name, curve in curves.items()}}
             for number in range(len(patches.mean))]
     rmse, inside, expected = patches.means
     return {"rmse_mean": rmse, "coverage_95": inside, "expected_95": expected,
-            "level": patches.level, "patches": rows}
+            "level": patches.level, "delta_e00": vars(difference_summary(patches)),
+            "wavelengths_nm": patches.grid.nm.tolist(), "patches": rows}

@@ -7,19 +7,25 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
-from spectrabox.measure.results.chart_words import held_out_sentence
+from spectrabox.measure.results.chart_words import (
+    DifferenceSummary,
+    difference_summary,
+    held_out_sentence,
+    patch_differences,
+)
 from spectrabox.measure.verdict.calibration_criteria import (
     chart_limits,
     chart_residuals,
     root_mean_square,
 )
 from spectrabox.measure.words import OFF
+from spectrabox.radiometry.appearance import reflectance_to_srgb
+from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.session.report.figures import chart_residual_figure, irradiance_figure
 from spectrabox.session.report.maps import surface_colours
-from spectrabox.session.report.patch_colours import SwatchPairs, swatch_pairs
+from spectrabox.session.report.patch_colours import SwatchPairs, css_colour, swatch_pairs
 from spectrabox.session.report.small_figures import prior_share_figure
-from spectrabox.session.report.spectra import left_out_figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +78,20 @@ class ChartPatch:
     saturated: float                # share of its pixels in the worst band
 
 
+@dataclass(frozen=True)
+class PatchSpectrum:
+    """A patch whose spectrum was estimated without it, and its reference, as the page shows it."""
+
+    number: int
+    name: str
+    kept_out: bool                  # of all fits, by the operator
+    estimate: str                   # colours as CSS writes them
+    reference: str
+    delta_e00: float | None         # between both; None of a patch that is saturated
+    rmse: float
+    inside: float                   # share of wavelengths at which the band holds the reference
+
+
 @dataclass(frozen=True, eq=False)
 class ChartSection:
     """What the report shows of the chart and of the calibration by it."""
@@ -84,13 +104,19 @@ class ChartSection:
     residuals: Markup
     rms: float | None
     irradiance: Markup
-    left_out: Markup | None         # each patch by a calibration without it
+    left_out: list[PatchSpectrum]   # each patch by a calibration without it; empty without one
     limit: float
 
     @property
     def left_out_sentence(self) -> str:
         """One sentence on all patches."""
-        return "" if self.chart.left_out is None else held_out_sentence(self.chart.left_out)
+        said = "" if self.chart.left_out is None else held_out_sentence(self.chart.left_out)
+        return said[:1].upper() + said[1:]
+
+    @property
+    def difference(self) -> DifferenceSummary | None:
+        """CIEDE2000 between the estimated and the reference spectra of all patches."""
+        return None if self.chart.left_out is None else difference_summary(self.chart.left_out)
 
 
 def chart_section(found: CaptureResult) -> ChartSection | None:
@@ -100,19 +126,28 @@ def chart_section(found: CaptureResult) -> ChartSection | None:
     if chart is None or residuals is None or swatches is None:
         return None
     fit, prior, left_out = found.calibration.sensitivity, chart.prior, chart.left_out
-    prior_figure, families, left_out_drawn = None, [], None
+    prior_figure, families = None, []
     if prior is not None:
         prior_figure = prior_share_figure("prior-share", prior.share, fit.grid, found.bands)
         families = list(zip(prior.families, prior.probabilities.tolist(), strict=True))
-    if left_out is not None:
-        left_out_drawn = left_out_figure("left-out", left_out, chart.layout)
     return ChartSection(
         chart, _patches(chart, residuals, fit.held_out_residuals), swatches, prior_figure, families,
         chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals, found.bands,
                               chart_limits(found.stated.chart_stated)[0]),
         root_mean_square(residuals),
-        irradiance_figure("irradiance", chart.irradiance, chart.layout.rows), left_out_drawn,
+        irradiance_figure("irradiance", chart.irradiance, chart.layout.rows),
+        [] if left_out is None else _patch_spectra(left_out, chart.layout.names),
         chart_limits(found.stated.chart_stated)[0])
+
+
+def _patch_spectra(patches: HeldOutPatches, names: tuple[str, ...]) -> list[PatchSpectrum]:
+    colours = [[css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in spectra]
+               for spectra in (patches.mean, patches.reference)]
+    return [PatchSpectrum(number, name, bool(kept_out), estimate, reference,
+                          float(difference) if judged else None, float(rmse), float(inside))
+            for number, (name, kept_out, estimate, reference, difference, judged, rmse, inside)
+            in enumerate(zip(names, patches.excluded, *colours, patch_differences(patches),
+                             patches.judged, patches.rmse, patches.inside, strict=True), start=1)]
 
 
 def _patches(chart: ChartResult, residuals: np.ndarray,

@@ -15,13 +15,11 @@ from spectrabox.measure.plot_style import (
 )
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.words import percent
-from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.records.calibration import HeldOutPatches, LightPosterior, SensitivityFit
+from spectrabox.radiometry.records.calibration import LightPosterior, SensitivityFit
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.session.report.svg import (
     DASHED,
     DOTTED,
-    GRID,
     LEFT,
     Plot,
     Readout,
@@ -29,8 +27,7 @@ from spectrabox.session.report.svg import (
     plain_line,
 )
 
-LETTERS, MANY_COLUMNS = 120, 8  # above a row of patches; more columns take smaller letters
-WIDTH, HEIGHT, WIDE = 374.0, 209.0, 691.0   # of a figure, in points; across the page
+WIDTH, HEIGHT = 374.0, 209.0    # of a figure, in points
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
               Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)",
               Quantity.RELATIVE: "Relative spectral power"}
@@ -181,56 +178,6 @@ def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = 
     digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(values).max()), 1e-30))), 0, 12))
     return plot.drawn("Light spectrum", f"{quantity} over wavelength.",
                       Readout(nm, series, "Wavelength", "nm", digits))
-
-
-def left_out_figure(name: str, patches: HeldOutPatches, chart: Chart) -> Markup:
-    """Every patch's reflectance by a calibration without it: mean, band and reference, as printed
-    on the chart.
-
-    Parameters
-    ----------
-    name : str
-        Of the figure on its page, unique there.
-    patches : HeldOutPatches
-    chart : Chart
-        Its layout.
-    """
-    nm, top = patches.grid.nm, 1.05 * max(1.0, float(patches.upper.max()))
-    row, column = np.divmod(np.arange(len(chart.names)), chart.columns)
-    right, down = 1.08 * (nm[-1] - nm[0]) * column, -1.45 * top * row       # of each patch
-    few = chart.columns <= MANY_COLUMNS
-    plot = Plot(name, WIDE, 115.0 * chart.rows, (nm[0], right[-1] + nm[-1]), (down[-1], 1.4 * top),
-                (22, 9, 14, 4))
-
-    def lines(colour: str, width: float, x: np.ndarray, y: np.ndarray, dash: str = "") -> None:
-        across, up = np.broadcast_arrays(right[:, None] + x, down[:, None] + y)
-        plot.lines(np.stack([across, up], axis=-1), colour, width, dash)
-
-    ticks_nm, values = (450, 550, 650) if few else (550,), (0.0, 0.5, 1.0)
-    for at in ticks_nm:
-        lines(GRID, 0.6, np.array([at, at]), np.array([0, top]))
-    for value in values:
-        lines(GRID if value else QUIET, 0.6, nm[[0, -1]], np.array([value, value]))
-    plot.areas(right[:, None] + nm, down[:, None] + patches.lower, down[:, None] + patches.upper,
-               MEAN, 0.2)
-    lines(MEAN, 1.3, nm, patches.mean)
-    lines(TRUTH, 1.0, nm, patches.reference, DOTTED)
-    size = 7 if few else 4
-    for number, (x, y) in enumerate(zip(right + nm[0], down + 1.04 * top, strict=True)):
-        kept = ", kept out" if patches.excluded[number] else ""
-        said = (f"{number + 1} {plain_line(chart.names[number], LETTERS // chart.columns)}{kept}",
-                f"{patches.rmse[number]:.3f}, {percent(patches.inside[number])} inside")
-        for line, words in enumerate(said[::-1]):
-            plot.words(x, y + line * 0.018 * size * top, words, size, anchor="start")
-    for x in right[:chart.columns]:
-        for at in ticks_nm:
-            plot.words(x + at, down[-1] - 0.12 * top, f"{at}")
-    for y in down[::chart.columns]:
-        for value in values:
-            plot.words(nm[0] - 0.01 * (nm[-1] - nm[0]) * chart.columns / 2, y + value - 0.03,
-                       f"{value:g}", anchor="end")
-    return plot.drawn("Patches left out", "Reflectance of each patch by a "
-                      "calibration without it, its band, and the chart's reference.")
 
 
 def _over_wavelengths(name: str, nm: np.ndarray, limits: tuple[float, float], quantity: str,

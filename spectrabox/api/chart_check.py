@@ -5,7 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.results.chart_words import chart_level_notes, poor_patches
+from spectrabox.measure.results.chart_words import (
+    DifferenceSummary,
+    chart_level_notes,
+    difference_summary,
+    patch_differences,
+    poor_patches,
+)
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 
 
@@ -18,7 +24,8 @@ class ChartCheck:
     names : tuple of I str
         Of the patches.
     patches : HeldOutPatches
-        Estimates (I, P) with bands, and the reference.
+        Spectra (I, P) at ``grid.nm``: the estimates ``mean`` with their band ``lower`` and
+        ``upper``, and the ``reference``.
 
     References
     ----------
@@ -28,6 +35,7 @@ class ChartCheck:
     --------
     >>> check = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv").chart_check
     >>> check.rmse, check.inside, check.expected
+    >>> check.delta_e00, check.difference.percentile_90
     >>> check.poor
     """
 
@@ -38,6 +46,18 @@ class ChartCheck:
     def rmse(self) -> np.ndarray:
         """Error (I,) of each patch's reflectance, root mean square over wavelengths."""
         return self.patches.rmse
+
+    @property
+    def delta_e00(self) -> np.ndarray:
+        """CIEDE2000 (I,) between each patch's estimated spectrum and its reference, under D65."""
+        return patch_differences(self.patches)
+
+    @property
+    def difference(self) -> DifferenceSummary:
+        """``mean``, ``median``, ``percentile_90`` and ``largest`` of ``delta_e00``; saturated
+        patches do not count.
+        """
+        return difference_summary(self.patches)
 
     @property
     def inside(self) -> np.ndarray:
@@ -72,4 +92,5 @@ class ChartCheck:
     def __repr__(self) -> str:
         rmse, inside, expected = self.means
         return (f"<ChartCheck of {len(self.names)} patches: error {rmse:.3f}, {inside:.1%} inside, "
-                f"{expected:.1%} expected>")
+                f"{expected:.1%} expected, CIEDE2000 {self.difference.mean:.1f} on average, "
+                f"{self.difference.percentile_90:.1f} at 90%>")

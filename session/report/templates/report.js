@@ -26,6 +26,12 @@
     card.querySelector("details").addEventListener("toggle", () =>
       plot.choose(cards.filter((one) => one.querySelector("details").open).map(index)));
   });
+  // The patches of the chart: what is estimated of each without it, beside the reference.
+  document.querySelectorAll(".patch").forEach((each) => {
+    const {wavelengths_nm: nm, patches} = numbers.chart.left_out, patch = patches[Number(each.dataset.patch)];
+    each.querySelector(".drawing").append(smallSpectrum(`Reflectance of patch ${patch.name} over wavelength in nm`,
+      {nm, mean: patch.estimate, lower: patch.lower, upper: patch.upper, truth: {nm, values: patch.reference}}));
+  });
   document.querySelectorAll("a.mark, .card").forEach((one) => {
     one.addEventListener("pointerenter", () => { plot.show(index(one)); light(index(one)); });
     one.addEventListener("pointerleave", () => { plot.show(-1); light(-1); });
