@@ -77,6 +77,18 @@ def decode_srgb(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
+def signal_of_srgb(encoded: np.ndarray) -> np.ndarray:
+    """What the CIE 1931 observer sees (..., 3) of sRGB code values under D65, relative to white.
+
+    Parameters
+    ----------
+    encoded : (..., 3) array
+        0 to 1.
+    """
+    to_xyz = np.linalg.inv(TO_SRGB)
+    return np.asarray(decode_srgb(encoded) @ to_xyz.T / to_xyz.sum(axis=1))
+
+
 def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     """CIEDE2000 difference of two reflectances under D65.
 

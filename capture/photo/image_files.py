@@ -190,11 +190,36 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
     InputError
         If the file is missing or damaged, or has fewer than 3 bands.
     """
-    values, header = stored_values(Path(path))
-    scale = FULL_SCALE.get(header.kind, 1)
-    encoded = np.clip(_bands(values, header) / np.float32(scale), 0, 1)
+    encoded, header = _encoded(Path(path))
     return _linear_image(decode_srgb(encoded).astype(np.float32), header, clip=CLIP_FRACTION,
-                         quantum=1 / scale / 12.92, kind=PhotoKind.PROCESSED)
+                         quantum=1 / FULL_SCALE.get(header.kind, 1) / 12.92,
+                         kind=PhotoKind.PROCESSED)
+
+
+def read_encoded_values(path: str | os.PathLike[str]) -> np.ndarray:
+    """Code values (H, W, 3), 0 to 1, of a JPEG, PNG or TIFF in R, G and B.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or has other than 3 bands.
+    """
+    encoded, header = _encoded(Path(path))
+    if encoded.shape[2] != 3:
+        raise InputError(f"picture {header.path.name} has {encoded.shape[2]} bands; sRGB has R, G "
+                         "and B")
+    require_finite(header.path.name, encoded)
+    return encoded
+
+
+def _encoded(path: Path) -> tuple[np.ndarray, PictureHeader]:
+    values, header = stored_values(path)
+    scale = FULL_SCALE.get(header.kind, 1)
+    return np.clip(_bands(values, header) / np.float32(scale), 0, 1), header
 
 
 def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
+from spectrabox.capture.photo.image_files import read_encoded_values
 from spectrabox.capture.photo.image_writers import ends_whole, exr_spec, unwritten
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.stored_images import (
@@ -23,6 +24,7 @@ from spectrabox.capture.photo.stored_images import (
     open_as_stored,
     require_finite,
 )
+from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, whole_file
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
@@ -82,6 +84,23 @@ def open_rows(path: Path) -> PictureRows:
                          f"({', '.join(header.names)}); at least 3 are needed")
     return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
                        spec.tile_height or 1)
+
+
+def open_encoded(path: Path) -> PictureRows:
+    """What the CIE 1931 observer sees of a picture in sRGB under D65, relative to white.
+
+    Parameters
+    ----------
+    path : Path
+        PNG, JPEG or TIFF.
+
+    Raises
+    ------
+    InputError
+        As `image_files.read_encoded_values`.
+    """
+    signal = signal_of_srgb(read_encoded_values(path)).astype(np.float32)
+    return _rows_of_array(signal)
 
 
 def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
@@ -157,7 +176,10 @@ def _zarr_rows(path: Path) -> PictureRows:
 
 
 def _held(path: Path) -> PictureRows:
-    signal = open_photo(path).signal
+    return _rows_of_array(open_photo(path).signal)
+
+
+def _rows_of_array(signal: np.ndarray) -> PictureRows:
     height, width, bands = signal.shape
     return PictureRows(height, width, bands, lambda first, last: signal[first:last])
 

@@ -49,8 +49,12 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
     ------
     InputError
         If no chart tells the white of a camera's raw photo, whose values are shares of what its
-        sensor can hold.
+        sensor can hold; or the photo is decoded from sRGB, whose values are no camera's.
     """
+    if photo.kind is PhotoKind.PROCESSED:
+        raise InputError(f"{photo.source} was decoded from sRGB: its values are what a camera's "
+                         "processing made for a screen, and no camera saw them. Take its colours "
+                         "as they are, from the file itself (--encoded, encoded=True)")
     try:
         return white_of_chart(photo, relative_response)
     except (ChartNotFoundError, CheckError) as error:

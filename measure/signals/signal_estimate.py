@@ -17,6 +17,8 @@ from spectrabox.sampling.prior.family_coverage import FamilyCoverage, coverage_f
 from spectrabox.sampling.prior.mixture import LogitMixture
 
 SHOWN_NM, BASELINE_NM = 25, 50      # between the wavelengths of a text
+SRGB_ORIGIN = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
+               "of surfaces that would look so in daylight, not of what was photographed")
 NO_WHITE = ("no white was stated (--white, white=): the signal is taken as relative to a perfect "
             "white, which values of a raw photo are not")
 NO_NOISE = ("no noise was stated (--noise, noise=): the signal is taken as exact, and the band is "

@@ -81,11 +81,15 @@ class MeasuredSignal:
 class UpliftRequest:
     """Options of ``spectrabox uplift``."""
 
-    sensitivity: Sensitivity
-    light: Light
     image: Annotated[Path, typer.Argument(
-        metavar="IMAGE", help="Linear EXR, TIFF or Zarr array, or a camera raw.")]
+        metavar="IMAGE", help="Linear EXR, TIFF or Zarr array, or a camera raw; or, with "
+        "--encoded, a PNG or JPEG.")]
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder of the results.")]
+    sensitivity: OptionalSensitivity = None
+    light: OptionalLight = None
+    encoded: Annotated[bool, typer.Option(
+        "--encoded", help="In place of --sensitivity and --light: the picture is in sRGB, as PNG "
+        "and JPEG are. Its spectra are of surfaces that would look so in daylight.")] = False
     white: White = None
     noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = 0.01
     side: Annotated[int, typer.Option(

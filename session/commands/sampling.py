@@ -182,6 +182,12 @@ def uplift(request: UpliftRequest) -> Answer:
     if out.suffix.lower() in (".exr", ".hdr", ".img"):
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
                                  "which mean and standard deviation go", param_hint="--out")
+    if request.encoded and (request.sensitivity or request.light or request.white):
+        raise UsageProblem("--encoded is a picture in sRGB, what the CIE observer sees under D65; "
+                           "leave --sensitivity, --light and --white out")
+    if not request.encoded and None in (request.sensitivity, request.light):
+        raise UsageProblem("give --sensitivity and --light, the camera that took the picture and "
+                           "the light it was taken under; or --encoded of a PNG or JPEG in sRGB")
     from spectrabox.session.pictures.uplift_answer import stated_white, uplift_answer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
     request, white_from = stated_white(request)
@@ -192,9 +198,12 @@ def uplift(request: UpliftRequest) -> Answer:
             from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
             facts, text = shared_uplift_answer(request, with_time_left(progress))
     white = [float(value) for value in (request.white or "").replace(";", ",").split(",")]
-    return Answer(facts | {"white": white, "white_from": white_from},
-                  f"{text}\nwhite reads {', '.join(f'{value:.4g}' for value in white)} "
-                  f"({white_from})")
+    text += f"\nwhite reads {', '.join(f'{value:.4g}' for value in white)} ({white_from})"
+    if request.encoded:
+        from spectrabox.measure.signals.signal_estimate import SRGB_ORIGIN
+        facts["caveat"] = SRGB_ORIGIN
+        text += f"\n{SRGB_ORIGIN}"
+    return Answer(facts | {"white": white, "white_from": white_from}, text)
 
 
 @Command

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from spectrabox.capture.photo.image_files import is_image_file
-from spectrabox.capture.photo.image_rows import open_rows
+from spectrabox.capture.photo.image_rows import PictureRows, open_encoded, open_rows
 from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.processed_photos import NotLinearError
 from spectrabox.measure.pictures.photo_white import photo_white
 from spectrabox.measure.pictures.pixel_spectra import (
     GRID_STEP_NM,
@@ -30,7 +31,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
-from spectrabox.session.commands.requests import UpliftRequest
+from spectrabox.session.commands.requests import OBSERVER, UpliftRequest
 from spectrabox.session.signals.signal_options import numbers, response_of_names
 from spectrabox.session.terminal.progress_display import StageProgress
 
@@ -51,9 +52,12 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str]:
     InputError
         If a camera's raw photo shows no chart.
     """
+    if request.encoded:
+        return replace(request, white="1,1,1", sensitivity=OBSERVER, light="D65"), \
+            "white of sRGB"
     if request.white is not None:
         return request, "stated"
-    response = relative_response(request.sensitivity, request.light, FINE_GRID)
+    response = relative_response(*_camera_and_light(request), FINE_GRID)
     white = None
     if _is_searched(request.image):
         try:
@@ -74,8 +78,21 @@ def _is_searched(image: Path) -> bool:
     """Whether a chart is looked for: in a raw photo, which is held whole, and in small files."""
     if not image.is_file() or not is_image_file(image):
         return not image.is_dir()
-    rows = open_rows(image)
+    rows = _opened(image)
     return rows.width * rows.height <= MAX_SEARCHED_PX
+
+
+def _opened(image: Path) -> PictureRows:
+    try:
+        return open_rows(image)
+    except NotLinearError as error:
+        raise InputError(f"{error}. --encoded takes a picture in sRGB for colours under "
+                         "daylight") from None
+
+
+def _camera_and_light(request: UpliftRequest) -> tuple[str, str]:
+    assert request.sensitivity and request.light, "the command asks for both"
+    return request.sensitivity, request.light
 
 
 def uplift_layout(request: UpliftRequest) -> PictureLayout:
@@ -127,8 +144,8 @@ def image_source(request: UpliftRequest) -> ImageSource:
         raise InputError(f"--step {request.step} does not divide 400-700 nm into steps of "
                          f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
     require_side(request.side)
-    response = response_of_names(request.sensitivity, request.light)
-    image = open_rows(request.image)
+    response = response_of_names(*_camera_and_light(request))
+    image = open_encoded(request.image) if request.encoded else _opened(request.image)
     require_bands(image.bands, response)
     white = np.ones(image.bands) if request.white is None \
         else numbers(request.white, image.bands, "white")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals.sample import measurement_of_signal
-from spectrabox.measure.signals.signal_estimate import SignalCapture
+from spectrabox.measure.signals.signal_estimate import SRGB_ORIGIN, SignalCapture
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra
@@ -29,9 +29,6 @@ from spectrabox.session.signals.signal_options import (
     read_named_signals,
     signal_and_noise,
 )
-
-SRGB_ORIGIN = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
-               "of surfaces that would look so in daylight, not of what was photographed")
 
 
 def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple[str, str] | None,

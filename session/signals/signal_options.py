@@ -7,7 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals.sample import READING_ERROR, listed, reading_at
-from spectrabox.radiometry.appearance import TO_SRGB, decode_srgb, signal_of_colour
+from spectrabox.radiometry.appearance import (
+    TO_SRGB,
+    decode_srgb,
+    signal_of_colour,
+    signal_of_srgb,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -112,12 +117,10 @@ def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f"--srgb {text!r} is no sRGB colour; write R,G,B from 0 to 255, or "
                          "#RRGGBB")
     to_xyz = np.linalg.inv(TO_SRGB)
-    white = to_xyz.sum(axis=1)
-    linear = decode_srgb(values / 255)
     # an even distribution over one step of 8 bits
     rounding = (decode_srgb(np.minimum(values + 0.5, 255) / 255)
                 - decode_srgb(np.maximum(values - 0.5, 0) / 255)) / np.sqrt(12)
-    return to_xyz @ linear / white, np.sqrt(to_xyz**2 @ rounding**2) / white
+    return signal_of_srgb(values / 255), np.sqrt(to_xyz**2 @ rounding**2) / to_xyz.sum(axis=1)
 
 
 def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.ndarray | None]:

@@ -14,28 +14,36 @@ from spectrabox.api.arguments import (
     one_blas_thread,
     relative_response,
 )
-from spectrabox.api.photo import Photo
+from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
+from spectrabox.api.signals import OBSERVER
+from spectrabox.capture.photo.image_files import read_encoded_values
 from spectrabox.measure.pictures.photo_white import photo_white
 from spectrabox.measure.pictures.uplift import require_bands, uplift_image
+from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 
 @one_blas_thread
-def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
-           light: LightLike, noise: float = 0.01, white: ArrayLike | None = None,
+def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None = None,
+           light: LightLike | None = None, encoded: bool = False, noise: float = 0.01,
+           white: ArrayLike | None = None,
            families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,
            progress: ProgressLike = None) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation of the reflectance behind every pixel.
 
     Parameters
     ----------
-    image : (H, W, K) array or Photo
+    image : (H, W, K) array, Photo or path
         Linear signal.
     camera : name, path, CameraEstimate, or (nm, curves)
     light : name, path, (nm, values) or Spectrum
+    encoded : bool
+        In place of camera and light: the image is in sRGB, a PNG or JPEG, or an array of its code
+        values, integers or 0 to 1. The spectra are of surfaces that would look so in daylight, not
+        of what was photographed.
     noise : float
         Relative standard error of every band.
     white : (K,) array, optional
@@ -58,7 +66,8 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     ------
     InputError
         If image and camera have other bands, or the image has no pixel; if a raw photo shows no
-        chart and ``white`` is not given; if more than 5 % of the pixels are brighter than white.
+        chart and ``white`` is not given; if more than 5 % of the pixels are brighter than white;
+        if camera, light or white are given with ``encoded``, or camera or light not without it.
 
     References
     ----------
@@ -71,6 +80,16 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
     >>> image = np.full((4, 6, 3), 0.3)
     >>> mean, deviation = sb.uplift(image, camera="Nikon 5100 (NPL)", light="D65")
     """
+    if encoded:
+        if camera is not None or light is not None or white is not None:
+            raise InputError("an image in sRGB is what the CIE observer sees under D65; leave "
+                             "camera, light and white out")
+        image, camera, light = signal_of_srgb(_code_values(image)), OBSERVER, "D65"
+    elif isinstance(image, str | Path):
+        image = open_photo(image)
+    if camera is None or light is None:
+        raise InputError("pixels need the camera that saw them and their light (camera=, light=); "
+                         "a PNG or JPEG in sRGB is given with encoded=True")
     pixels = image.signal if isinstance(image, Photo) else np.asarray(image, dtype=float)
     if pixels.ndim != 3 or not pixels.size:
         raise InputError(f"an image of shape {pixels.shape} was given; give (height, width, bands) "
@@ -85,3 +104,20 @@ def uplift(image: ArrayLike | Photo, *, camera: CameraLike,
         return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
                             white=None if white is None else np.asarray(white, dtype=float),
                             progress=lambda share: step(share, "tables"))
+
+
+def _code_values(image: ArrayLike | Photo | str | Path) -> np.ndarray:
+    """Code values (H, W, 3) of sRGB, 0 to 1."""
+    if isinstance(image, str | Path):
+        return read_encoded_values(image)
+    if isinstance(image, Photo):
+        raise InputError("a photo that is open holds linear values; give the file of a picture in "
+                         "sRGB, or its code values")
+    values = np.asarray(image)
+    if values.dtype.kind == "u":
+        values = values / np.iinfo(values.dtype).max
+    if values.ndim != 3 or values.shape[2] != 3 or not values.size \
+            or not np.all((values >= 0) & (values <= 1)):
+        raise InputError(f"sRGB code values of shape {values.shape} and type {values.dtype} were "
+                         "given; give (height, width, 3) unsigned integers, or numbers from 0 to 1")
+    return values

@@ -1,0 +1,95 @@
+"""Pictures in sRGB: spectra of what would look so, by command and in Python, and no camera's."""
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from typer.testing import CliRunner
+
+import spectrabox as sb
+from spectrabox.capture.photo.image_writers import write_png
+from spectrabox.measure.signals.signal_estimate import SRGB_ORIGIN
+from spectrabox.radiometry.appearance import (
+    decode_srgb,
+    encode_srgb,
+    reflectance_to_srgb,
+    signal_of_srgb,
+)
+from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.session.cli import app
+
+COLOURS = np.array([[200, 100, 50], [90, 140, 70], [128, 128, 128], [60, 70, 130]], np.uint8)
+PICTURE = np.repeat(np.repeat(COLOURS.reshape(2, 2, 3), 4, axis=0), 5, axis=1)      # 8 x 10
+NAMED = ("--sensitivity", "Nikon 5100 (NPL)", "--light", "D65")
+
+
+def answer(*arguments):
+    done = CliRunner().invoke(app, [*map(str, arguments), "--json"])
+    return done.exit_code, json.loads(done.stdout)
+
+
+@pytest.fixture
+def png(tmp_path):
+    write_png(tmp_path / "picture.png", PICTURE)
+    return tmp_path / "picture.png"
+
+
+def test_signals_of_srgb_undo_what_a_screen_shows():
+    """White is 1 in each band, and a grey as light as it is."""
+    np.testing.assert_allclose(signal_of_srgb(np.ones(3)), 1, rtol=1e-12)
+    np.testing.assert_allclose(signal_of_srgb(np.full((2, 3), 0.5)), decode_srgb(np.array(0.5)),
+                               rtol=1e-12)
+
+
+def test_the_spectra_of_a_picture_have_its_colours(png, tmp_path):
+    code, facts = answer("uplift", png, "--encoded", "--side", "17", "--full", "-o",
+                         tmp_path / "out")
+    assert code == 0 and facts["white"] == [1, 1, 1] and facts["white_from"] == "white of sRGB"
+    assert facts["caveat"] == SRGB_ORIGIN and facts["outside_0_to_1"] == 0
+    file = oiio.ImageInput.open(facts["mean"])
+    stored = np.asarray(file.read_image("float"))
+    spectral = [index for index, name in enumerate(file.spec().channelnames)
+                if name not in ("R", "G", "B")]
+    mean, deviation = sb.uplift(png, encoded=True)
+    # the command interpolates in a table of 17 points a side: 0.005 in reflectance
+    np.testing.assert_allclose(stored[..., spectral], mean, atol=0.01)
+    for spectrum, wanted in zip(mean.reshape(-1, 61), PICTURE.reshape(-1, 3) / 255, strict=True):
+        # the mean of spectra whose signals err by 1 %: a step of 2 in 255
+        np.testing.assert_allclose(reflectance_to_srgb(PRIOR_GRID.nm, spectrum), wanted, atol=0.012)
+    _, one = answer("sample", "--srgb", "200,100,50", "--noise", "0.002")
+    np.testing.assert_allclose(mean[0, 0], one["mean"], atol=0.02)
+    assert deviation.min() > 0
+
+
+def test_code_values_are_taken_of_8_and_16_bits_and_as_shares(png):
+    wide = PICTURE.astype(np.uint16) * 257
+    for image in (PICTURE, wide, PICTURE / 255):
+        np.testing.assert_allclose(sb.uplift(image, encoded=True)[0],
+                                   sb.uplift(png, encoded=True)[0], atol=1e-5)
+
+
+def test_a_picture_in_srgb_is_no_camera_s(png, tmp_path):
+    code, facts = answer("uplift", png, "--encoded", *NAMED, "-o", tmp_path / "out")
+    assert code == 2 and "leave --sensitivity, --light and --white out" in facts["error"]
+    code, facts = answer("uplift", png, "-o", tmp_path / "out")
+    assert code == 2 and "--encoded of a PNG or JPEG in sRGB" in facts["error"]
+    code, facts = answer("uplift", png, *NAMED, "-o", tmp_path / "out")
+    assert code == 3 and "--encoded takes a picture in sRGB" in facts["error"]
+    with pytest.raises(InputError, match="leave camera, light and white out"):
+        sb.uplift(png, encoded=True, camera="Nikon 5100 (NPL)", light="D65")
+    with pytest.raises(InputError, match="given with encoded=True"):
+        sb.uplift(PICTURE / 255)
+    with pytest.raises(InputError, match=r"0 to 1"):
+        sb.uplift(PICTURE.astype(float), encoded=True)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_photo_decoded_from_srgb_is_no_camera_s_signal(tmp_path):
+    noisy = 0.4 + 0.01 * np.random.default_rng(1).standard_normal((80, 90, 3))
+    write_png(tmp_path / "processed.png", np.round(255 * encode_srgb(noisy)).astype(np.uint8))
+    photo = sb.open_photo(tmp_path / "processed.png", not_linear=True)
+    with pytest.raises(InputError, match=r"was decoded from sRGB.*encoded=True"):
+        sb.uplift(photo, camera="Nikon 5100 (NPL)", light="D65")
+    with pytest.raises(InputError, match="is open holds linear values"):
+        sb.uplift(photo, encoded=True)
