@@ -3,7 +3,7 @@
     python docs/make_pictures.py
 
 Needs Playwright and a Chromium (`make test` installs both). Writes `docs/images/page.jpg`,
-`page-phone.jpg`, `flat.png` and `report.png` in place of those that are there.
+`page-phone.jpg`, `flat.png`, `light.png` and `report.png` in place of those that are there.
 """
 from __future__ import annotations
 
@@ -52,6 +52,13 @@ def take_report(chromium: Any, session: Path, image: str) -> None:
     report.screenshot(path=IMAGES / image)
 
 
+def take_light(chromium: Any, session: Path, image: str) -> None:
+    """The map of the light in a report."""
+    report = chromium.new_page(viewport=REPORT, device_scale_factor=1 / SCALE)
+    report.goto((session / "report.html").as_uri())
+    report.locator("svg:has(title:text('Light over'))").first.screenshot(path=IMAGES / image)
+
+
 def take_page(chromium: Any, session: Path) -> None:
     """The page of a session, on a screen and on a telephone."""
     opened = subprocess.Popen([*COMMAND, "open", str(session), "--no-browser"], cwd=ROOT,
@@ -85,6 +92,7 @@ def main() -> None:
         chromium = driver.chromium.launch(executable_path=found,
                                           args=["--no-sandbox", "--disable-gpu"])
         take_report(chromium, painting, "flat.png")
+        take_light(chromium, painting, "light.png")
         take_report(chromium, box, "report.png")
         take_page(chromium, painting)
         chromium.close()
