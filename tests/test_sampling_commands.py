@@ -207,9 +207,13 @@ def test_unknown_names_are_answered_with_the_nearest(camera, lamp, message):
 
 
 def test_advice_on_a_signal_ranks_readings_and_photos():
-    facts = json.loads(call("advise", *CAMERA, "--signal", "0.2,0.3,0.15", "--lamps", "A",
-                            "--json").stdout)
+    facts = json.loads(call("advise", *CAMERA, "--signal", "0.2,0.3,0.15", "--noise", "0.003",
+                            "--lamps", "A", "--json").stdout)
     assert {one["action"] for one in facts["overall"]} == {"reading", "second-lamp"}
+    # one width is said of a signal, by its estimate and by the advice on it
+    estimate = sb.sample([0.2, 0.3, 0.15], camera=CAMERA[1], light=CAMERA[3], noise=0.003)
+    assert {one["width_before"] for one in facts["overall"]} == {estimate.band_width}
+    assert {one.width_before for one in sb.advise(estimate)} == {estimate.band_width}
     after = [one["width_after"] for one in facts["overall"]]
     assert after == sorted(after) and after[-1] < facts["overall"][-1]["width_before"]
 

@@ -105,7 +105,10 @@ class Advised:
     @property
     def line(self) -> str:
         """The best of all, in a line for a person; empty where nothing brings much."""
-        return f"next: {self.overall[0].text}" if self.overall else ""
+        if not self.overall:
+            return ""
+        count = len(self.by_surface)
+        return f"next: {self.overall[0].text}" + (f" (means of {count})" if count > 1 else "")
 
 
 def advised_of_facts(facts: Mapping[str, Any]) -> Advised:

@@ -44,6 +44,7 @@ from spectrabox.measure.advice.forecast import (
     outlook_after,
     outlook_now,
     outlook_of,
+    outlook_of_answer,
     outlook_stated,
 )
 from spectrabox.measure.advice.further import (
@@ -61,8 +62,8 @@ from spectrabox.measure.more_bands.further_photos import (
     white_of_bands,
 )
 from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.signals.signal_estimate import SignalEstimate
 from spectrabox.measure.surfaces.surface_signals import alone
-from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.error_model import PHOTO_NOISE
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.spectra import (
@@ -150,12 +151,9 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
     variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
     unknown = Unknown(prior, spectrum.summary.level, signals, samples.spectra.mean(axis=0),
                       variables)
-    colours = reflectance_to_lab(samples.grid.nm, samples.spectra)
-    colour = reflectance_to_lab(samples.grid.nm, samples.spectra.mean(axis=0))
-    found = Outlook(float(np.mean(spectrum.summary.upper - spectrum.summary.lower)),
-                    float(np.sqrt(np.mean(ciede2000(colour, colours)**2))))
-    return _Surface(unknown, found, outlook_now(unknown),
-                    spectrum.summary.next_measurement_nm, stated.surface,
+    summary = spectrum.summary
+    return _Surface(unknown, outlook_of_answer(samples, summary.lower, summary.upper),
+                    outlook_now(unknown), spectrum.summary.next_measurement_nm, stated.surface,
                     0.0 if spectrum.states is None else spectrum.states.shares.get("matt", 0.0))
 
 
@@ -185,7 +183,8 @@ def _of_reading(surface: _Surface) -> Advice:
 
 
 def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: float = 0.95, *,
-                     curves: np.ndarray | None = None, present: np.ndarray | None = None,
+                     found: Outlook | None = None, curves: np.ndarray | None = None,
+                     present: np.ndarray | None = None,
                      hand: LampsAtHand | None = None) -> tuple[Advice, ...]:
     """What to do next of a surface of which signals are known, and what they err by; further photos
     err by noise alone.
@@ -198,6 +197,9 @@ def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: 
         On reflectances.
     level : float
         Of the band.
+    found : Outlook, optional
+        How well an answer says that it is known (``outlook_of_answer``), so that the advice states
+        the same; in closed form by default.
     curves : (K, 301) array, optional
         Sensitivities of the camera; without them no lamp is tried, only gels.
     present : (301,) array, optional
@@ -218,9 +220,9 @@ def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: 
                        (SignalError(PHOTO_NOISE, measured.noise_covariance[None]),),
                        () if measured.states is None else (measured.states,)), posterior.mean,
         np.zeros(0) if posterior.states is None else posterior.states.mean)
-    found = outlook_of(posterior, level)
+    solved = outlook_of(posterior, level)
     reading = next_measurement_nm(PRIOR_GRID, posterior.covariance)
-    surface = _Surface(unknown, found, found, reading, None, 0.0)
+    surface = _Surface(unknown, found or solved, solved, reading, None, 0.0)
     known = hand or usual_at_hand()
     if curves is None or present is None:
         curves, present = measured.relative_response / FINE_GRID.weights_nm, np.ones(
@@ -228,6 +230,30 @@ def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: 
         known = LampsAtHand({}, known.filters)
     each = _of_photos({"": surface}, curves, present, None, known, all_of_them=hand is not None)
     return ranked([_of_reading(surface), *each.get("", [])])
+
+
+def advice_on_estimate(estimate: SignalEstimate, prior: LogitMixture) -> tuple[Advice, ...]:
+    """What to do next of a surface whose spectrum was estimated from a signal.
+
+    Parameters
+    ----------
+    estimate : SignalEstimate
+    prior : LogitMixture
+        By which it was.
+    """
+    return advice_on_signal(estimate.measurement, prior, estimate.level,
+                            found=stated_outlook(estimate))
+
+
+def stated_outlook(estimate: SignalEstimate) -> Outlook | None:
+    """How well an estimate says that its spectrum is known; None where it has no draws.
+
+    Parameters
+    ----------
+    estimate : SignalEstimate
+    """
+    return None if estimate.draws is None else outlook_of_answer(
+        estimate.draws, estimate.lower, estimate.upper)
 
 
 def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np.ndarray,

@@ -21,7 +21,7 @@ import numpy as np
 from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records.spectra import SurfaceSignals
+from spectrabox.radiometry.records.spectra import SpectrumSamples, SurfaceSignals
 from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
@@ -66,6 +66,20 @@ def outlook_of(posterior: SignalPosterior, level: float) -> Outlook:
     values, vectors = np.linalg.eigh(slope @ posterior.covariance @ slope.T)
     off = ciede2000(colour, colour + (np.sqrt(np.maximum(values, 0)) * vectors).T)
     return Outlook(float(np.mean(upper - lower)), float(np.sqrt(np.sum(off**2))))
+
+
+def outlook_of_answer(samples: SpectrumSamples, lower: np.ndarray, upper: np.ndarray) -> Outlook:
+    """How well a spectrum is known by the draws and the band that an answer states of it.
+
+    Parameters
+    ----------
+    samples : SpectrumSamples
+    lower, upper : (P,) arrays
+    """
+    colours = reflectance_to_lab(samples.grid.nm, samples.spectra)
+    colour = reflectance_to_lab(samples.grid.nm, samples.spectra.mean(axis=0))
+    return Outlook(float(np.mean(upper - lower)),
+                   float(np.sqrt(np.mean(ciede2000(colour, colours)**2))))
 
 
 def outlook_now(unknown: Unknown) -> Outlook:

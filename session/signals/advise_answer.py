@@ -6,15 +6,19 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior, shipped_prior
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.measure.advice.advice import Advice, Advised
-from spectrabox.measure.advice.advise import advice_on_capture, advice_on_signal
+from spectrabox.measure.advice.advise import advice_on_capture, advice_on_signal, stated_outlook
 from spectrabox.measure.advice.at_hand import usual_at_hand
 from spectrabox.measure.advice.before_shoot import Expectation, Shoot, expected_spectra
 from spectrabox.measure.camera import light_words
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
-from spectrabox.measure.signals.sample import measurement_of_signal
+from spectrabox.measure.signals.options import SampleOptions
+from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
+from spectrabox.measure.signals.signal_estimate import SignalCapture
 from spectrabox.measure.tables import text_table
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
@@ -96,7 +100,12 @@ def _on_signal(request: AdviseRequest, hand: LampsAtHand | None) -> tuple[dict[s
     base = measurement_of_signal(response, numbers(request.signal or "", bands, "signal"), white,
                                  optional_noise(request.noise, bands))
     taken = further_measurements(request, sensitivity, response, white)
-    each = advice_on_signal(joined(base, taken), load_prior(),
+    # so that the width is the one that ``sample`` states: by the same draws
+    capture = SignalCapture(response, base.signal[None], ("",), np.ones(bands),
+                            np.sqrt(np.diag(base.noise_covariance)), more=taken)
+    [estimate] = sample_signals(capture, SampleOptions())
+    each = advice_on_signal(joined(base, taken), load_prior(), estimate.level,
+                            found=stated_outlook(estimate),
                             curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                             present=named_spectra.light(light, FINE_GRID), hand=hand)
     return _answer(Advised(each), taken=[measured.name for measured in taken])

@@ -24,6 +24,7 @@ from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.advice.advise import advice_on_signal
 from spectrabox.measure.advice.at_hand import usual_at_hand
 from spectrabox.measure.advice.before_shoot import Shoot, expected_spectra
+from spectrabox.measure.advice.forecast import Outlook, outlook_of_answer
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
@@ -97,7 +98,7 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
             raise InputError(f"lamps and filters are weighed for all regions of a photo together: "
                              f"give the result that {known.name!r} is of")
         return advice_on_signal(
-            known.measurement, known.prior, hand=hand,
+            known.measurement, known.prior, found=_outlook_of(known), hand=hand,
             curves=None if camera is None else as_curves(camera),
             present=None if camera is None else spectrum_on_grid(as_spectrum(light), FINE_GRID))
     chart = as_lit_chart(layout, reference, None)
@@ -106,6 +107,12 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
         cameras = prior_of_curves(FINE_GRID, as_curves(camera), CURVES_ERROR)
     shoot = Shoot(as_light(light), cameras, chart.reflectances, chart.layout.centres_uv, noise)
     return expected_spectra(shoot, hand or usual_at_hand(), surfaces=surfaces).advice
+
+
+def _outlook_of(known: SpectrumEstimate) -> Outlook | None:
+    """How well an estimate says that its spectrum is known; None where it has no draws."""
+    return None if known.samples is None or known.summary is None else outlook_of_answer(
+        known.samples, known.summary.lower, known.summary.upper)
 
 
 def _at_hand(lamps: Sequence[str] | Mapping[str, LightLike] | None,

@@ -21,7 +21,7 @@ from spectrabox.api.arguments import (
 )
 from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
-from spectrabox.measure.advice.advise import advice_on_signal
+from spectrabox.measure.advice.advise import advice_on_estimate
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
@@ -260,6 +260,5 @@ def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None,
                               one.next_measurement_nm)
     return SpectrumEstimate(
         name, summary, one.measurement, one.causes, prior, one.draws, caveats=caveats,
-        advise=tuple if prior is None else partial(advice_on_signal, one.measurement, prior,
-                                                   one.level))
+        advise=tuple if prior is None else partial(advice_on_estimate, one, prior))
 
