@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.error_model import PLANE_ERROR, SCENE_LEVEL_ERROR
+from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
+from spectrabox.radiometry.system.known_names import known_name
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 
 INVERSION = InversionSettings()
@@ -115,6 +117,16 @@ class Sampling(Table):
     level: float = Field(0.95, ge=0.5, le=0.999, description="of the printed band")
 
 
+def _published_light(written: Any) -> Any:
+    """A light by the name it is published under; what is no such name is refused elsewhere."""
+    if not isinstance(written, str):
+        return written
+    return known_name(written, published_names(LIGHTS)) or written
+
+
+LightName = Annotated[str, BeforeValidator(_published_light)]
+
+
 class PictureOptions(Table):
     """A picture of spectra: every pixel of the first photo, of a flat sample in the bands of all
     photos. Off without it.
@@ -122,8 +134,8 @@ class PictureOptions(Table):
 
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners "
                                        "in pixels of the photo; all of it where left out")
-    light: str | None = Field(None, description="CIE name of a light besides D65 under which "
-                              "colours are shown")
+    light: LightName | None = Field(None, description="CIE name of a light besides D65 under "
+                                    "which colours are shown")
     step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
         10, description="between wavelengths of the mean")
     format: Literal["exr", "tiled-exr", "envi", "zarr"] = Field(

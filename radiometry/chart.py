@@ -25,6 +25,7 @@ from spectrabox.radiometry.published.published_tables import (
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
+from spectrabox.radiometry.system.known_names import nearest_words
 
 PATCH_NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
@@ -192,7 +193,8 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
                          f"{chart.name}; give a file of its {len(chart.names)} measured patches "
                          "(CSV or CGATS)")
     if reference not in chart.references:
-        raise InputError(f"chart reference {reference!r} is not known; known are "
+        raise InputError(f"chart reference {reference!r} is not known"
+                         f"{nearest_words(reference, chart.references)}; known are "
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")
     if reference in MEANS_OF_COPIES:
         tables, weights = zip(*MEANS_OF_COPIES[reference].items(), strict=True)

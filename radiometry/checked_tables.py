@@ -5,7 +5,6 @@ and the key in it, all at once; an unknown key is answered with the nearest know
 """
 from __future__ import annotations
 
-import difflib
 import tomllib
 import types
 import typing
@@ -23,6 +22,7 @@ from pydantic.fields import FieldInfo
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
+from spectrabox.radiometry.system.known_names import nearest_names
 from spectrabox.radiometry.system.words import shortened
 
 
@@ -111,7 +111,7 @@ def fault_sentences(error: ValidationError, model: type[Table]) -> list[str]:
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word that is most like another."""
-    return difflib.get_close_matches(word, list(known), n=1, cutoff=0.0)[0]
+    return nearest_names(word, known, shown=1, near=0.0)[0]
 
 
 class _Key(NamedTuple):

@@ -9,6 +9,8 @@ from .api.estimates.measured_spectra import MeasuredSpectra as MeasuredSpectra
 from .api.estimates.spectrum_estimates import SpectrumEstimates as SpectrumEstimates
 from .api.flat import FlatSpectra as FlatSpectra
 from .api.flat import flat as flat
+from .api.known_camera import KnownCamera as KnownCamera
+from .api.known_camera import camera as camera
 from .api.meter_reading import MeterReading as MeterReading
 from .api.meter_reading import measure_spectrum as measure_spectrum
 from .api.photo import ChartInPhoto as ChartInPhoto

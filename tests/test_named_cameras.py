@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from flat_example import write_flat
 
+import spectrabox as sb
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
@@ -24,11 +25,11 @@ from spectrabox.radiometry.published.published_tables import (
 )
 from spectrabox.radiometry.spectra import kept_cameras
 from spectrabox.radiometry.spectra.named_spectra import (
-    known_name,
     light,
     sensitivities,
     spectrum_of_name,
 )
+from spectrabox.radiometry.system.known_names import known_name, nearest_names
 from spectrabox.session.config.captured_session import capture_of, read_sensitivities
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.store.input_files import InputFiles
@@ -240,6 +241,62 @@ def test_no_two_published_names_are_one_but_for_capitals():
             assert known_name(name.swapcase(), published_names(kind)) == name, name
 
 
-def test_a_kind_of_lamp_that_is_misspelt_is_suggested():
-    with pytest.raises(InputError, match="nearest are halogen"):
-        spectrum_of_name("hallogen", GRID)
+@pytest.mark.parametrize("written, meant", [
+    ("hallogen", "halogen"), ("halojen", "halogen"), ("flurescent", "fluorescent"),
+    ("phlourescent", "fluorescent"), ("tungstun", "tungsten"), ("dailight", "daylight"),
+    ("incandessent", "incandescent"), ("LED-B33", "LED-B3"), ("FL-12x", "FL12")])
+def test_a_light_that_is_misspelt_is_suggested(written, meant):
+    with pytest.raises(InputError, match=f"nearest are {meant}"):
+        spectrum_of_name(written, GRID)
+
+
+@pytest.mark.parametrize("written, meant", [
+    ("Cannon EOS 5D", "Canon EOS 5D"), ("Nikkon D810", "Nikon D810"),
+    ("Kanon EOS R", "Canon EOS R"), ("Hasselblatt L1D", "Hasselblad L1D-20c"),
+    ("phujifilm gfx100", "Fujifilm GFX 100"), ("Sonny ILCE-9", "Sony ILCE-9")])
+def test_a_camera_that_is_misspelt_is_suggested_by_spelling_or_sound(written, meant):
+    with pytest.raises(InputError, match=f"nearest are {meant}"):
+        sensitivities(written, GRID)
+
+
+def test_the_nearest_of_a_name_that_is_like_none_are_none():
+    assert nearest_names("???", ["halogen", "led"]) == []
+
+
+@pytest.mark.parametrize("written, name, bands", [
+    ("nikon d810", "Nikon D810", ("R", "G", "B")),
+    ("Nikon D5100", "Nikon 5100 (NPL)", ("R", "G", "B")),
+    ("nikon5100 (npl)", "Nikon 5100 (NPL)", ("R", "G", "B")),
+    ("cie 1931 2 degree standard observer", "CIE 1931 2 Degree Standard Observer",
+     ("X", "Y", "Z"))])
+def test_a_camera_of_python_is_that_of_its_name(written, name, bands, tmp_path):
+    camera = sb.camera(written)
+    assert (camera.name, camera.bands) == (name, bands) and camera.curves.max() == 1
+    assert name in repr(camera) and "<svg" in camera._repr_html_()
+    assert [line.get_label() for line in camera.plot().get_lines()][:3] == list(bands)
+    signal = {"light": "D65", "noise": 0.01, "draws": 1000}
+    known = sb.sample([0.4, 0.3, 0.2], camera=camera, **signal)
+    np.testing.assert_allclose(known.mean, sb.sample([0.4, 0.3, 0.2], camera=name, **signal).mean,
+                               atol=1e-9)
+    again = sb.camera(str(camera.to_csv(tmp_path / "camera.csv")))
+    # seven digits are written
+    np.testing.assert_allclose(again.curves, camera.curves, atol=1e-6)
+    assert again.bands == camera.bands
+
+
+def test_a_camera_of_python_may_be_ones_own_and_a_typo_is_answered(own):
+    kept_cameras.keep_camera("Lab 2026", NM, dict(zip("RGB", three(0), strict=True)), "measured")
+    assert sb.camera("lab 2026").name == "Lab 2026"
+    with pytest.raises(InputError, match="nearest are Lab 2026"):
+        sb.camera("Labb 2026")
+
+
+def test_the_light_of_a_picture_is_known_whatever_its_capitals(captured):
+    text = (captured / "session.toml").read_text(encoding="utf-8")
+    (captured / "session.toml").write_text(text + '\n[picture]\nlight = "led-b3"\n',
+                                           encoding="utf-8")
+    assert read_session(captured).picture.light == "LED-B3"
+    (captured / "session.toml").write_text(text + '\n[picture]\nlight = "LED-B33"\n',
+                                           encoding="utf-8")
+    with pytest.raises(InputError, match=r"picture\.light is 'LED-B33', .*nearest are LED-B3"):
+        read_session(captured)

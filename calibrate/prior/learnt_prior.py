@@ -11,7 +11,6 @@ each may be halved or doubled for some per cent.
 """
 from __future__ import annotations
 
-import difflib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
+from spectrabox.radiometry.system.known_names import nearest_words
 
 FAMILIES_PER_CAMERA = 0.33   # 13 families of 39 cameras
 MIN_CAMERAS_FOR_FAMILIES = 12  # fewer cameras make one Gaussian
@@ -228,9 +228,8 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
                     if name in cameras]
         cameras |= {name: curves for name, curves in in_file.items() if name not in cameras}
     if absent := [name for name in leave_out if name not in cameras]:
-        near = difflib.get_close_matches(absent[0], cameras, n=3)
         raise InputError(f"{folder} holds no camera {absent[0]!r} to leave out"
-                         + (f"; nearest are {', '.join(near)}" if near else ""))
+                         f"{nearest_words(absent[0], cameras)}")
     kept = {name: curves for name, curves in cameras.items() if name not in leave_out}
     if not kept:
         raise InputError(f"{folder} holds no camera that can be read"

@@ -22,6 +22,7 @@ from spectrabox.radiometry.chart import (
 )
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked, nearest, read_toml
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.system.known_names import nearest_words
 
 LAYOUT_SUFFIX = ".toml"
 LAYOUT_NAMES = ("ColorChecker Classic", "ColorChecker Passport", "ColorChecker Nano",
@@ -62,7 +63,8 @@ def layout_name(written: str) -> str:
     short |= {_plain(word): name for word, name in SHORT_NAMES.items()}
     name = (short | known).get(_plain(written))
     if name is None:
-        raise InputError(f"chart layout {written!r} is not known; known are "
+        raise InputError(f"chart layout {written!r} is not known"
+                         f"{nearest_words(written, [*LAYOUT_NAMES, *SHORT_NAMES])}; known are "
                          f"{', '.join(LAYOUT_NAMES)}, or a layout of your own in a file "
                          f"NAME{LAYOUT_SUFFIX}")
     return name

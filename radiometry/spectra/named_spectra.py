@@ -3,9 +3,6 @@ as an operator states them.
 """
 from __future__ import annotations
 
-import difflib
-import re
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +17,13 @@ from spectrabox.radiometry.published.published_tables import (
     published_curves,
     published_names,
 )
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight, WavelengthGrid
+from spectrabox.radiometry.records.spectra import (
+    Quantity,
+    Spectrum,
+    UnknownLight,
+    WavelengthGrid,
+    default_band_names,
+)
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
 from spectrabox.radiometry.spectra.light_words import (
     LIGHT_KINDS,
@@ -34,6 +37,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     read_spectrum,
     spectrum_on_grid,
 )
+from spectrabox.radiometry.system.known_names import known_name, nearest_words
 
 NEAR = "A (tungsten, 2856 K), D50 or D65 (daylight), FL11 (tubes), LED-B3"
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
@@ -55,20 +59,44 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
         If there is neither such a file nor such a name, the curves do not cover the grid, or they
         are products with a light.
     """
-    kept = own_cameras()
-    own = known_name(name, kept)
-    if names_a_file(name) or own is not None:
-        path = Path(name) if own is None else kept[own]
-        nm, _, curves = read_curves(path)
-        curves = on_grid(nm, curves, grid, path.name)
-    else:
-        nm, curves = _by_name(name, (CAMERAS, OBSERVERS), "camera or observer",
-                              "a file of curves, one column per band", tuple(kept))
-        curves = on_grid(nm, curves, grid, name)
+    known, nm, _, curves = named_curves(name)
+    curves = on_grid(nm, curves, grid, known)
     if not np.all(np.isfinite(curves)) or np.any(curves.max(axis=1) <= 0):
         raise InputError(f"a band of {name} sees nothing of {grid.nm[0]:g}-{grid.nm[-1]:g} nm; "
                          "leave it out")
     return curves
+
+
+def named_curves(name: str) -> tuple[str, np.ndarray, tuple[str, ...], np.ndarray]:
+    """Curves of a file, or of a camera or observer by name, as they were measured.
+
+    Parameters
+    ----------
+    name : str
+        As of ``sensitivities``.
+
+    Returns
+    -------
+    name : str
+        As it is known.
+    nm : (Q,) array
+    bands : tuple of K str
+    curves : (K, Q) array
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a name, or they are products with a light.
+    """
+    kept = own_cameras()
+    own = known_name(name, kept)
+    if names_a_file(name) or own is not None:
+        path = Path(name) if own is None else kept[own]
+        return (path.name if own is None else own, *read_curves(path))
+    known, nm, curves = _by_name(name, (CAMERAS, OBSERVERS), "camera or observer",
+                                 "a file of curves, one column per band", tuple(kept))
+    bands = ("X", "Y", "Z") if known.startswith("CIE") else default_band_names(len(curves))
+    return known, nm, bands, curves
 
 
 def light(name: str, grid: WavelengthGrid) -> np.ndarray:
@@ -92,8 +120,8 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
         raise InputError(f"{name!r} says of what kind a light is, and here its spectrum is needed: "
                          f"give a CSV file of it, or a CIE name that comes near it, such as {NEAR}")
     else:
-        nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum",
-                              (*LIGHT_KINDS, *SAME_KIND))
+        _, nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum",
+                                 (*LIGHT_KINDS, *SAME_KIND))
         values = on_grid(nm, curves[0], grid, name)
     if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"the light {name} is dark or falls below zero; measure it again")
@@ -151,48 +179,15 @@ def relative_response(sensitivity: str, light_name: str,
     return response / total
 
 
-def known_name(name: str, names: Iterable[str]) -> str | None:
-    """The one of some names that is meant, whatever its capitals, blanks and hyphens, without the
-    source in brackets, and of a Nikon without the D; None where none is, or two are.
-
-    Parameters
-    ----------
-    name : str
-    names : iterable of str
-    """
-    known = list(names)
-    if name in known:
-        return name
-    meant = [each for each in known
-             if _plain(name) in (_plain(each), _plain(each.partition(" (")[0]))]
-    return meant[0] if len(meant) == 1 else None
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"^nikond(?=\d)", "nikon", re.sub(r"[\s_-]+", "", name.casefold()))
-
-
-def nearest_names(name: str, names: Sequence[str]) -> list[str]:
-    """Up to three names that were perhaps meant, without capitals and the source in brackets."""
-    written: dict[str, str] = {}
-    for known in names:
-        for form in (known, known.partition(" (")[0]):
-            written.setdefault(form.casefold(), known)
-    near = difflib.get_close_matches(name.casefold(), written, n=6, cutoff=0.4)
-    return list(dict.fromkeys(written[form] for form in near))[:3]
-
-
 def _by_name(name: str, kinds: tuple[str, ...], what: str, instead: str,
-             own: tuple[str, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths (P,) and curves (K, P)."""
+             own: tuple[str, ...] = ()) -> tuple[str, np.ndarray, np.ndarray]:
+    """The name as it is known, wavelengths (P,) and curves (K, P)."""
     kind_of = {known: kind for kind in kinds for known in published_names(kind)}
     meant = known_name(name, kind_of)
     if meant is None:
-        near = nearest_names(name, [*own, *kind_of])
-        nearest = f"; nearest are {', '.join(near)}" if near else ""
-        raise InputError(f"{name!r} is no {what} that is known{nearest}; give one of these or "
-                         f"{instead}")
-    return published_curves(kind_of[meant], meant)
+        raise InputError(f"{name!r} is no {what} that is known"
+                         f"{nearest_words(name, [*own, *kind_of])}; give one of these or {instead}")
+    return meant, *published_curves(kind_of[meant], meant)
 
 
 # ---- lights as an operator states them -----------------------------------------------------------

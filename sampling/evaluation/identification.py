@@ -8,7 +8,6 @@ learnt prior, which is the density that any other surface is expected to give.
 """
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_of,
     spectrum_on_grid,
 )
+from spectrabox.radiometry.system.known_names import nearest_words
 from spectrabox.sampling.prior.libraries import READERS, usable
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
@@ -235,9 +235,7 @@ def _of_archive(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterato
 def _published(word: str, grid: WavelengthGrid) -> Iterator[Row]:
     sets = test_reflectances(grid)
     if word not in sets:
-        near = difflib.get_close_matches(word, sets, n=1, cutoff=0.4)
-        nearest = f"; nearest is {near[0]!r}" if near else ""
-        raise InputError(f"{word!r} is no file and no published set of reflectances{nearest}; "
-                         f"known are {', '.join(sets)}")
+        raise InputError(f"{word!r} is no file and no published set of reflectances"
+                         f"{nearest_words(word, sets)}; known are {', '.join(sets)}")
     for number, values in enumerate(sets[word], start=1):
         yield f"{word} {number}", values, np.zeros(grid.nm.size)

@@ -8,6 +8,7 @@ from spectrabox.measure.options import PictureOptions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
 from spectrabox.radiometry.records.photos import MIN_PATCHES
+from spectrabox.radiometry.system.known_names import nearest_words
 from spectrabox.radiometry.system.words import name_fault, sharing_a_file, shortened
 from spectrabox.sampling.prior.families.family_names import unknown_families
 from spectrabox.session.config.session_chart import session_chart
@@ -254,5 +255,6 @@ def _picture_keys(section: PictureOptions, place: str) -> Iterator[str]:
         yield (f"{place}.rect is {list(section.rect)}; two opposite corners [x0, y0, x1, y1] that "
                "enclose something are needed")
     if section.light is not None and section.light not in published_names(LIGHTS):
-        yield (f"{place}.light is {shortened(section.light)}, which is no CIE name; take A, D50, "
-               "FL11 or LED-B3, say")
+        yield (f"{place}.light is {shortened(section.light)}, which is no CIE name"
+               f"{nearest_words(section.light, published_names(LIGHTS))}; take A, D50, FL11 or "
+               "LED-B3, say")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.api.known_camera import KnownCamera
 from spectrabox.measure.captured import LitChart
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
@@ -59,7 +60,7 @@ Curves = tuple[ArrayLike, ArrayLike] | ColourScienceSpectra
 LightLike = str | Path | Spectrum | UnknownLight | Curves
 FilterLike = str | Path | Filter | Curves
 KnownSpectrum = str | Path | float | Spectrum | Curves
-CameraLike = Union[str, Path, "CameraEstimate", Calibration, Curves]
+CameraLike = Union[str, Path, KnownCamera, "CameraEstimate", Calibration, Curves]
 
 
 def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
@@ -162,9 +163,9 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
 
     Parameters
     ----------
-    camera : str, Path, CameraEstimate, Calibration or (nm, curves)
-        A file of curves, a camera or observer by its name, a fitted camera, or wavelengths (Q,)
-        with curves (K, Q).
+    camera : str, Path, KnownCamera, CameraEstimate, Calibration or (nm, curves)
+        A file of curves, a camera or observer by its name, one of `sb.camera`, a fitted camera, or
+        wavelengths (Q,) with curves (K, Q).
 
     Raises
     ------
@@ -174,6 +175,8 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
     """
     if isinstance(camera, str | Path):
         return sensitivities(str(camera), grid)
+    if isinstance(camera, KnownCamera):
+        return on_grid(camera.nm, camera.curves, grid, camera.name)
     if isinstance(camera, tuple) or hasattr(camera, "wavelengths"):
         nm, curves = as_samples(camera, "camera")
         return on_grid(nm, np.atleast_2d(curves), grid, "camera")

@@ -64,17 +64,22 @@ def _small_plot(estimate: SpectrumEstimate) -> Markup:
 
 
 def camera_html(camera: CameraEstimate) -> str:
-    """A small plot of the curves, and what was checked."""
-    nm = camera.nm
-    top = float(camera.curves.max())
+    """A small plot of the curves, the verdict, and what was checked."""
+    return curves_html(camera.nm, camera.curves, camera.bands,
+                       (camera.fit.verdict.line, *camera.checks))
+
+
+def curves_html(nm: np.ndarray, curves: np.ndarray, bands: Sequence[str],
+                said: Sequence[str]) -> str:
+    """A small plot of curves (K, P), and sentences on them."""
+    top = float(curves.max())
     x = (nm - nm[0]) / (nm[-1] - nm[0]) * 2 * WIDTH
     step = max(len(nm) // 60, 1)
     lines = Markup("").join(
         Markup('<polyline points="{}" fill="none" stroke="{}" stroke-width="1.5"/>').format(
             " ".join(f"{a:.1f},{2 * HEIGHT * (1 - max(float(b), 0.0) / top):.1f}"
                      for a, b in zip(x[::step], curve[::step], strict=True)), colour)
-        for curve, colour in zip(camera.curves, band_colours(camera.bands), strict=True))
-    checks = Markup("").join(Markup("<li>{}</li>").format(check)
-                             for check in (camera.fit.verdict.line, *camera.checks))
+        for curve, colour in zip(curves, band_colours(bands), strict=True))
+    items = Markup("").join(Markup("<li>{}</li>").format(sentence) for sentence in said)
     return str(Markup('<svg width="{}" height="{}" role="img" aria-label="sensitivities">{}</svg>'
-                      "<ul>{}</ul>").format(2 * WIDTH, 2 * HEIGHT, lines, checks))
+                      "<ul>{}</ul>").format(2 * WIDTH, 2 * HEIGHT, lines, items))

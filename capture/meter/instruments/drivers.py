@@ -1,8 +1,6 @@
 """The instruments by name."""
 from __future__ import annotations
 
-import difflib
-
 from spectrabox.capture.meter.instruments.cr30 import Cr30
 from spectrabox.capture.meter.instruments.cr250 import Cr250
 from spectrabox.capture.meter.instruments.cs2000 import Cs2000
@@ -11,6 +9,7 @@ from spectrabox.capture.meter.instruments.jeti import Specbos1211, Specbos2501
 from spectrabox.capture.meter.instruments.pr650 import Pr650
 from spectrabox.capture.meter.instruments.pr655 import Pr655
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.system.known_names import nearest_names
 
 DRIVERS: dict[str, type[Instrument]] = {
     driver.name: driver for driver in (Cs2000, Cr250, Pr655, Pr650, Specbos1211, Specbos2501,
@@ -36,7 +35,7 @@ def driver_named(name: str) -> type[Instrument]:
     key = "".join(letter for letter in name.lower() if letter.isalnum())
     driver = DRIVERS.get(ALIASES.get(key, key))
     if driver is None:
-        near = difflib.get_close_matches(key, [*DRIVERS, *ALIASES], n=1)
+        near = nearest_names(key, [*DRIVERS, *ALIASES], shown=1)
         raise InputError(f"there is no driver for {name!r}; known are "
                          f"{', '.join([*DRIVERS, *ALIASES])}"
                          + (f" (did you mean {near[0]}?)" if near else ""))
