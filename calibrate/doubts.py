@@ -57,8 +57,8 @@ SURELY = 0.9                 # probability of an unlike camera above which somet
 # nats for another lamp, of photos of lamps of the prior by cameras of makers outside it: exceeded
 # by right spectra in 2 % of cases (benchmarks/bench_unknown_light.py --shipped --naming)
 CONTRADICTS = 7.0
-# the same of a stated kind or temperature, by ``EVIDENCE_POWER`` of the evidence: 2 % of right ones
-# exceed it (benchmarks/bench_light_kinds.py --probabilities)
+# the same of a stated kind or temperature, by ``EVIDENCE_POWER`` of the evidence: 1 to 3 % of right
+# ones exceed it (benchmarks/bench_light_kinds.py --probabilities)
 KIND_CONTRADICTS = 2.0
 SAYS_LITTLE = 0.5            # nats, either way
 UNKNOWN_KIND = 0             # of the stated lamp: no kind is asked for
