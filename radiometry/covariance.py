@@ -24,6 +24,18 @@ def is_covariance(matrix: np.ndarray, rtol: float = ROUND_OFF) -> bool:
                 and np.all(np.linalg.eigvalsh(matrix).min(axis=-1, initial=0) >= -atol))
 
 
+def common_variance(covariance: np.ndarray, pattern: np.ndarray) -> float:
+    """The largest variance of a common factor of ``pattern`` that a covariance (K, K) holds.
+
+    Parameters
+    ----------
+    covariance : (K, K) array
+    pattern : (K,) array
+    """
+    floor = 1e-12 * max(float(np.trace(covariance)), np.finfo(float).tiny) * np.eye(len(pattern))
+    return float(1 / (pattern @ np.linalg.solve(covariance + floor, pattern)))
+
+
 def block_diagonal(*blocks: np.ndarray) -> np.ndarray:
     """Matrix (sum of rows, sum of columns) with the blocks on its diagonal and 0 elsewhere."""
     rows, columns = np.cumsum([(0, 0), *(block.shape for block in blocks)], axis=0).T

@@ -31,9 +31,12 @@ from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_
 from spectrabox.calibrate.spline_fit import fit_bands
 from spectrabox.calibrate.trust import fit_notes
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
+from spectrabox.measure.more_bands.joined_errors import _of_cause
 from spectrabox.measure.surfaces.independent_bands import independent_bands
 from spectrabox.radiometry import light_scale as drift
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.covariance import common_variance, is_covariance
+from spectrabox.radiometry.error_model import DISAGREEMENT
 from spectrabox.radiometry.light_scale import light_drift
 from spectrabox.radiometry.records.calibration import ChartWhite
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
@@ -343,3 +346,21 @@ def test_bands_that_depend_on_each_other_say_what_a_few_of_them_say(rank):
                             many[chosen].T @ np.linalg.solve(left, gain @ signal))):
         # round-off of two solutions with a condition of 1e4
         np.testing.assert_allclose(of_few, of_all, atol=1e-9 * np.abs(of_all).max())
+
+
+@pytest.mark.parametrize("same_lamp", [True, False])
+def test_what_photos_disagree_by_together_is_a_covariance_whatever_the_bands_have_in_common(
+        same_lamp):
+    rng, photos = np.random.default_rng(12), [SimpleNamespace(same_lamp=same_lamp)] * 2
+    blocks, signal = [slice(3, 6), slice(6, 9)], rng.uniform(0.05, 0.9, 9)
+    for _ in range(50):
+        bands = rng.standard_normal((3, 4)) * rng.uniform(0.1, 1, (3, 1)) * signal[:3, None]
+        own = 0.001 * bands @ bands.T
+        assert is_covariance(_of_cause(DISAGREEMENT, own, signal, blocks, photos)
+                             + np.pad(own, (0, 6)))
+
+
+def test_of_bands_alike_the_common_part_is_what_they_have_in_common():
+    """One factor of variance c over K independent parts of variance a: all of c, and a / K."""
+    covariance = 0.3 + np.diag([0.2] * 4)
+    assert common_variance(covariance, np.ones(4)) == pytest.approx(0.3 + 0.2 / 4)

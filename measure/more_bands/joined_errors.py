@@ -16,7 +16,7 @@ import numpy as np
 from spectrabox.measure.more_bands.further_photos import DARK, FurtherPhoto, curves_and_light
 from spectrabox.measure.regions.flat_signals import DARK_BAND, SHARED_BY_PHOTOS
 from spectrabox.measure.surfaces.surface_signals import all_errors_by_cause
-from spectrabox.radiometry.covariance import error_patterns, symmetric
+from spectrabox.radiometry.covariance import common_variance, error_patterns, symmetric
 from spectrabox.radiometry.error_model import (
     CAUSES,
     DISAGREEMENT,
@@ -122,7 +122,9 @@ def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, blocks: Sequence[
     relative = own / np.outer(scale[:bands], scale[:bands])
     under_one, under_two = (share * relative for share in SHARED_BY_PHOTOS.get(cause, (0.0, 0.0)))
     if cause == DISAGREEMENT:       # what the bands of a patch have in common, photos have
-        under_one = np.full_like(relative, relative[~np.eye(bands, dtype=bool)].mean())
+        common = min(float(relative[~np.eye(bands, dtype=bool)].mean()),
+                     common_variance(relative, np.ones(bands)))
+        under_one = np.full_like(relative, max(common, 0.0))
     total = np.zeros((signal.size,) * 2)
     earlier = [(slice(0, bands), True)]     # blocks, and whether under the first photo's lamp
     for block, photo in zip(blocks, photos, strict=True):

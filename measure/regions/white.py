@@ -17,7 +17,7 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.calibrate.light_field import LightAtRegions, PicturePoints, light_at_regions
 from spectrabox.radiometry.chart import Chart, plane_centres, plane_from_picture, projected
-from spectrabox.radiometry.covariance import symmetric
+from spectrabox.radiometry.covariance import common_variance, symmetric
 from spectrabox.radiometry.error_model import (
     DRIFT,
     LIGHT_FIELD,
@@ -215,7 +215,7 @@ class PhotoWhite:
         # level and glare, the light on the region, and one by one the errors of the exposure
         ends = range(self.glare_part.stop, on.size + 1)
         totals = [rows[:, :end] @ covariance[:end, :end] @ rows[:, :end].T for end in ends]
-        common = [_shared(total, signal) for total in totals]
+        common = [common_variance(total, signal) for total in totals]
         steps = np.maximum(np.diff(common), 0.0)
         steps *= min(1.0, common[-1] / max(float(steps.sum()), np.finfo(float).tiny))
         both = np.outer(signal, signal)
@@ -450,12 +450,6 @@ def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray,
                          "the chart's light gives it: chart and samples were photographed under "
                          "different light; take both under one light, or correct the known "
                          "spectrum")
-
-
-def _shared(covariance: np.ndarray, pattern: np.ndarray) -> float:
-    """The largest variance of a common factor of ``pattern`` that a covariance (K, K) holds."""
-    floor = 1e-12 * max(float(np.trace(covariance)), np.finfo(float).tiny) * np.eye(len(pattern))
-    return float(1 / (pattern @ np.linalg.solve(covariance + floor, pattern)))
 
 
 def _in_picture(points_px: np.ndarray, photo: LinearImage) -> np.ndarray:
