@@ -1,10 +1,10 @@
 """How surely a photo tells whether its ColorChecker was made before or since November 2014.
 
 Charts are drawn as copies of either edition and photographed by cameras whose maker the prior does
-not hold, as others photograph (``bench_unknown_makers --real``): daylight or filament, light that
-falls off, glare, patches that are off. The light is stated nearly, or not at all. Printed are the
-evidence, in nats for the edition since 2014, and what it is worth: of charts of which even odds
-would make 90 % or more, how many there are and how many of them are right.
+not hold, as others photograph (``bench_unknown_makers --real``): in daylight and by a filament,
+with light that falls off, glare, and patches that are off. The light is stated nearly, or not at
+all. Printed is how often the evidence is for the edition that it was, and, of charts of which it is
+beyond so many nats, how many there are and how many of them are named rightly.
 
     python -m benchmarks.bench_editions --data FOLDER
 """
@@ -31,7 +31,7 @@ from benchmarks.bench_unknown_makers import (
     real_photo,
 )
 
-SURE = np.log(9)        # nats: even odds make 90 % of it
+LIMITS = (1, 2, 3, 4, 5)        # nats
 
 
 def evidence(edition: ChartCopies, truth: np.ndarray, light: str, stated: bool,
@@ -50,36 +50,34 @@ def evidence(edition: ChartCopies, truth: np.ndarray, light: str, stated: bool,
 
 
 def main() -> None:
-    """Print a row for each light that is stated or not, and for each edition."""
+    """Print a row for each number of nats, with the light unknown and stated."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with cameras/")
     parser.add_argument("--every", type=int, default=1, help="of the cameras, one in so many")
     arguments = parser.parse_args()
     database = read_camera_database(arguments.data / "cameras")
-    makers, kinds = makers_of(database), ("daylight", "filament")
+    makers = makers_of(database)
     for stated in (False, True):
-        nats: dict[str, list[float]] = {}
+        nats: list[float] = []      # for the edition that it was
         for camera in range(0, len(makers), arguments.every):
             curves = database.curves[camera]
             truth = on_grid(database.nm, curves / curves.max(), GRID, database.names[camera])
             options = CalibrationOptions(prior=prior_without(database,
                                                              makers == makers[camera]))
-            for number, edition in enumerate(editions(CLASSIC)):
-                each = evidence(edition, truth, kinds[camera // arguments.every % 2], stated,
-                                options, np.random.default_rng([camera, number, 43]))
-                nats.setdefault(edition.name, []).extend([] if each is None else [each])
-        print("light stated" if stated else "light unknown")
-        right = {name: np.array(values) * (1 if name != COPIES_BEFORE_2014 else -1)
-                 for name, values in nats.items()}
-        for name, values in right.items():
-            low, middle, high = np.percentile(values, (10, 50, 90))
-            print(f"  {name:40s} n {len(values):3d}  nats for it {middle:5.1f} ({low:.1f} to "
-                  f"{high:.1f})  right {np.mean(values > 0):4.0%}  sure and right "
-                  f"{np.mean(values > SURE):4.0%}  sure and wrong {np.mean(values < -SURE):4.0%}")
-        every = np.concatenate(list(right.values()))
-        print(f"  surprise {np.mean(np.logaddexp(0, -every)):.2f} nats a chart by even odds "
-              f"({np.log(2):.2f}: nothing is told)")
+            for kind, light in enumerate(("daylight", "filament")):
+                for number, edition in enumerate(editions(CLASSIC)):
+                    since = evidence(edition, truth, light, stated, options,
+                                     np.random.default_rng([camera, number, kind, 43]))
+                    if since is not None:
+                        nats.append(-since if edition.name == COPIES_BEFORE_2014 else since)
+        right = np.array(nats)
+        print(f"light {'stated' if stated else 'unknown'}: {right.size} charts, evidence for the "
+              f"right edition of {np.mean(right > 0):.0%}, median {np.median(right):.1f} nats")
+        for limit in LIMITS:
+            told = np.abs(right) > limit
+            print(f"  beyond {limit} nats {told.mean():4.0%}, of these right "
+                  f"{np.mean(right[told] > 0):4.0%}")
 
 
 if __name__ == "__main__":

@@ -25,7 +25,8 @@ WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "line", "sa
          "light_words", "_cells", "_cell", "certificate_page", "condition_on_families",
          "coverage_facts", "held_out_facts", "held_out_sentence", "poor_patches",
          "posterior_facts", "judgement_text", "rows", "copy_facts", "edition_sentence",
-         "difference_sentence", "difference_summary", "patch_differences",
+         "edition_told", "evidence_since", "evidence_words", "difference_sentence",
+         "difference_summary", "patch_differences",
          "chart_copy_notes", "_copy_sentences", "left_out", "parse_wavelengths", "point_region",
          "_checked"}
 

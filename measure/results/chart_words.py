@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
+from spectrabox.radiometry.chart import COPIES_BEFORE_2014, COPIES_SINCE_2014
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartCopy,
@@ -22,6 +23,10 @@ DARK = 0.12             # mean reflectance below which glare may be what changes
 LARGE_DEPARTURE = 0.03  # of a patch from copies of its edition, that matters
 NEAR = 1.0              # standard errors: a level that is nearer explains nothing
 CURVE_DECIMALS = 5      # of reflectances among plain numbers
+SINCE, BEFORE = "since November 2014", "before November 2014"      # when a ColorChecker was made
+# Nats from which an edition is told: beyond it 95 of 100 simulated charts are of the edition named,
+# and beyond more no larger a share (benchmarks/bench_editions.py).
+TOLD = 2.0
 
 
 @dataclass(frozen=True)
@@ -100,15 +105,57 @@ def chart_copy_notes(copy: ChartCopy, names: Sequence[str]) -> tuple[str, ...]:
             "worn or dirty; measure it (chart.reference) or replace it",)
 
 
-def edition_sentence(copy: ChartCopy) -> str:
-    """Of which edition a chart is taken to be, and how likely that is.
+def evidence_since(copy: ChartCopy) -> float | None:
+    """Nats by which a photo speaks for a chart made since November 2014 against one made before;
+    None where only one edition could be meant.
 
     Parameters
     ----------
     copy : ChartCopy
     """
-    return (f"chart reference {copy.edition} ({copy.probability:.0%}), each patch within what "
-            "copies differ by")
+    return None if COPIES_BEFORE_2014 not in copy.evidence or len(copy.evidence) == 1 \
+        else copy.evidence[COPIES_SINCE_2014] - copy.evidence[COPIES_BEFORE_2014]
+
+
+def edition_told(copy: ChartCopy) -> str | None:
+    """When a chart was made, as its photo alone tells; None where it tells too little.
+
+    Parameters
+    ----------
+    copy : ChartCopy
+    """
+    nats = evidence_since(copy)
+    return None if nats is None or abs(nats) < TOLD else SINCE if nats > 0 else BEFORE
+
+
+def evidence_words(copy: ChartCopy) -> str:
+    """What a photo says of the edition of its chart, in a sentence; empty where only one could be
+    meant.
+
+    Parameters
+    ----------
+    copy : ChartCopy
+    """
+    nats, told = evidence_since(copy), edition_told(copy)
+    if nats is None:
+        return ""
+    if told is None:
+        return (f"cannot be told: the photo speaks for {SINCE if nats > 0 else BEFORE} by "
+                f"{abs(nats):.1f} nats, and {TOLD:g} are needed for 19 of 20 charts to be right")
+    return (f"{told}: the photo speaks for it by {abs(nats):.1f} nats (from {TOLD:g} on, 19 of 20 "
+            "charts are of the edition named)")
+
+
+def edition_sentence(copy: ChartCopy) -> str:
+    """Of which edition a chart is taken to be, and what the photo says of that.
+
+    Parameters
+    ----------
+    copy : ChartCopy
+    """
+    taken = f"chart reference {copy.edition}, each patch within what copies differ by"
+    said = evidence_words(copy)
+    return f"{taken}; edition {said}" if said else taken
 
 
 def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object] | None:
@@ -129,6 +176,7 @@ def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object
             for name, level, level_error, tint, tint_error in zip(
                 names, *(column.tolist() for column in columns), strict=True)]
     return {"reference": copy.edition, "probability": copy.probability,
+            "edition": edition_told(copy), "says": evidence_words(copy),
             "log_evidence": copy.evidence, "notes": list(chart_copy_notes(copy, names)),
             "patches": rows}
 

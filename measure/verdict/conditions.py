@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spectrabox.measure.captured import Capture
+from spectrabox.measure.results.chart_words import edition_told, evidence_since
 from spectrabox.measure.results.facts import Fact, columns, known_facts
 from spectrabox.measure.tables import text_table
 from spectrabox.measure.words import listed, percent
@@ -33,6 +34,7 @@ from spectrabox.radiometry.error_model import (
     SURFACE_REFLECTION,
     WHITE,
 )
+from spectrabox.radiometry.records.calibration import ChartCopy
 
 if TYPE_CHECKING:
     from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
@@ -302,7 +304,7 @@ def _chart_copy(found: CaptureResult) -> tuple[Condition, ...]:
         copy = found.chart.copy
         lightest = int(copy.reflectances.mean(axis=1).argmax())
         standing, error = Standing.MEASURED, float(copy.level_error[lightest])
-        known_by = (f"the photo: {copy.edition} ({copy.probability:.0%}), white "
+        known_by = (f"the photo: {copy.edition}{_how_told(copy)}, white "
                     f"{copy.level[lightest]:+.0%} against its copies")
     elif found.stated.chart_stated:
         standing, known_by = Standing.STATED, "the reference stated, published, not of this copy"
@@ -310,6 +312,15 @@ def _chart_copy(found: CaptureResult) -> tuple[Condition, ...]:
                       f"its level off by {percent(COPY_FAULT)}",
                       darker_by(found.surfaces, COPY_FAULT),
                       to_measure="the reflectances of this very chart, from a meter"),)
+
+
+def _how_told(copy: ChartCopy) -> str:
+    """Whether the photo tells the edition that its chart is taken to be of, in brackets."""
+    nats, told = evidence_since(copy), edition_told(copy)
+    if nats is None:
+        return ""
+    return " (as most are: the photo tells too little)" if told is None else \
+        f" (the photo speaks for {told} by {abs(nats):.1f} nats)"
 
 
 def _camera(found: CaptureResult) -> Condition:

@@ -59,6 +59,7 @@ def chart(
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_writers import write_png
+    from spectrabox.measure.chart_edition import edition_in_photo
     from spectrabox.measure.chart_patches import patch_columns, table_of_columns
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.session.camera.camera_files import chart_named, read_layout
@@ -71,14 +72,16 @@ def chart(
             raise
         return Answer({"verdict": "refused", "reasons": [str(error)], "corners_px": None,
                        "mean": None, "standard_error": None, "mirrored": None, "confidence": 0.0,
-                       "photo": photo}, "", error.exit_code)
+                       "photo": photo, "edition": None}, "", error.exit_code)
     if overlay is not None:
         write_png(overlay, chart_overlay(image, detection))
     if out is not None:
         write_text_whole(out, table_of_columns(patch_columns(
             read_layout(layout), detection, verdict.samples, verdict.excluded)))
-    return Answer(_facts(photo, image, read_layout(layout), detection, verdict),
-                  _text(photo, image, detection, verdict),
+    edition = edition_in_photo(image, read_layout(layout), verdict.samples)
+    return Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
+                   "edition": vars(edition)},
+                  f"{_text(photo, image, detection, verdict)}\nedition {edition.says}",
                   0 if verdict.verdict == "good" else RE_SHOOT)
 
 

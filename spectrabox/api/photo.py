@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from spectrabox.capture.photo.orientation import AS_READ, photo_orientation, tur
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.camera import judged_chart
 from spectrabox.measure.captured import InputFile
+from spectrabox.measure.chart_edition import ChartEdition, edition_in_photo
 from spectrabox.measure.chart_patches import (
     angle_deg,
     centres_px,
@@ -196,6 +198,7 @@ class ChartInPhoto:
     >>> chart.verdict, chart.reasons, chart.names
     >>> chart.centres, chart.corners, chart.angle_deg
     >>> chart.mean, chart.standard_error, chart.spread, chart.clipped
+    >>> chart.edition.says
     >>> chart.to_csv("patches.csv")
     >>> chart.plot()
     """
@@ -260,6 +263,14 @@ class ChartInPhoto:
     def clipped(self) -> np.ndarray:
         """Whether more than 1 % of the pixels (I, K) are saturated, so that the mean is too low."""
         return self.samples.clipped
+
+    @cached_property
+    def edition(self) -> ChartEdition:
+        """Whether a ColorChecker was made before or since November 2014: ``edition``, or None where
+        the photo does not tell, ``evidence`` in nats and ``says``, a sentence. Takes about a
+        second.
+        """
+        return edition_in_photo(self.photo.image, self.layout, self.samples)
 
     @property
     def samples(self) -> PatchSamples:
