@@ -2,9 +2,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.records import CaptureRecords
@@ -90,6 +93,23 @@ class SceneResult(CaptureResult):
     @property
     def methods(self) -> list[str]:
         return scene_methods(self)
+
+
+def bsdf_reflectances(found: CaptureResult, bsdfs: Mapping[str, str]
+                      ) -> tuple[dict[str, np.ndarray], tuple[float, float]]:
+    """Reflectance (P,) of every BSDF as renderers take it, 0 to 1, and the first and last
+    wavelength: the mean of the draws of its material, or the given spectrum.
+
+    Parameters
+    ----------
+    found : CaptureResult
+        Of a scene.
+    bsdfs : mapping
+        From names of materials to ids.
+    """
+    nm = found.grid.nm
+    return ({bsdfs[surface.name]: np.clip(surface.mean, 0, 1) for surface in found.surfaces},
+            (float(nm[0]), float(nm[-1])))
 
 
 def scene_result(capture: SceneCapture, records: CaptureRecords,

@@ -2,8 +2,10 @@
 from __future__ import annotations
 
 import copy
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -51,10 +53,7 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
         angular profile or a map of the sky is asked for with any spectrum but 1: a rendering would
         not be of that light.
     """
-    root = copy.deepcopy(scene.root)
-    for node in root.findall("bsdf"):
-        if (values := reflectances.get(node.get("id", ""))) is not None:
-            _set_reflectance(node, values, range_nm, scene.path.name)
+    root = _with_reflectances(scene, reflectances, range_nm)
     for node in root.iter("emitter"):
         _set_light(node, light_id(root, node), light, range_nm, scene.path.name)
     for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
@@ -82,8 +81,9 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
     return ET.tostring(root, encoding="unicode")
 
 
-def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float, float]) -> str:
-    """Diffuse BSDFs that a stock Mitsuba loads, as XML text of a scene to ``<include>``.
+def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float, float],
+                  scene: SceneFile | None = None, folder: Path | None = None) -> str:
+    """BSDFs that a stock Mitsuba loads, as XML text of a scene to ``<include>``.
 
     Parameters
     ----------
@@ -91,11 +91,68 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
         Evenly spaced over ``range_nm``.
     range_nm : (float, float)
         First and last wavelength.
+    scene : SceneFile, optional
+        Whose BSDFs they are: coats, metals and what stands around them stay. Diffuse without one.
+    folder : Path, optional
+        Where the text will lie: files that BSDFs name are seen from there.
     """
     root = ET.Element("scene", version="3.0.0")
-    for identity, values in reflectances.items():
-        node = ET.SubElement(root, "bsdf", type="diffuse", id=plain(identity))
-        node.append(_reflectance("reflectance", values, range_nm))
+    if scene is not None:
+        own = _with_reflectances(scene, reflectances, range_nm)
+        bsdfs = [node for node in own.findall("bsdf") if node.get("id") in reflectances]
+        named = {ref.get("id") for bsdf in bsdfs for ref in bsdf.iter("ref")}
+        root.extend(node for node in own.findall("texture") if node.get("id") in named)
+        root.extend(bsdfs)
+        _name_files_from(root, scene, folder or scene.path.parent)
+    else:
+        for identity, values in reflectances.items():
+            node = ET.SubElement(root, "bsdf", type="diffuse", id=plain(identity))
+            node.append(_reflectance("reflectance", values, range_nm))
+    return _indented(root)
+
+
+def recovered_xml(scene: SceneFile, reflectances: Mapping[str, np.ndarray],
+                  range_nm: tuple[float, float], folder: Path) -> str:
+    """A scene with recovered reflectances in its BSDFs, as XML text that a stock Mitsuba loads;
+    camera, film, integrator and lights stay, but for measured profiles, which Mitsuba does not
+    know.
+
+    Parameters
+    ----------
+    scene : SceneFile
+    reflectances : mapping of BSDF id to (P,)
+        Evenly spaced over ``range_nm``.
+    range_nm : (float, float)
+        First and last wavelength.
+    folder : Path
+        Where the text will lie: files that the scene names are seen from there.
+    """
+    root = _with_reflectances(scene, reflectances, range_nm)
+    for emitter in root.iter("emitter"):
+        for node in [each for each in emitter.findall("string") if each.get("name") == PROFILE]:
+            emitter.remove(node)
+    _name_files_from(root, scene, folder)
+    return _indented(root)
+
+
+def _with_reflectances(scene: SceneFile, reflectances: Mapping[str, np.ndarray],
+                       range_nm: tuple[float, float]) -> ET.Element:
+    """A copy of the scene's XML with spectra in its BSDFs."""
+    root = copy.deepcopy(scene.root)
+    for node in root.findall("bsdf"):
+        if (values := reflectances.get(node.get("id", ""))) is not None:
+            _set_reflectance(node, values, range_nm, scene.path.name)
+    return root
+
+
+def _name_files_from(root: ET.Element, scene: SceneFile, folder: Path) -> None:
+    """Name the files of a scene as they are seen from a folder."""
+    for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
+        file = scene.path.parent.resolve() / node.get("value", "")
+        node.set("value", Path(os.path.relpath(file, folder.resolve())).as_posix())
+
+
+def _indented(root: ET.Element) -> str:
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.measure.advice.advice import advised_of_facts
+from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
@@ -50,7 +52,9 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     found = results.found
     files = [report, report.with_name(NUMBERS_NAME),
              *write_surface_files(found, results.folder, results.name)]
-    if isinstance(found, SceneResult):
-        files += [*write_comparisons(found, results.folder),
+    if isinstance(found, SceneResult) and isinstance(finished.capture, SceneCapture):
+        scene = finished.capture.views[0].scene
+        files += [*write_comparisons(found, results.folder, finished.capture.bsdfs,
+                                     scene if isinstance(scene, SceneFile) else None),
                   *write_box_scenes(config, finished.records.reconstruct.box_scenes)]
     return results.facts(), results.text(), files

@@ -3,14 +3,14 @@ materials, and of a scene the pictures that compare photo and rendering.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.measure.results.capture_result import CaptureResult
-from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.measure.results.scene_result import SceneResult, bsdf_reflectances
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
 from spectrabox.radiometry.files import writable, write_text_whole
@@ -19,6 +19,7 @@ from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import cell, file_stem
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
 
@@ -49,7 +50,8 @@ def write_surface_files(found: CaptureResult, folder: Path, title: str) -> list[
     return [*texts]
 
 
-def write_comparisons(found: SceneResult, folder: Path) -> list[Path]:
+def write_comparisons(found: SceneResult, folder: Path, bsdfs: Mapping[str, str],
+                      scene: SceneFile | None) -> list[Path]:
     """Write materials.xml, and photo, rendering and residual of every view of a scene: as EXR, and
     a PNG to look at.
 
@@ -57,6 +59,10 @@ def write_comparisons(found: SceneResult, folder: Path) -> list[Path]:
     ----------
     found : SceneResult
     folder : Path
+    bsdfs : mapping
+        From names of materials to ids in the scene.
+    scene : SceneFile or None
+        Whose BSDFs the materials are; None of a measured box, where all are diffuse.
 
     Returns
     -------
@@ -64,7 +70,7 @@ def write_comparisons(found: SceneResult, folder: Path) -> list[Path]:
         Every file.
     """
     files = [folder / "materials.xml"]
-    write_text_whole(files[0], materials_text(found))
+    write_text_whole(files[0], materials_xml(*bsdf_reflectances(found, bsdfs), scene, folder))
     views = [("comparison", found.reconstruction, found.calibration, found.bands)]
     views += [(f"comparison {file_stem(view.name)}", view.reconstruction, view.calibration,
                view.bands) for view in found.views]
@@ -80,13 +86,6 @@ def _write_comparison(path: Path, of: Reconstruction, bands: tuple[str, ...]) ->
                 "residual": (of.measured - of.rendered) / np.maximum(of.measured, MIN_SIGNAL)}
     names = [f"{picture}.{band}" for picture in pictures for band in bands]
     write_exr(path, np.concatenate(list(pictures.values()), axis=2), names)
-
-
-def materials_text(found: CaptureResult) -> str:
-    """Mitsuba BSDFs of all materials: the mean of the draws, or the given spectrum."""
-    nm = found.grid.nm
-    return materials_xml({surface.name: np.clip(surface.mean, 0, 1) for surface in found.surfaces},
-                         (float(nm[0]), float(nm[-1])))
 
 
 def _texts(found: CaptureResult, folder: Path, title: str) -> dict[Path, str]:

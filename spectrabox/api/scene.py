@@ -46,18 +46,20 @@ from spectrabox.measure.captured import (
 )
 from spectrabox.measure.options import Inversion, PictureOptions, Repeatability, Sampling
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
-from spectrabox.measure.results.scene_result import scene_result
+from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
 from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Spectrum
-from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene, scene_of_text
+from spectrabox.reconstruct.scene.scene_xml import recovered_xml
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -98,6 +100,7 @@ class SceneSpectra(MeasuredSpectra):
                              partial(advice_of, found, name), rendered=True)
             for name in signals.names], signals)
         self.records = records
+        self._stated_scene, self._bsdfs = capture.views[0].scene, capture.bsdfs
 
     @property
     def reconstruction(self) -> JointReconstruction:
@@ -108,6 +111,37 @@ class SceneSpectra(MeasuredSpectra):
     def outcome(self) -> str:
         """How the fit ended, in a sentence."""
         return self.reconstruction.views[0].outcome.value
+
+    def to_mitsuba(self, path: str | Path) -> Path:
+        """Write the scene of the first photo with the mean reflectances in its BSDFs, as XML that
+        a stock Mitsuba 3 loads in a spectral variant.
+
+        Parameters
+        ----------
+        path : path
+            Of an XML file: a session's own scene is not to be overwritten.
+
+        Returns
+        -------
+        Path
+            Of the file. Coats, metals, camera, film and lights are those of the scene; meshes are
+            named as they are seen from there.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the file cannot be written; an older one is left as it was.
+        InputError
+            If it is the scene itself.
+        """
+        target, stated = Path(path), self._stated_scene
+        if target.resolve() == stated.path.resolve():
+            raise InputError(f"{target} is the scene that was measured; give another name")
+        scene = stated if isinstance(stated, SceneFile) else scene_of_text(
+            self.records.reconstruct.box_scenes[""], stated.path)
+        write_text_whole(target, recovered_xml(
+            scene, *bsdf_reflectances(self.found, self._bsdfs), target.parent))
+        return target
 
     def plot_agreement(self, axes: Axes | None = None) -> Axes:
         """The relative residual (photo - rendering) / photo, mean over the bands.
