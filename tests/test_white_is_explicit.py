@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.api.arguments import as_reflectance
+from spectrabox.api.arguments import as_reflectance, relative_response
 from spectrabox.capture.photo.image_writers import write_exr
-from spectrabox.measure.signals.signal_estimate import NO_NOISE, NO_WHITE
+from spectrabox.measure.signals.signal_estimate import NEARLY_BLACK, NO_NOISE, NO_WHITE
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
@@ -126,3 +126,61 @@ def test_a_truth_above_one_is_taken_for_per_cent():
         as_reflectance((nm, np.full(nm.size, -0.1)), "vase")
     # brightened paper
     assert as_reflectance((nm, np.where(nm < 450, 1.2, 0.9)), "paper").max() > 1.1
+
+
+@needs_data
+def test_a_signal_of_a_real_photo_is_white_by_the_white_that_is_stated():
+    """Of the white patch: without its white it seems green and familiar, which the answer says."""
+    signal = sb.find_chart(sb.open_photo(INDOOR)).samples.mean[18]
+    bare = sb.sample(signal, noise=0.003, **NAMED)
+    assert bare.lab().value[1] < -30 and NO_WHITE in repr(bare)
+    usual = reference_reflectances(None, CLASSIC, FINE_GRID)[18]
+    white = signal / (relative_response("Nikon 5100 (NPL)", "D65") @ usual)
+    stated = sb.sample(signal, white=white, noise=0.003 * signal, **NAMED)
+    np.testing.assert_allclose(stated.lab().value, reflectance_to_lab(FINE_GRID.nm, usual),
+                               atol=2.5)
+    assert stated.caveats == ()
+
+
+@needs_data
+def test_products_of_a_real_photo_are_taken_for_sensitivities_nowhere(tmp_path):
+    camera = sb.fit_camera(INDOOR, light="unknown")
+    file = camera.to_csv(tmp_path / "mine.csv")
+    for given in (camera, camera.calibration, file):
+        for ask in (lambda one: sb.sample([0.3, 0.4, 0.2], camera=one, light="D65", noise=0.01),
+                    lambda one: sb.uplift(np.full((2, 2, 3), 0.3), camera=one, light="D65"),
+                    lambda one: sb.match([0.3, 0.4, 0.2], {"a": np.full(61, 0.3)},
+                                         nm=np.arange(400, 701, 5), camera=one, light="D65")):
+            with pytest.raises(InputError, match="holds products of sensitivity and light"):
+                ask(given)
+
+
+def test_what_is_brighter_than_white_or_nearly_black_by_its_scale_says_so():
+    bright = sb.sample([1.2, 1.3, 1.1], noise=0.01, white=[1, 1, 1], **NAMED)
+    assert "No spectrum between 0 and 1 gives the signal" in repr(bright)
+    assert "\n" not in repr(sb.sample([0.5, 0.4, 0.3], noise=0.01, white=[1, 1, 1], **NAMED))
+    assert NEARLY_BLACK in sb.sample(xyz=[0.145, 0.201, 0.096]).caveats
+    assert NEARLY_BLACK not in sb.sample(xyz=[14.5, 20.1, 9.6]).caveats
+    result = CliRunner().invoke(app, ["sample", "--xyz", "0.145,0.201,0.096", "--json"])
+    assert NEARLY_BLACK in json.loads(result.stdout)["caveat"]
+    result = CliRunner().invoke(app, ["sample", "--xyz", "14.5,20.1", "--json"])
+    assert result.exit_code == 3 and "write three numbers" in json.loads(result.stdout)["error"]
+
+
+@pytest.mark.parametrize("noise", [-0.01, 1.0, np.nan])
+def test_the_noise_of_a_pixel_is_a_share_of_its_signal(noise, grey, tmp_path):
+    with pytest.raises(InputError, match=r"relative to its signal: 0 to 0\.5 is needed"):
+        sb.uplift(np.full((4, 6, 3), 0.3), noise=noise, **NAMED)
+    code, facts = uplift(grey, tmp_path / "out", "--noise", str(noise))
+    assert code == 3 and "0 to 0.5 is needed" in facts["error"]
+
+
+def test_curves_given_in_python_are_checked_as_those_of_files():
+    nm = np.arange(400.0, 701.0, 10.0)
+    with pytest.raises(InputError, match="the light is dark or falls below zero"):
+        sb.sample([0.3, 0.3, 0.3], camera="Nikon 5100 (NPL)", light=(nm, -np.ones(nm.size)))
+    curves = np.array([np.ones(nm.size), nm / 700, -nm])
+    with pytest.raises(InputError, match="a band of the camera sees nothing"):
+        sb.sample([0.3, 0.3, 0.3], camera=(nm, curves), light="D65")
+    with pytest.raises(InputError, match="is not positive in every band"):
+        sb.uplift(np.full((4, 6, 3), 0.3), white=[1, 0, 1], **NAMED)

@@ -31,6 +31,8 @@ from spectrabox.sampling.prior.uplift_table import (
 )
 from spectrabox.sampling.spectral_measurement import check_bands
 
+MAX_NOISE = 0.5     # relative: beyond, a signal says next to nothing
+
 
 @dataclass(frozen=True)
 class ImageSource:
@@ -44,6 +46,14 @@ class ImageSource:
     table_side: int
 
     error_levels = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.noise < MAX_NOISE:
+            raise InputError(f"the noise of a pixel, {self.noise:g}, is relative to its signal: 0 "
+                             f"to {MAX_NOISE:g} is needed, and 0.01 is 1 %")
+        if not np.all(self.white > 0):
+            raise InputError(f"the white {self.white.tolist()} is not positive in every band; give "
+                             "what a perfect white reads")
 
     @property
     def size(self) -> tuple[int, int, int]:

@@ -16,14 +16,32 @@ from spectrabox.sampling.further.more_measurements import MoreMeasurement
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, coverage_facts
 from spectrabox.sampling.prior.mixture import LogitMixture
 
+NEARLY_BLACK_XYZ = 1.1      # of white where it has Y = 1: who gives such values may mean that scale
 SHOWN_NM, BASELINE_NM = 25, 50      # between the wavelengths of a text
 SRGB_ORIGIN = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
                "of surfaces that would look so in daylight, not of what was photographed")
+NEARLY_BLACK = ("X, Y, Z are taken with Y = 100 for white, so that this colour is nearly black; "
+                "multiply them by 100 where white has Y = 1")
 NO_WHITE = ("no white was stated (--white, white=): the signal is taken as relative to a perfect "
             "white, which values of a raw photo are not")
 NO_NOISE = ("no noise was stated (--noise, noise=): the signal is taken as exact, and the band is "
             "narrower than a photo's")
 CURVES = ("mean", "standard_deviation", "lower", "upper")
+
+
+def origin_of_colours(kind: str, values: np.ndarray) -> str | None:
+    """What an answer has to say of colours that are given in place of signals; None of most.
+
+    Parameters
+    ----------
+    kind : str
+        "srgb", "lab" or "xyz".
+    values : (..., 3) array
+        As they were given.
+    """
+    if kind == "xyz" and np.all(values <= NEARLY_BLACK_XYZ):
+        return NEARLY_BLACK
+    return SRGB_ORIGIN if kind == "srgb" else None
 
 
 @dataclass(frozen=True, eq=False)

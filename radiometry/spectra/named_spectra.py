@@ -61,6 +61,24 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
     """
     known, nm, _, curves = named_curves(name)
     curves = on_grid(nm, curves, grid, known)
+    return checked_curves(curves, name, grid)
+
+
+def checked_curves(curves: np.ndarray, name: str, grid: WavelengthGrid) -> np.ndarray:
+    """Sensitivities (K, P) on a grid, each of which sees something.
+
+    Parameters
+    ----------
+    curves : (K, P) array
+    name : str
+        Of the camera, for the message.
+    grid : WavelengthGrid
+
+    Raises
+    ------
+    InputError
+        If one does not, or is not a number.
+    """
     if not np.all(np.isfinite(curves)) or np.any(curves.max(axis=1) <= 0):
         raise InputError(f"a band of {name} sees nothing of {grid.nm[0]:g}-{grid.nm[-1]:g} nm; "
                          "leave it out")
@@ -123,8 +141,25 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
         _, nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum",
                                  (*LIGHT_KINDS, *SAME_KIND))
         values = on_grid(nm, curves[0], grid, name)
+    return checked_light(values, f"the light {name}")
+
+
+def checked_light(values: np.ndarray, name: str) -> np.ndarray:
+    """The spectrum (P,) of something that shines, without what noise took below zero.
+
+    Parameters
+    ----------
+    values : (P,) array
+    name : str
+        Of the light, for the message.
+
+    Raises
+    ------
+    InputError
+        If it is dark, below zero or not a number.
+    """
     if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
-        raise InputError(f"the light {name} is dark or falls below zero; measure it again")
+        raise InputError(f"{name} is dark or falls below zero; measure it again")
     return np.maximum(values, 0)
 
 

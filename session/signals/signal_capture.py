@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals.sample import measurement_of_signal
-from spectrabox.measure.signals.signal_estimate import SRGB_ORIGIN, SignalCapture
+from spectrabox.measure.signals.signal_estimate import SignalCapture, origin_of_colours
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra
@@ -59,10 +59,13 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
         reflected = measurement_of_signal(response, signal, white, error)
     more = further_measurements(measured, sensitivity, response, white)
     noise = optional_noise(measured.noise, bands)
+    origin = None
     if colour is not None:
         seen, rounding = colour_signal(*colour, light)
         named, noise = {"": seen}, rounding if noise is None else noise
         white = np.ones(bands)      # a colour is relative to white
+        stated = np.zeros(3) if colour[0] == "srgb" else numbers(colour[1], bands, colour[0])
+        origin = origin_of_colours(colour[0], stated)
     elif signals is not None:
         named = read_named_signals(signals, bands)
     else:
@@ -71,7 +74,7 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
         response, np.array(list(named.values())), tuple(named), white, noise, light_error,
         sensitivity_error, of_families(load_prior(prior), tuple(family)), more, reflected,
         None if swatches is None else read_swatches(swatches, bands),
-        SRGB_ORIGIN if colour is not None and colour[0] == "srgb" else None)
+        origin)
 
 
 def stated_truth(file: Path, column: str | None) -> np.ndarray:

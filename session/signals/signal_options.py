@@ -91,6 +91,9 @@ def colour_signal(kind: str, text: str, light: str) -> tuple[np.ndarray, np.ndar
     """
     if kind == "srgb":
         return srgb_signal(text)
+    if text.replace(";", ",").count(",") != 2:
+        raise InputError(f"--{kind} {text!r} is no colour; write three numbers, such as "
+                         f"{'45,-27,30' if kind == 'lab' else '14.5,20.1,9.6'}")
     return signal_of_colour(light, **{kind: numbers(text, 3, kind)}), None
 
 

@@ -23,7 +23,12 @@ from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, 
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
-from spectrabox.radiometry.spectra.named_spectra import sensitivities, stated_light
+from spectrabox.radiometry.spectra.named_spectra import (
+    checked_curves,
+    checked_light,
+    sensitivities,
+    stated_light,
+)
 from spectrabox.radiometry.spectra.spectrum_files import (
     check_reflectance,
     on_grid,
@@ -124,7 +129,8 @@ def as_light(light: LightLike) -> Spectrum | UnknownLight:
     if isinstance(light, str | Path):
         return stated_light(str(light), FINE_GRID)
     nm, values = as_samples(light, "light")
-    return Spectrum(FINE_GRID, on_grid(nm, values, FINE_GRID, "light"), Quantity.RELATIVE, "given")
+    power = checked_light(on_grid(nm, values, FINE_GRID, "light"), "the light")
+    return Spectrum(FINE_GRID, power, Quantity.RELATIVE, "given")
 
 
 def as_filter(through: FilterLike) -> Filter:
@@ -179,7 +185,8 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
         return on_grid(camera.nm, camera.curves, grid, camera.name)
     if isinstance(camera, tuple) or hasattr(camera, "wavelengths"):
         nm, curves = as_samples(camera, "camera")
-        return on_grid(nm, np.atleast_2d(curves), grid, "camera")
+        return checked_curves(on_grid(nm, np.atleast_2d(curves), grid, "camera"), "the camera",
+                              grid)
     require_sensitivities(camera)
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")

@@ -25,7 +25,11 @@ from spectrabox.measure.advice.advise import advice_on_estimate
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
-from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEstimate
+from spectrabox.measure.signals.signal_estimate import (
+    SignalCapture,
+    SignalEstimate,
+    origin_of_colours,
+)
 from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectrumSummary
@@ -116,6 +120,7 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         if white is not None:
             raise InputError("a colour is relative to white by what it is; leave white out")
         white = np.ones(3)
+    origin = None if xyz is None else origin_of_colours("xyz", np.asarray(xyz, dtype=float))
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "
                          "a colour is given as lab= or xyz=")
@@ -140,7 +145,7 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         response, rows, tuple(labels), None if white is None else np.asarray(white, dtype=float),
         None if errors is None else np.broadcast_to(errors, bands).copy(), light_error,
         sensitivity_error, learnt,
-        swatches=None if swatches is None else _swatches(swatches, bands))
+        swatches=None if swatches is None else _swatches(swatches, bands), origin=origin)
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients, level),
                           with_draws=given.ndim == 1)
     estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None,

@@ -16,6 +16,7 @@ from spectrabox.api.estimates.estimate_tables import estimates_to_csv, estimates
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
+from spectrabox.measure.results.surface_result import VALID_OUTCOMES
 from spectrabox.measure.surfaces.colour_comparison import Colour
 from spectrabox.measure.surfaces.surface_signals import with_added
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
@@ -408,6 +409,12 @@ class SpectrumEstimate:
         return dataclasses.replace(self, name=name)
 
     @property
+    def _as_intended(self) -> bool:
+        """Whether the draws ended without a reservation."""
+        ended = self.samples.outcome if self.samples is not None else self.posterior.outcome
+        return ended in VALID_OUTCOMES
+
+    @property
     def _summary(self) -> SpectrumSummary:
         assert self.summary is not None, "an estimate has a summary unless its spectrum was given"
         return self.summary
@@ -432,7 +439,7 @@ class SpectrumEstimate:
         lightness, a, b = self.lab().value
         said = [f"<SpectrumEstimate {self.name!r}: L*a*b* {lightness:.1f} {a:.1f} {b:.1f}, "
                 f"{100 * self._summary.level:.4g} % band {self.band_width:.3f} wide>",
-                *self.caveats]
+                *([] if self._as_intended else [self.outcome]), *self.caveats]
         return "\n".join(said)
 
 
