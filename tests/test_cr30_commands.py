@@ -3,6 +3,7 @@ import csv
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -13,15 +14,21 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from spectrabox.capture.meter.measurement_files import _reserved, chart_and_patch, patch_names
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.sniffed_traffic import read_recording
 from spectrabox.capture.transcripts.transcript import Transcript
 from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.radiometry.chart import CLASSIC
-from spectrabox.radiometry.charts.references import measured_chart
+from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
+from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
+from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 from spectrabox.session.cli import app
+from spectrabox.session.meters.chart_picture import _usual, chart_picture, nearer_patch
+from spectrabox.session.meters.results import column_of
 
 from tests.cr30_player import FOLDER, measurements, playing, steps_of
 
@@ -139,6 +146,71 @@ def test_a_chart_is_read_with_a_picture_an_undo_and_an_interruption(tmp_path):
     # the third was read again: it is the fourth of the recording
     fourth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[3], "")).readings[0]
     np.testing.assert_allclose(values[:, 3], fourth.spectrum.values, rtol=5e-9)
+
+
+@pytest.mark.parametrize("layout, stem, one", [
+    ("APT", "chart-artistpainttarget", "chart-artistpainttarget-05-E1"),
+    ("SpyderCheckr 24", "chart-spydercheckr24", "chart-spydercheckr24-05-E2")])
+def test_another_chart_is_read_patch_by_patch_too(tmp_path, layout, stem, one):
+    asked = ("--as", "chart", "--chart-layout", layout, "--no-calibrate")
+    code, _, err = measure(tmp_path, playing(CHART[:6]), *asked, typed="\n" * 5 + "u\n\nq\n")
+    assert code == 4 and "5 of 24 patches are measured and kept" in err
+    assert f"patch 5 of 24, {one}" in err and " > E1 < " in err
+    assert f"{one}: its readings are kept aside" in err
+    rest = playing(CHART[5:])
+    code, _, err = measure(tmp_path, rest, *asked, typed="\n" * 19)
+    assert code == 0 and rest.finished and "patch 6 of 24, " in err, err
+    _, names, values = table(tmp_path / "spectra" / f"{stem}.csv")
+    chart = chart_layout(layout)
+    assert names[1:] == [f"{number:02d}-{patch}" for number, patch in enumerate(chart.names, 1)]
+    fifth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[5], "")).readings[0]
+    np.testing.assert_allclose(values[:, 5], fifth.spectrum.values, rtol=5e-9)
+    # a ColorChecker in the same folder has a file of its own
+    code, _, err = measure(tmp_path, playing(CHART[:1]), "--as", "chart", "--no-calibrate",
+                           typed="\nq\n")
+    assert code == 4 and "1 of 24 patches" in err
+    assert [path.name for path in (tmp_path / "spectra").glob("*.csv")] == [f"{stem}.csv"]
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_chart_has_its_picture_on_a_terminal(layout):
+    chart = LAYOUTS[layout]
+    usual = _usual(chart)
+    one = Spectrum(FINE_GRID, np.full(FINE_GRID.nm.size, 0.4) if usual is None else usual[1],
+                   Quantity.REFLECTANCE, "one")
+    plain = chart_picture(chart, {0: one, 1: None}, 2, colours=False).splitlines()
+    assert len(plain) == chart.rows and max(map(len, plain)) <= 100
+    assert len(re.findall(r">.*?<", "".join(plain))) == 1
+    coloured = chart_picture(chart, {0: one}, 1, colours=True)
+    cells = len(chart.names) * (2 if chart.rows <= 6 else 1)
+    assert coloured.count("\x1b[48;2;") == cells
+    # a reading of another patch is named, and that of this one is not
+    assert nearer_patch(chart, 1, one) is None
+    assert nearer_patch(chart, 0, one) is None if usual is None or np.allclose(
+        usual[0], usual[1], atol=0.1) else nearer_patch(chart, 0, one) == 1
+    names = patch_names(chart)
+    assert len(set(names)) == len(names) and {chart_and_patch(name)[0] for name in names} == {
+        chart_and_patch(names[0])[0]}
+    assert all(_reserved(name) == "chart" for name in names)
+
+
+def test_a_written_chart_is_a_reference_of_its_layout(tmp_path):
+    chart = chart_layout("Digital SG")
+    known = reference_reflectances(None, chart, FINE_GRID)
+    nm = np.arange(400.0, 701, 10)
+    columns = {column_of("chart", name): np.interp(nm, FINE_GRID.nm, row)
+               for name, row in zip(patch_names(chart), known, strict=True)}
+    (tmp_path / "chart.csv").write_text(table_text(nm, columns, quantity=Quantity.REFLECTANCE,
+                                                   source="CR30"), encoding="utf-8")
+    again = measured_chart(tmp_path / "chart.csv", FINE_GRID, chart)
+    # lines between tens of nanometres
+    np.testing.assert_allclose(again, known, atol=0.02)
+
+
+def test_a_layout_is_of_a_chart_alone(tmp_path):
+    code, _, err = measure(tmp_path, playing([GREEN]), "--as", "paint", "--name", "vase",
+                           "--chart-layout", "NGT")
+    assert code == 2 and "measure it with --as chart" in err
 
 
 def test_swatches_become_one_table_that_the_option_takes(tmp_path):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import require_no_link, write_text_whole
 from spectrabox.radiometry.grid import grid_from_nm
@@ -159,7 +160,9 @@ def _numbered(folder: Path) -> list[tuple[int, Path]]:
 
 ROLES = ("light", "white", "paint", "chart", "swatches")
 ROLE_FILE = "role.txt"          # in a folder of readings
-OF_CHART = r"chart(-\d\d-.*|-radiance|-irradiance)?"
+# names of a chart's patches: of the Classic chart-01-dark-skin, of others chart-digitalsg-001-A1
+OF_PATCH = r"(chart(?:-[a-z0-9]+)?)-\d{2,3}-(.*)"
+OF_CHART = rf"chart(-radiance|-irradiance)?|{OF_PATCH}"
 
 
 def claim(spectra: Path, role: str, names: Sequence[str], *, reflects: bool = False) -> None:
@@ -219,7 +222,7 @@ def result_file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path
     spectra : Path
     role : {"light", "white", "paint", "chart", "swatches"}
     name : str
-        Of the thing; a chart's or of swatches is not asked.
+        Of the thing; of a chart any of its patches, of swatches it is not asked.
     quantity : Quantity
 
     Raises
@@ -236,9 +239,30 @@ def result_file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path
 
 
 def _file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path:
-    stem = role if role in ("chart", "swatches") else name
+    stem = role if role == "swatches" else chart_and_patch(name)[0] if role == "chart" else name
     bare = role in ("light", "white") or quantity is Quantity.REFLECTANCE
     return spectra / (f"{stem}.csv" if bare else f"{stem}-{quantity.name.lower()}.csv")
+
+
+def patch_names(chart: Chart) -> tuple[str, ...]:
+    """Names of a chart's patches among all things that are measured, in their order: a chart of
+    another layout than the Classic's has its own.
+
+    Parameters
+    ----------
+    chart : Chart
+    """
+    plain = re.sub(r"[^a-z0-9]", "", chart.name.lower()).removeprefix("colorchecker")
+    of = "" if chart.names == CLASSIC.names else f"-{plain or 'own'}"
+    digits = len(f"{max(len(chart.names), 10)}")
+    return tuple(f"chart{of}-{number:0{digits}d}-{file_stem(patch.replace(' ', '-'))}"
+                 for number, patch in enumerate(chart.names, 1))
+
+
+def chart_and_patch(name: str) -> tuple[str, str]:
+    """The chart of one of ``patch_names``, as its file is called, and the patch with its number."""
+    match = re.fullmatch(OF_PATCH, name)
+    return (match[1], name[len(match[1]) + 1:]) if match else ("chart", name)
 
 
 def _reserved(name: str) -> str | None:

@@ -14,6 +14,7 @@ from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
+    ChartLayout,
     Command,
     Folder,
     check_ending,
@@ -22,6 +23,7 @@ from spectrabox.session.terminal.command_line import (
 if TYPE_CHECKING:
     from spectrabox.capture.meter.instruments.interface import MeterSettings
     from spectrabox.capture.meter.measurement_series import SeriesSummary
+    from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records.spectra import Spectrum
     from spectrabox.session.meters.readers import Source
 
@@ -91,6 +93,7 @@ def measure(
     name: Annotated[str | None, typer.Option(
         metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv; of swatches, "
         "NAME,NAME,...: the columns of spectra/swatches.csv.")] = None,
+    layout: ChartLayout = "",
     repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1,
     integration_ms: Annotated[float | None, typer.Option(
         min=0.1, help="Fixed exposure in milliseconds; automatic by default.")] = None,
@@ -124,13 +127,14 @@ def measure(
     from spectrabox.capture.meter.meter_calibration import read_calibration
     from spectrabox.session.meters.measuring import Task, measure_all
     from spectrabox.session.meters.results import series_of_all, write_result
-    names = _names(role, name)
+    chart = _chart(role, layout)
+    names = _names(role, name, chart)
     wanted = MeterSettings(integration_ms, averages, sync_hz)
     source = _source(port, instrument, program, ambient, wanted)
     reflects = _reflects(instrument, role)
     factors = [read_calibration(text) for text in calibration]
     task = Task(folder / "spectra", role, names, repeat,
-                wait and (reflects or role in ("chart", "swatches")), calibrate)
+                wait and (reflects or role in ("chart", "swatches")), calibrate, chart)
     if reflects and calibrate and not wait:
         raise typer.BadParameter("a calibration is asked for on the keyboard: leave out --no-wait, "
                                  "or say --no-calibrate to measure with the calibration that the "
@@ -186,14 +190,21 @@ def replay(
     return Answer(facts, "\n".join(lines))
 
 
-def _names(role: str, name: str | None) -> tuple[str, ...]:
-    from spectrabox.capture.meter.measurement_files import ROLES
-    from spectrabox.radiometry.chart import PATCH_NAMES
+def _chart(role: str, layout: str) -> Chart:
+    """The chart that is measured; a ColorChecker Classic where none is named."""
+    from spectrabox.session.camera.camera_files import read_layout
+    if layout and role != "chart":
+        raise typer.BadParameter("a layout is of a chart: measure it with --as chart",
+                                 param_hint="--chart-layout")
+    return read_layout(layout)
+
+
+def _names(role: str, name: str | None, chart: Chart) -> tuple[str, ...]:
+    from spectrabox.capture.meter.measurement_files import ROLES, patch_names
     if role not in ROLES:
         raise typer.BadParameter(f"{role!r} is not one of {', '.join(ROLES)}", param_hint="--as")
     if role == "chart":
-        return tuple(f"chart-{number:02d}-{patch.replace(' ', '-')}" for number,
-                     patch in enumerate(PATCH_NAMES, 1))
+        return patch_names(chart)
     if role == "swatches":
         names = tuple(part.strip() for part in (name or "").split(",") if part.strip())
         if len(set(names)) != len(names) or len(names) < 2:

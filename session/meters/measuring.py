@@ -22,6 +22,7 @@ from spectrabox.capture.meter.meter_calibration import (
     makers_of,
     require_comparable,
 )
+from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.spectra.readings import SpectralReading
@@ -51,6 +52,7 @@ class Task:
     repeat: int
     wait: bool                  # ask before each
     calibrate: bool             # ask for the calibrations that the instrument wants
+    chart: Chart = CLASSIC      # of the role "chart", which the names are the patches of
 
     @property
     def title(self) -> str:
@@ -189,7 +191,7 @@ def _picture(task: Task, following: int) -> str:
         if readings:
             reflects = readings[-1].lab is not None
             measured[index] = readings[-1].spectrum if reflects else None
-    return chart_picture(measured, following, colours=sys.stderr.isatty())
+    return chart_picture(task.chart, measured, following, colours=sys.stderr.isatty())
 
 
 def _undo(spectra: Path, name: str) -> None:
@@ -201,7 +203,7 @@ def _warn_of_another_patch(task: Task, name: str, reading: SpectralReading) -> N
     """Say so where a reflectance looks like another patch of the chart."""
     if task.role != "chart" or reading.lab is None or reading.spectrum is None:
         return
-    other = nearer_patch(task.names.index(name), reading.spectrum)
+    other = nearer_patch(task.chart, task.names.index(name), reading.spectrum)
     if other is not None:
         print(f"- this looks like {task.names[other]} and not like {name}: if it was another "
               f"patch, {UNDO} and Enter", file=sys.stderr, flush=True)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from spectrabox.capture.meter.measurement_files import (
+    chart_and_patch,
     readings_folder,
     result_file,
     stored_readings,
@@ -87,13 +88,13 @@ def write_result(task: Task, white_reflectance: float,
 
 
 def column_of(role: str, name: str) -> str:
-    """Name of a thing's column: of a patch without "chart-".
+    """Name of a thing's column: of a patch without the name of its chart.
 
     Parameters
     ----------
     role, name : str
     """
-    return name.partition("-")[2] if role == "chart" else name
+    return chart_and_patch(name)[1] if role == "chart" else name
 
 
 def series_of_all(task: Task, calibrations: Sequence[MeterCalibration]) -> list[SeriesSummary]:
