@@ -100,6 +100,15 @@ def test_a_signal_of_which_white_and_noise_are_not_stated_says_so():
     assert caveat("--white", "0.39,0.51,0.17", "--noise", "0.003") == ""
 
 
+def test_advice_on_a_signal_says_the_same():
+    def caveat(*more):
+        result = CliRunner().invoke(app, ["advise", *CAMERA, "--signal", "0.346,0.449,0.146",
+                                          "--lamps", "A", "--json", *more])
+        return json.loads(result.stdout).get("caveat", "")
+    assert caveat() == f"{NO_WHITE}\n{NO_NOISE}"
+    assert caveat("--white", "0.39,0.51,0.17", "--noise", "0.003") == ""
+
+
 def test_python_says_what_was_not_stated_of_a_signal_as_the_command_does():
     signal, white = [0.346, 0.449, 0.146], [0.39, 0.51, 0.17]
     bare = sb.sample(signal, **NAMED)

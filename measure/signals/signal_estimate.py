@@ -44,6 +44,17 @@ def origin_of_colours(kind: str, values: np.ndarray) -> str | None:
     return SRGB_ORIGIN if kind == "srgb" else None
 
 
+def unstated(white: np.ndarray | None, noise: np.ndarray | None) -> tuple[str, ...]:
+    """What was not stated of signals, and what was taken in its place, in sentences.
+
+    Parameters
+    ----------
+    white, noise : (K,) arrays or None
+        As of `SignalCapture`.
+    """
+    return (*([NO_WHITE] if white is None else []), *([NO_NOISE] if noise is None else []))
+
+
 @dataclass(frozen=True, eq=False)
 class SignalCapture:
     """Signals that one camera gave under one light, and what is stated of them.
@@ -90,9 +101,8 @@ class SignalCapture:
     @property
     def caveats(self) -> tuple[str, ...]:
         """Where the signals are from, and what was taken of them where nothing was stated."""
-        return tuple(sentence for sentence in (
-            self.origin, NO_WHITE if self.white is None else None,
-            NO_NOISE if self.noise is None else None) if sentence is not None)
+        return (*([] if self.origin is None else [self.origin]),
+                *unstated(self.white, self.noise))
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from spectrabox.measure.camera import light_words
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
-from spectrabox.measure.signals.signal_estimate import SignalCapture
+from spectrabox.measure.signals.signal_estimate import SignalCapture, unstated
 from spectrabox.measure.tables import text_table
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
@@ -97,8 +97,9 @@ def _on_signal(request: AdviseRequest, hand: LampsAtHand | None) -> tuple[dict[s
     response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
     bands = len(response)
     white = optional_numbers(request.white, bands, "white")
+    noise = optional_noise(request.noise, bands)
     base = measurement_of_signal(response, numbers(request.signal or "", bands, "signal"), white,
-                                 optional_noise(request.noise, bands))
+                                 noise)
     taken = further_measurements(request, sensitivity, response, white)
     # so that the width is the one that ``sample`` states: by the same draws
     capture = SignalCapture(response, base.signal[None], ("",), np.ones(bands),
@@ -108,7 +109,11 @@ def _on_signal(request: AdviseRequest, hand: LampsAtHand | None) -> tuple[dict[s
                             found=stated_outlook(estimate),
                             curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                             present=named_spectra.light(light, FINE_GRID), hand=hand)
-    return _answer(Advised(each), taken=[measured.name for measured in taken])
+    facts, text = _answer(Advised(each), taken=[measured.name for measured in taken])
+    caveats = unstated(white, noise)
+    if caveats:
+        facts["caveat"] = "\n".join(caveats)
+    return facts, "\n".join([text, *caveats])
 
 
 def _before_the_shoot(request: AdviseRequest,
