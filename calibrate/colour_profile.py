@@ -83,10 +83,30 @@ def fit_transform(response: np.ndarray, reflectances: np.ndarray, grid: Waveleng
     CalibrationError
         If the surfaces or the bands are too alike to fit it.
     """
-    exponents = _exponents(degree)
     signals = np.einsum("tkp,np->tnk", response.reshape(-1, *response.shape[-2:]),
                         reflectances).reshape(-1, 3)
     xyz = np.tile(reflectances @ d50_weights(grid).T, (len(signals) // len(reflectances), 1))
+    return transform_of_signals(signals, xyz, degree)
+
+
+def transform_of_signals(signals: np.ndarray, xyz: np.ndarray, degree: int) -> ColourTransform:
+    """The transform that gives signals the colours that their surfaces have under D50.
+
+    Parameters
+    ----------
+    signals : (n, 3) array
+        Relative to white.
+    xyz : (n, 3) array
+        Under D50, Y = 1 for white.
+    degree : int
+        As of ``fit_transform``.
+
+    Raises
+    ------
+    CalibrationError
+        As ``fit_transform``.
+    """
+    exponents = _exponents(degree)
     weights = _weights(xyz)                                 # (n, 3, 3)
     terms = _terms(signals, exponents)
     # coefficients = start + free @ basis, whose rows sum to 0: white stays D50

@@ -24,7 +24,7 @@ GROUPS = {
                                   "SpectrumEstimate", "SpectrumEstimates", "MeasuredSpectra",
                                   "FlatSpectra",
                                   "SceneSpectra", "ColourComparison", "ChartCheck",
-                                  "ColourProfile", "MeterReading"],
+                                  "ColourProfile", "MatrixComparison", "MeterReading"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")

@@ -17,6 +17,7 @@ from spectrabox.measure.plot_style import (
     TRUTH,
     band_colours,
 )
+from spectrabox.measure.profiles.matrix_comparison import ComparedMatrices
 from spectrabox.radiometry.records.spectra import SpectrumSummary
 
 DOTTED = (0, (1, 1.2))
@@ -109,6 +110,38 @@ def plot_light(axes: Axes, nm: np.ndarray, values: np.ndarray,
     frame_wavelengths(axes, nm)
     axes.set(ylabel=quantity, ylim=(0, None))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+
+
+def plot_matrices(entries: Axes, errors: Axes, compared: ComparedMatrices) -> None:
+    """Draw matrices of one camera side by side: their nine entries, and CIEDE2000 of the chart and
+    of fresh surfaces, mean (dot) and high percentile (ring), one standard deviation either side.
+
+    Parameters
+    ----------
+    entries, errors : Axes
+    compared : ComparedMatrices
+    """
+    colours = (TRUTH, MEAN, RENDERED)[-len(compared.rows):]
+    for number, (row, colour) in enumerate(zip(compared.rows, colours, strict=True)):
+        aside = 0.22 * (number - (len(compared.rows) - 1) / 2)
+        known = row.matrix.standard_deviation
+        entries.errorbar(np.arange(9) + aside, np.ravel(row.matrix.value),
+                         None if known is None else np.ravel(known), fmt="o", ms=4, lw=1.2,
+                         color=colour, label=row.source)
+        for face, figures in ((colour, [row.chart[0], row.fresh[0]]),
+                              ("none", [row.chart[1], row.fresh[1]])):
+            errors.errorbar(np.arange(2) + aside, [float(one.value) for one in figures],
+                            [float(one.standard_deviation or 0) for one in figures], fmt="o", ms=6,
+                            mfc=face, lw=1.2, color=colour)
+    entries.set_xticks(range(9), [f"{band}\u2192{to}" for to in "XYZ" for band in "RGB"])
+    entries.axhline(0, color=QUIET, lw=0.6)
+    entries.set_ylabel("Entry of the matrix to X, Y, Z under D50")
+    handles, labels = entries.get_legend_handles_labels()
+    errors.legend(handles, labels, frameon=False, fontsize="small", loc="lower center")
+    errors.set_xticks(range(2), ["the chart as\nphotographed",
+                                 f"surfaces of no fit, as\nthe {compared.judge} see them"])
+    errors.set(xlim=(-0.6, 1.6), ylim=(0, None),
+               ylabel="CIEDE2000 (dot: mean, ring: 90th percentile)")
 
 
 def frame_reflectance(axes: Axes, nm: np.ndarray, highest: np.ndarray) -> None:

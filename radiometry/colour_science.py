@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import WavelengthGrid
-from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.radiometry.spectra.named_spectra import light_samples, relative_response
 
 
 def aces_idt(nm: np.ndarray, curves: np.ndarray, illuminant: str) -> tuple[np.ndarray, np.ndarray]:
@@ -24,17 +24,19 @@ def aces_idt(nm: np.ndarray, curves: np.ndarray, illuminant: str) -> tuple[np.nd
     curves : (3, P) array
         Of any scale.
     illuminant : str
-        CIE name, such as D55.
+        CIE name, such as D55, or a file of the light's spectrum.
     """
     import colour
 
+    light_nm_power = light_samples(illuminant)
     each_nm = np.arange(380.0, 781.0, 5.0)
     curves = np.array([np.interp(each_nm, nm, curve, left=0, right=0) for curve in curves])
     sensitivities = colour.characterisation.RGB_CameraSensitivities(
         curves.T / curves.max(), each_nm)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")         # it says that it aligns its own tables
-        matrix, balance = colour.matrix_idt(sensitivities, colour.SDS_ILLUMINANTS[illuminant])
+        matrix, balance = colour.matrix_idt(sensitivities, colour.SpectralDistribution(
+            light_nm_power[1], light_nm_power[0]))
     return np.asarray(matrix), np.asarray(balance)
 
 

@@ -4,6 +4,7 @@ from .api.camera import CameraEstimate as CameraEstimate
 from .api.camera import fit_camera as fit_camera
 from .api.chart_check import ChartCheck as ChartCheck
 from .api.colour_profile import ColourProfile as ColourProfile
+from .api.colour_profile import MatrixComparison as MatrixComparison
 from .api.estimates.estimate import SpectrumEstimate as SpectrumEstimate
 from .api.estimates.measured_spectra import MeasuredSpectra as MeasuredSpectra
 from .api.estimates.spectrum_estimates import SpectrumEstimates as SpectrumEstimates

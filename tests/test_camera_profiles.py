@@ -18,6 +18,7 @@ from spectrabox.calibrate.prior.learnt_prior import cameras_of_file
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.colour_science import aces_idt
 from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.published.published_tables import LIGHTS, published_curves
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
 from spectrabox.session.cli import app
 
@@ -163,13 +164,58 @@ def test_curves_come_back_from_the_form_of_rawtoaces(tmp_path):
     inside = (nm >= 400) & (nm <= 700)
     np.testing.assert_allclose(curves[:, inside], sensitivities(CAMERA, GRID), rtol=1e-8)
     assert not curves[:, ~inside].any()
-    stored = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["spectral_data"]
-    assert stored["index"]["standard_error"] == ["R", "G", "B"]
     with np.load(tmp_path / "draws.npz") as draws:      # the scatter of one draw is the error
-        expected = np.sqrt(np.mean((draws["curves"] - draws["curves"].mean(axis=0))**2, axis=0)
-                           * len(draws["curves"]) / (len(draws["curves"]) - 1))
-    errors = np.array(list(stored["data"]["standard_error"].values())).T
-    np.testing.assert_allclose(errors[:, inside], expected, rtol=1e-6, atol=1e-9)
+        error = draws["curves"].std(axis=0, ddof=1) / sensitivities(CAMERA, GRID).max()
+    header = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["header"]
+    assert f"standard error {np.sqrt(np.mean(error**2)):.1%} of the" in header["comments"]
+
+
+def as_rawtoaces_reads(path):
+    """Manufacturer, model and the channels (81,) of a file, by the rules of rawtoaces 2.
+
+    Its src/rawtoaces_core/spectral_data.cpp takes texts or null in the header, wavelengths in the
+    order of their keys, and one step for all data sets together: a second one that begins again at
+    380 nm is refused as an inconsistent step.
+    """
+    document = json.loads(path.read_text(encoding="utf-8"))
+    assert all(value is None or isinstance(value, str) for value in document["header"].values())
+    assert isinstance(document["spectral_data"]["units"], str)
+    sets = document["spectral_data"]["data"]
+    nm = np.array([float(key) for name in sorted(sets) for key in sorted(sets[name])])
+    assert len(set(np.diff(nm))) == 1, "Inconsistent wavelength step"
+    names = document["spectral_data"]["index"]["main"]
+    rows = np.array([sets["main"][key] for key in sorted(sets["main"])], float)
+    assert rows.shape == (81, len(names)) and (nm[0], nm[-1]) == (380, 780)
+    header = document["header"]
+    return header["manufacturer"], header["model"], dict(zip(names, rows.T, strict=True))
+
+
+@pytest.mark.parametrize("draws", [False, True])
+def test_rawtoaces_reads_a_camera_with_and_without_its_errors(draws, tmp_path):
+    words = ("--draws-file", draws_file(tmp_path, 0.01)) if draws else ()
+    profile(tmp_path, "--out", tmp_path / "a.json", *words)
+    maker, model, channels = as_rawtoaces_reads(tmp_path / "a.json")
+    assert (maker, model) == ("Nikon", "D5100") and list(channels) == ["R", "G", "B"]
+    inside = slice(4, 65)
+    np.testing.assert_allclose([curve[inside] for curve in channels.values()],
+                               sensitivities(CAMERA, GRID), rtol=1e-8)
+
+
+def test_rawtoaces_reads_its_own_cameras_so():
+    folder = Path(os.environ.get("SPECTRABOX_DATA", "nowhere")) / "cameras"
+    if not folder.is_dir():
+        pytest.skip("SPECTRABOX_DATA names no cameras of rawtoaces-data")
+    assert as_rawtoaces_reads(folder / "Nikon_D810_380_780_5.json")[:2] == ("Nikon", "D810")
+
+
+def test_an_aces_matrix_is_found_for_a_measured_light_too(tmp_path):
+    nm, curves = published_curves(LIGHTS, "D55")
+    lines = "\n".join(f"{at:g},{value:.9g}" for at, value in zip(nm, curves[0], strict=True))
+    (tmp_path / "light.csv").write_text(f"wavelength_nm,value\n{lines}\n", encoding="utf-8")
+    named, measured = (profile(tmp_path, "--idt-light", light)["aces_idt"]["matrix"]["value"]
+                       for light in ("d55", tmp_path / "light.csv"))
+    # nine digits are written
+    np.testing.assert_allclose(measured, named, atol=1e-6)
 
 
 def test_the_form_of_rawtoaces_is_that_of_its_own_data(tmp_path):

@@ -70,7 +70,7 @@ def camera_matrices(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
         Sensitivities R, G, B on ``grid``, of any scale.
     grid : WavelengthGrid
     idt_light : str
-        CIE name, of the ACES matrix.
+        CIE name or file, of the ACES matrix.
     draws : (T, 3, P) array or None
         Of the curves, for the spread of every number.
     """
@@ -112,16 +112,17 @@ class CameraProfile:
         lines = [f"{self.camera}: matrices for {' and '.join(ILLUMINANTS)}{known}"]
         for name in ILLUMINANTS:
             one = self.matrices.of_illuminant(name)
-            lines += [f"ColorMatrix, {name}", *_rows(one.color_matrix), f"ForwardMatrix, {name}",
-                      *_rows(one.forward_matrix)]
+            lines += [f"ColorMatrix, {name}", *matrix_rows(one.color_matrix),
+                      f"ForwardMatrix, {name}", *matrix_rows(one.forward_matrix)]
             lines += [f"CIEDE2000 of the forward matrix under {name}, mean of {of}: {error.words}"
                       for of, error in one.delta_e00.items()]
         lines += [f"CIEDE2000 under {self.light} to D50", *self.colours.error_lines()]
         return "\n".join([*lines, f"ACES IDT, {self.matrices.idt_light}",
-                          *_rows(self.matrices.aces_spreads()[0])])
+                          *matrix_rows(self.matrices.aces_spreads()[0])])
 
 
-def _rows(matrix: Spread) -> list[str]:
+def matrix_rows(matrix: Spread) -> list[str]:
+    """A matrix for a person, a line for each row, with its spread where that is known."""
     shown = [" ".join(f"{cell:8.4f}" for cell in row) for row in np.asarray(matrix.value)]
     if matrix.standard_deviation is not None:
         shown = [f"{row}   ± " + " ".join(f"{cell:.4f}" for cell in spread) for row, spread

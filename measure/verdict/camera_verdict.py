@@ -54,7 +54,8 @@ def _fitted(fit: CameraFit) -> str:
         stated = f"a light stated as {light.stated}" if light.stated else "an unknown light"
         return f"Products of {bands} with the light, from {photos} under {stated}"
     curves = "Curves" if fit.band is not None else "Measured curves"
-    return f"{curves} of {bands}, from {photos} under {fit.light}"
+    under = "the given light" if fit.light == "given" else fit.light
+    return f"{curves} of {bands}, from {photos} under {under}"
 
 
 def _how_surely(fit: CameraFit) -> str:

@@ -134,13 +134,8 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
     """
     if names_a_file(name):
         values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
-    elif name not in published_names(LIGHTS) and vague_words(name) is not None:
-        raise InputError(f"{name!r} says of what kind a light is, and here its spectrum is needed: "
-                         f"give a CSV file of it, or a CIE name that comes near it, such as {NEAR}")
     else:
-        _, nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum",
-                                 (*LIGHT_KINDS, *SAME_KIND))
-        values = on_grid(nm, curves[0], grid, name)
+        values = on_grid(*light_samples(name), grid, name)
     return checked_light(values, f"the light {name}")
 
 
@@ -161,6 +156,30 @@ def checked_light(values: np.ndarray, name: str) -> np.ndarray:
     if not np.all(np.isfinite(values)) or values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"{name} is dark or falls below zero; measure it again")
     return np.maximum(values, 0)
+
+
+def light_samples(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (Q,) in nm and spectrum (Q,) of a light, as it was measured or published.
+
+    Parameters
+    ----------
+    name : str
+        As of ``light``.
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a name.
+    """
+    if names_a_file(name):
+        spectrum = read_spectrum(Path(name), role=Quantity.RELATIVE)
+        return spectrum.grid.nm, spectrum.values
+    if name not in published_names(LIGHTS) and vague_words(name) is not None:
+        raise InputError(f"{name!r} says of what kind a light is, and here its spectrum is needed: "
+                         f"give a CSV file of it, or a CIE name that comes near it, such as {NEAR}")
+    _, nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum",
+                             (*LIGHT_KINDS, *SAME_KIND))
+    return nm, curves[0]
 
 
 def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:

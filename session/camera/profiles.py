@@ -43,7 +43,7 @@ def write_profiles(sensitivity: str, camera: str, out: Sequence[Path], light: st
     Parameters
     ----------
     sensitivity, light, idt_light : str
-        Curves by name or file; light of the photos; CIE name of that of the ACES matrix.
+        Curves by name or file; light of the photos; that of the ACES matrix.
     camera : str
         Maker and model.
     out : sequence of Path
@@ -116,18 +116,21 @@ def _read_draws(path: Path, grid: WavelengthGrid, curves: np.ndarray) -> np.ndar
 
 def write_rawtoaces(path: Path, maker: str, model: str, nm: np.ndarray, curves: np.ndarray,
                     errors: np.ndarray | None) -> None:
-    """Curves (3, P) as rawtoaces-data stores a camera; standard errors as a second data set."""
-    sets = {"main": curves} if errors is None else {"main": curves, "standard_error": errors}
+    """Curves (3, P) as rawtoaces-data stores a camera, their error in the comments: rawtoaces takes
+    the first wavelength of a second data set for a wrong step, and refuses the file.
+    """
+    comments = BEYOND if errors is None else (
+        f"{BEYOND}; standard error {np.sqrt(np.mean(errors**2)) / curves.max():.1%} of the highest "
+        "peak (root mean square over 400-700 nm)")
     document = {
         "header": {"schema_version": "0.1.0", "manufacturer": maker, "model": model,
                    "description": "camera spectral sensitivity data",
                    "document_creator": "spectrabox", "document_creation_date": None,
-                   "measurement_equipment": None, "comments": BEYOND, "license": None},
-        "spectral_data": {"units": "relative", "index": {name: ["R", "G", "B"] for name in sets},
-                          "data": {name: {str(point): [float(f"{value:.9g}") for value in row]
-                                          for point, row in zip(NM, _on_table(nm, values).T,
-                                                                strict=True)}
-                                   for name, values in sets.items()}}}
+                   "measurement_equipment": None, "comments": comments, "license": None},
+        "spectral_data": {"units": "relative", "index": {"main": ["R", "G", "B"]},
+                          "data": {"main": {
+                              str(point): [float(f"{value:.9g}") for value in row]
+                              for point, row in zip(NM, _on_table(nm, curves).T, strict=True)}}}}
     write_text_whole(path, json.dumps(document, indent=4) + "\n")
 
 

@@ -190,7 +190,7 @@ def profile(
         help="Draws of the curves, from 'camera fit --draws-file': gives every number "
         "its spread.")] = None,
     idt_light: Annotated[str, typer.Option(
-        metavar="NAME", help="CIE name, of the ACES matrix.")] = "D55",
+        metavar="FILE|NAME", help="Spectrum or CIE name of the light of the ACES matrix.")] = "D55",
 ) -> Answer:
     """Write colour matrices and profiles of a camera, with error bars and colour errors."""
     from spectrabox.session.camera.profiles import FORMS, write_profiles

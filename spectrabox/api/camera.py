@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.api.arguments import LightLike, as_chart, as_light, families_of, one_blas_thread
+from spectrabox.api.arguments import (
+    CameraLike,
+    LightLike,
+    as_chart,
+    as_curves,
+    as_light,
+    families_of,
+    one_blas_thread,
+)
 from spectrabox.api.chart_check import ChartCheck
-from spectrabox.api.colour_profile import ColourProfile, profile_of
+from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
 from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
@@ -18,6 +26,7 @@ from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
 from spectrabox.measure.plots import plot_sensitivities
+from spectrabox.measure.profiles.matrix_comparison import compare_matrices
 from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
@@ -151,6 +160,28 @@ class CameraEstimate:
             If the camera has other than three bands, or a word names no family.
         """
         return profile_of(self.calibration, families_of(families), self.photo.camera_from_xyz)
+
+    def matrices(self, measured: CameraLike | None = None) -> MatrixComparison:
+        """Matrices from the camera's signals to colours, by its curves and by the photographed
+        chart alone, compared.
+
+        Parameters
+        ----------
+        measured : name, path, KnownCamera or (nm, curves), optional
+            Measured curves of the camera, to compare with as well.
+
+        Returns
+        -------
+        MatrixComparison
+
+        Raises
+        ------
+        InputError
+            If the camera has other than three bands, the light of measured curves is not stated, or
+            a name is not known.
+        """
+        return MatrixComparison(compare_matrices(
+            self.fit.chart, self.fit.photos[0], None if measured is None else as_curves(measured)))
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """The curves, shaded to two standard errors either side, as in the report.

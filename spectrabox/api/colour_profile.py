@@ -1,21 +1,29 @@
 """A camera's colour profile: colours of its signals under D50, and files for other programs."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import ArrayLike
 
+from spectrabox.measure.plots import plot_matrices
 from spectrabox.measure.profiles.colour_profile import (
     ColourError,
     colour_profile,
     response_of_calibration,
 )
 from spectrabox.measure.profiles.colour_profile import ColourProfile as Profile
+from spectrabox.measure.profiles.matrix_comparison import ComparedMatrices
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.profile_files import FORMS, write_profile
 from spectrabox.radiometry.records.calibration import Calibration
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +104,67 @@ class ColourProfile:
         *_, errors = self.errors.values()
         return "<ColourProfile: CIEDE2000 " + ", ".join(
             f"{one.mean:.2f} ({of})" for of, one in errors.items()) + ">"
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixComparison:
+    """Matrices of one camera, from white-balanced signals to X, Y, Z under D50: by its measured
+    curves, by the curves that a chart photo gave, and by the photographed chart alone.
+
+    Attributes
+    ----------
+    compared : ComparedMatrices
+        ``rows``, each with its ``source``, ``matrix`` and ``aces`` (to ACES2065-1) with their
+        standard deviations, CIEDE2000 of the ``chart`` as photographed and of ``fresh`` surfaces
+        (mean and 90th percentile), and how far its colours are ``apart`` from those of the first.
+
+    References
+    ----------
+    Not in Xia et al. 2025. How to read it: docs/how-to/matrices.md.
+
+    Examples
+    --------
+    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
+    >>> matrices = camera.matrices(measured="mybox/spectra/truth_sensitivity.csv")
+    >>> print(matrices)
+    >>> matrices.plot()
+    """
+
+    compared: ComparedMatrices
+
+    def facts(self) -> list[dict[str, object]]:
+        """A row for each matrix, as numbers.
+
+        Returns
+        -------
+        list of dict
+        """
+        return [row.facts() for row in self.compared.rows]
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """The entries of the matrices and their colour errors, each with one standard deviation
+        either side.
+
+        Parameters
+        ----------
+        axes : sequence of two matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        sequence of two matplotlib Axes
+        """
+        entries, errors = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")[1] \
+            if axes is None else axes
+        plot_matrices(entries, errors, self.compared)
+        return entries, errors
+
+    def __str__(self) -> str:
+        return self.compared.text()
+
+    def __repr__(self) -> str:
+        return "<MatrixComparison: CIEDE2000 " + ", ".join(
+            f"{row.fresh[0].words} ({row.source})" for row in self.compared.rows) + ">"
 
 
 def profile_of(calibration: Calibration, families: tuple[str, ...],

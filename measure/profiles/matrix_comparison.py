@@ -1,0 +1,218 @@
+"""Matrices of one camera compared: of its measured curves, of those that a chart photo gave, and of
+the photographed chart alone.
+
+All map white-balanced signals under the light of the photo to X, Y, Z under D50, keep white white,
+and are fitted to the same chart in the same way; they differ in where the signals come from. The
+measured curves are as sure as laboratories agree, the fitted ones as their draws say, and the
+photographed signals as patches and model agree in the fit, and as charts differ.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spectrabox.calibrate.chart_calibration import ChartCalibration
+from spectrabox.calibrate.chart_copy import COPY_ERROR
+from spectrabox.calibrate.chart_equations import PatchError, field_terms
+from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.colour_profile import (
+    D50,
+    ColourTransform,
+    d50_weights,
+    transform_of_signals,
+)
+from spectrabox.calibrate.prior.plain_priors import prior_about
+from spectrabox.calibrate.products.product_prior import draw_cameras
+from spectrabox.calibrate.sensitivity import CHART_ERROR
+from spectrabox.calibrate.trust import LABORATORY
+from spectrabox.measure.profiles.camera_profile import matrix_rows, spread_over
+from spectrabox.measure.profiles.colour_profile import (
+    FRESH,
+    MATRIX_DEGREE,
+    Spread,
+    response_of_calibration,
+    response_of_curves,
+)
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.profile_files import aces_from_d50
+from spectrabox.radiometry.records.spectra import Spectrum
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
+
+MEASURED, FITTED, PHOTOGRAPHED = "measured curves", "fitted curves", "photographed chart"
+DRAWS = 100
+PERCENTILE = 90
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedMatrix:
+    """A matrix with its spread over what its source may be, and the colours that it gives."""
+
+    source: str
+    matrix: Spread                  # (3, 3) to X, Y, Z under D50
+    aces: Spread                    # (3, 3) to ACES2065-1
+    chart: tuple[Spread, Spread]    # CIEDE2000 of the chart as photographed: mean, 90th percentile
+    fresh: tuple[Spread, Spread]    # of surfaces that no matrix was fitted to
+    apart: float                    # mean CIEDE2000 from the first matrix, of the same surfaces
+
+    def facts(self) -> dict[str, object]:
+        """As numbers."""
+        named = ("mean", f"percentile_{PERCENTILE}")
+        return {"source": self.source, "matrix": self.matrix, "aces": self.aces,
+                "chart": dict(zip(named, self.chart, strict=True)),
+                "fresh": dict(zip(named, self.fresh, strict=True)), "apart": self.apart}
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedMatrices:
+    """Matrices from several sources, and by which curves fresh surfaces were judged."""
+
+    rows: tuple[ComparedMatrix, ...]
+    judge: str
+
+    def text(self) -> str:
+        """The matrices and their colour errors, for a person."""
+        lines = [f"CIEDE2000 under D50, mean and {PERCENTILE}th percentile: the chart as "
+                 f"photographed; {FRESH}, as the {self.judge} see them; how far from the first "
+                 "matrix these are"]
+        for row in self.rows:
+            lines.append(f"{row.source}: chart {row.chart[0].words}, {row.chart[1].words}; "
+                         f"{FRESH} {row.fresh[0].words}, {row.fresh[1].words}; {row.apart:.2f} "
+                         "from the first")
+            lines += matrix_rows(row.matrix)
+        return "\n".join(lines)
+
+
+def compare_matrices(calibration: ChartCalibration, photo: ChartPhoto,
+                     measured: np.ndarray | None = None, seed: int = 0) -> ComparedMatrices:
+    """Matrices by measured curves, by fitted ones and by the photographed chart.
+
+    Parameters
+    ----------
+    calibration : ChartCalibration
+        Of three bands.
+    photo : ChartPhoto
+        The first that it was made from.
+    measured : (3, P) array, optional
+        Curves on FINE_GRID. Then they judge fresh surfaces too; the fitted ones do otherwise.
+    seed : int
+        Of the draws.
+
+    Raises
+    ------
+    InputError
+        If the camera has other than three bands, or the light of measured curves is not stated.
+    """
+    if photo.samples.mean.shape[1] != 3:
+        raise InputError(f"the camera has {photo.samples.mean.shape[1]} bands; matrices are of "
+                         "three: R, G and B")
+    rng = np.random.default_rng(seed)
+    fitted, fitted_draws = response_of_calibration(calibration.calibration)
+    responses = {FITTED: (fitted, fitted[None] if fitted_draws is None else fitted_draws)}
+    if measured is not None:
+        responses = {MEASURED: _measured_response(measured, photo, rng), **responses}
+    judge, (judging, _) = next(iter(responses.items()))
+
+    used = photo.used & ~photo.samples.clipped.any(axis=1)
+    patches = calibration.reflectances[used][:, np.searchsorted(FINE_GRID.nm, PRIOR_GRID.nm)]
+    shown, balance_error = photographed_signals(calibration, photo)
+    shown = shown[used]
+    signals = {name: (patches @ response.T, patches @ draws.swapaxes(1, 2))
+               for name, (response, draws) in responses.items()}
+    signals[PHOTOGRAPHED] = (shown, _as_they_may_be(
+        shown, calibration, COPY_ERROR if photo.editions else CHART_ERROR, balance_error, rng))
+
+    to_xyz, fresh = d50_weights(PRIOR_GRID).T, test_reflectances(PRIOR_GRID)[FRESH]
+    xyz, seen = patches @ to_xyz, fresh @ judging.T
+    rows: list[ComparedMatrix] = []
+    others: np.ndarray | None = None
+    for name, (of_source, draws) in signals.items():
+        central = transform_of_signals(of_source, xyz, MATRIX_DEGREE)
+        each = [transform_of_signals(one, xyz, MATRIX_DEGREE) for one in draws]
+        others = central.lab(seen) if others is None else others
+        rows.append(ComparedMatrix(
+            name, _with_spread(central, each, np.eye(3)),
+            _with_spread(central, each, aces_from_d50()),
+            _colour_errors(central, each, shown, lab_from_xyz(xyz, D50)),
+            _colour_errors(central, each, seen, lab_from_xyz(fresh @ to_xyz, D50)),
+            float(ciede2000(central.lab(seen), others).mean())))
+    return ComparedMatrices(tuple(rows), judge)
+
+
+def _measured_response(curves: np.ndarray, photo: ChartPhoto, rng: np.random.Generator
+                       ) -> tuple[np.ndarray, np.ndarray]:
+    """Response (3, 61) of measured curves, and draws of it as laboratories differ."""
+    if not isinstance(photo.light, Spectrum):
+        raise InputError(f"the photo has an {photo.light.words}, under which measured curves give "
+                         "no signals; state its spectrum")
+    power = spectrum_on_grid(photo.light, FINE_GRID)
+    prior = prior_about(FINE_GRID, curves, LABORATORY, "measured curves")
+    drawn = draw_cameras(prior, DRAWS, rng) @ interpolation_matrix(prior.nm, FINE_GRID.nm).T
+    return (response_of_curves(curves, power, FINE_GRID),
+            response_of_curves(drawn, power, FINE_GRID))
+
+
+def _as_they_may_be(signals: np.ndarray, calibration: ChartCalibration, chart_error: float,
+                    balance_error: float, rng: np.random.Generator) -> np.ndarray:
+    """Draws (T, n, 3) of photographed signals, as far as patches and model disagree in the fit, as
+    levels of patches differ from chart to chart, and as greys are not quite grey.
+    """
+    fit = calibration.prior_fit
+    error = PatchError(0.0) if fit is None else fit.patch_error
+    return np.asarray(signals * np.exp(
+        error.own * rng.standard_normal((DRAWS, *signals.shape))
+        + np.hypot(error.common, chart_error) * rng.standard_normal((DRAWS, len(signals), 1))
+        + balance_error * rng.standard_normal((DRAWS, 1, 3))))
+
+
+def photographed_signals(calibration: ChartCalibration, photo: ChartPhoto
+                         ) -> tuple[np.ndarray, float]:
+    """Signals (I, 3) of a photographed chart relative to white: glare off, the light made even as
+    the fit found it, and balanced by the chart's neutral patches; and the relative error of that
+    balance, by how far X, Y and Z of these are from grey.
+
+    Parameters
+    ----------
+    calibration : ChartCalibration
+    photo : ChartPhoto
+
+    Raises
+    ------
+    InputError
+        If the photo shows no neutral patch.
+    """
+    white, lit = calibration.white, photo.irradiance_or_pi / np.pi
+    signal = photo.samples.mean
+    if white is not None:
+        signal = signal - white.glare
+        if white.field.size:
+            lit = lit * np.exp(field_terms(photo.chart.centres_uv) @ white.field)
+    signal = signal / lit[:, None]
+    neutrals = [patch for patch in photo.chart.neutrals
+                if photo.used[patch] and not photo.samples.clipped[patch].any()]
+    if not neutrals:
+        raise InputError(f"a {photo.chart.name} shows no neutral patch that its photo could be "
+                         "balanced by")
+    # red sees of a grey that is not quite about what X does, green Y, and blue Z
+    grey = calibration.reflectances[neutrals] @ d50_weights(FINE_GRID).T / D50
+    balance = (grey * signal[neutrals]).sum(axis=0) / (grey**2).sum(axis=0)
+    return signal / balance, float(np.log(grey.sum(axis=0)).std(ddof=1))
+
+
+def _with_spread(central: ColourTransform, each: list[ColourTransform],
+                 onward: np.ndarray) -> Spread:
+    """A matrix, led on by another, and its standard deviation."""
+    return spread_over(onward @ central.coefficients, [onward @ one.coefficients for one in each])
+
+
+def _colour_errors(central: ColourTransform, each: list[ColourTransform], signals: np.ndarray,
+                   truth: np.ndarray) -> tuple[Spread, Spread]:
+    """Mean and high percentile of CIEDE2000 against L*, a*, b* (n, 3), with their spreads."""
+    figures = [(float(errors.mean()), float(np.percentile(errors, PERCENTILE))) for errors in (
+        ciede2000(one.lab(signals), truth) for one in (central, *each))]
+    mean, high = (spread_over(value, drawn) for value, *drawn in zip(*figures, strict=True))
+    return mean, high
