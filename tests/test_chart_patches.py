@@ -126,6 +126,14 @@ def test_an_array_that_is_no_linear_photo_is_refused(values, said):
         sb.find_chart(values)
 
 
+def test_an_array_is_a_photo_for_other_functions_too(tmp_path):
+    photo = photograph(tmp_path, scene_of(corners(5)))
+    of_file, of_array = (sb.fit_camera(one, light="unknown") for one in (
+        tmp_path / "chart.dng", sb.open_photo(np.array(photo.signal))))
+    # the same pixels at other positions, which the light's fall-off over the chart goes by
+    np.testing.assert_allclose(of_array.curves, of_file.curves, atol=0.01)
+
+
 def test_dark_frames_are_not_taken_off_an_array(tmp_path):
     with pytest.raises(sb.InputError, match="an array is taken as it is"):
         sb.open_photo(np.zeros((60, 90, 3)), flat=tmp_path / "card.dng")
