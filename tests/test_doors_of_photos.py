@@ -22,10 +22,11 @@ from spectrabox.session.report.safe_json import plain_values
 LAYOUT = ("measure/steps/declared_steps.py", "capture/photo/image_writers.py",
           "capture/photo/preview.py", "capture/photo/metadata.py", "measure/words.py",
           "measure/plot_style.py", "measure/surfaces/metamers.py")
-# what the report alone shows of a result, the choice of a kept one's kind, and what its keys ask
+# what the report and files beside it alone show of a result, the choice of a kept one's kind, and
+# what its keys ask
 NAMED = {"result_of", "lab_error", "srgb", "untested", "mostly_in_doubt", "in_doubt", "words",
          "certified_sentence", "unknown_families", "headline", "doubts", "passed", "light_scale",
-         "metamers", "scenes", "place"}
+         "metamers", "scenes", "place", "bsdf_reflectances"}
 # what the demo's session.toml states besides: truths, and where a scene was refined
 STATED = {"score", "_rmse", "_share_inside", "refined_placements"}
 # what session.toml states, and the keeper in memory
