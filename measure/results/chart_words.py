@@ -154,7 +154,9 @@ def edition_sentence(copy: ChartCopy) -> str:
     copy : ChartCopy
     """
     taken = f"chart reference {copy.edition}, each patch within what copies differ by"
-    said = evidence_words(copy)
+    said, told = evidence_words(copy), edition_told(copy)
+    if told is not None and told not in copy.edition:
+        said += ", too little against 19 of 20 charts in use being of the other"
     return f"{taken}; edition {said}" if said else taken
 
 

@@ -319,8 +319,10 @@ def _how_told(copy: ChartCopy) -> str:
     nats, told = evidence_since(copy), edition_told(copy)
     if nats is None:
         return ""
-    return " (as most are: the photo tells too little)" if told is None else \
-        f" (the photo speaks for {told} by {abs(nats):.1f} nats)"
+    if told is None:
+        return " (as most are: the photo tells too little)"
+    return f" (told by {abs(nats):.1f} nats)" if told in copy.edition else \
+        f" (as most are, though the photo says {told}, by {abs(nats):.1f} nats)"
 
 
 def _camera(found: CaptureResult) -> Condition:
