@@ -75,7 +75,7 @@ def _criteria(fit: CameraFit) -> list[Criterion]:
             for doubt in calibration.doubts]
     copy = () if fit.chart.copy is None else chart_copy_notes(fit.chart.copy, names)
     rows += [Criterion("Chart against copies of its edition", None, "departs", "within copies",
-                       Status.WARN, note) for note in copy]
+                       Status.INFO, note) for note in copy]
     rows += held_out_of_chart(fit.held_out, names)
     off = 1 - fit.chart.predicted / first.samples.mean
     residual = root_mean_square(off[~first.samples.clipped])
