@@ -1,26 +1,40 @@
 """Where the variance of a recovered spectrum comes from: metamerism, photo noise, light ...
 
-Linear-Gaussian at the posterior: with gain G = S J' Q^-1, Q = J S J' + R, R = sum of R_i,
+Metamerism is what would remain if the signal were perfect: the posterior of the same signal is
+solved again without errors. The rest is what errors add. It is shared out as
+they grow together from nothing, each by what it then adds [Aumann & Shapley 1974], linear-Gaussian
+at the most probable component; with S before the signal, J its derivative and R the sum of R_i
 
-    posterior covariance = (I - G J) S (I - G J)' + sum_i G R_i G'   (Joseph's form, exact)
+    P(R) - P(0) = sum_i integral of G(t) R_i G(t)' over t from 0 to 1
+    G(t) = S J' (J S J' + t R)^-1
 
-The first term is what would remain with this estimator if every signal were perfect: metamerism.
-The others add up to the rest without remainder, one term per cause.
+without remainder. The integral is closed in the basis that makes J S J' and R diagonal at once. The
+gain of the answer in place of G(t) would charge large errors to metamerism: where they are large,
+the answer hardly looks at the signal.
 """
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
-from spectrabox.sampling.prior.mixture_posterior import SIGNAL_FLOOR, MixturePosterior
+from spectrabox.sampling.prior.mixture_posterior import (
+    MixturePosterior,
+    mean_and_spread,
+    posterior,
+    with_floor,
+)
 
-METAMERISM, FLOOR = "metamerism", "model floor"
+METAMERISM = "metamerism"
+LEAST_RATIO = 1e-12     # of the variance of signals to that of their errors
+ALIKE = 1e-6            # relative: closer numbers are one
 
 
-def error_budgets(prior: LogitMixture, relative_response: np.ndarray, mixture: MixturePosterior,
-                  causes: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Variances (T, P) of the reflectances of T signals by cause, at the most probable component of
-    each.
+def grown_by_causes(prior: LogitMixture, relative_response: np.ndarray, mixture: MixturePosterior,
+                    causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What errors add to the variances (T, P) of the reflectances of T signals, by cause, at the
+    most probable component of each.
 
     Parameters
     ----------
@@ -28,7 +42,7 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, mixture: M
     relative_response : (K, P) array
     mixture : MixturePosterior
         Of the signals, for the noise that is the sum of the causes.
-    causes : dict of (T, K, K) arrays
+    causes : mapping to (T, K, K) arrays
     """
     index = np.argmax(mixture.weights, axis=1)
     row, with_level = np.arange(index.size), prior.level_weight.with_level[index]
@@ -36,19 +50,51 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, mixture: M
         * with_level[:, :, None] * with_level[:, None, :]
     p = reflectance(mixture.logits[index, row])
     slope = p * (1 - p)
-    floor = np.broadcast_to(SIGNAL_FLOOR**2 * np.eye(len(relative_response)),
-                            (index.size, *np.eye(len(relative_response)).shape))
-    parts = {**causes, FLOOR: floor}
     jacobian = relative_response * slope[:, None, :]
     base = jacobian @ S                                         # (T, K, P)
-    of_signal = base @ jacobian.transpose(0, 2, 1)
-    gain = np.linalg.solve(of_signal + np.sum(list(parts.values()), axis=0), base)
-    # diag((I - G J) S (I - G J)'), multiplied out
-    left = np.diagonal(S, axis1=1, axis2=2) - 2 * np.einsum("tkp,tkp->tp", gain, base) \
-        + np.einsum("tkp,tkp->tp", gain, of_signal @ gain)
-    budgets = {METAMERISM: slope**2 * left}
-    return budgets | {name: slope**2 * np.einsum("tkp,tkp->tp", gain, covariance @ gain)
-                      for name, covariance in parts.items()}
+    whiten = np.linalg.inv(np.linalg.cholesky(with_floor(np.sum(list(causes.values()), axis=0))))
+    ratios, vectors = np.linalg.eigh(whiten @ (base @ jacobian.transpose(0, 2, 1))
+                                     @ whiten.transpose(0, 2, 1))
+    ratios = np.maximum(ratios, LEAST_RATIO)                    # (T, K) of signal to errors
+    to_basis = vectors.transpose(0, 2, 1) @ whiten              # (T, K, K)
+    seen = to_basis @ base
+    weights = _integral(ratios[:, :, None], ratios[:, None, :])
+    return {name: slope**2 * np.sum(seen * (
+        (weights * (to_basis @ covariance @ to_basis.transpose(0, 2, 1))) @ seen), axis=1)
+        for name, covariance in causes.items()}
+
+
+def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+                  mixture: MixturePosterior,
+                  grown: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Variances (T, P) of the reflectances of T signals by cause, metamerism first.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+    signals : (T, K) array
+        Relative to white.
+    mixture : MixturePosterior
+        Of the signals, with all errors.
+    grown : mapping to (T, P) arrays
+        From `grown_by_causes`.
+    """
+    variance = mean_and_spread(mixture)[1]**2
+    perfect = posterior(prior, relative_response, signals, np.zeros((signals.shape[1],) * 2))
+    left = np.minimum(mean_and_spread(perfect)[1]**2, variance)
+    total = np.sum(list(grown.values()), axis=0)
+    left = np.where(total > 0, left, variance)
+    return {METAMERISM: left} | {name: (variance - left) * each / np.where(total > 0, total, 1.0)
+                                 for name, each in grown.items()}
+
+
+def _integral(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Integral of 1 / ((a + t) (b + t)) over t from 0 to 1, of numbers above 0."""
+    apart = np.abs(b - a) > ALIKE * (a + b)
+    middle = np.sqrt(a * b)
+    return np.where(apart, (np.log1p(1 / a) - np.log1p(1 / b)) / np.where(apart, b - a, 1.0),
+                    1 / (middle * (middle + 1)))
 
 
 def shares_by_cause(budgets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

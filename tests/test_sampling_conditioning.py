@@ -4,12 +4,13 @@ answers.
 import numpy as np
 import pytest
 from sampling_cameras import camera, grey, measurement, response, seen, surface
+from scipy.integrate import trapezoid
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.error_budget import METAMERISM
+from spectrabox.sampling.error_budget import METAMERISM, grown_by_causes
 from spectrabox.sampling.evaluation.metrics import (
     coverage,
     curve_coverage,
@@ -24,7 +25,7 @@ from spectrabox.sampling.polytope.refinement import (
     sample_refined,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
+from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior, with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.uniform import into_reach
 
@@ -73,23 +74,64 @@ def test_another_camera_adds_bands():
 
 # ---- budget and scores ---------------------------------------------------------------------------
 
-@pytest.mark.parametrize("noise", [1e-4, 1e-8], ids=["noise", "the model's floor alone"])
-def test_the_budget_adds_up_to_the_posterior_variance(noise):
-    prior = load_prior()
-    causes = {"photo noise": noise * np.eye(3), "light": 4 * noise * np.ones((3, 3))}
-    measured = seen(TRUTH)
-    measured = type(measured)(measured.grid, measured.relative_response, measured.signal,
-                              sum(causes.values()))
-    budget = solve_posterior(prior, measured).variances_by_cause(causes)
-    found = posterior(prior, measured.relative_response, measured.signal[None],
-                      measured.noise_covariance)
-    index = int(np.argmax(found.weights[0]))
-    p = 1 / (1 + np.exp(-found.logits[index, 0]))
-    # Joseph's form is exact; the filter stops when a logit moves by less than 1e-6.
-    np.testing.assert_allclose(sum(budget.values()), (p * (1 - p))**2 * found.variances[index, 0],
-                               rtol=1e-4)
-    assert set(budget) == {METAMERISM, "photo noise", "light", "model floor"}
-    assert with_floor(np.zeros((3, 3)))[0, 0] > 0
+def budget_of(signal, causes):
+    measured = type(seen(TRUTH))(seen(TRUTH).grid, seen(TRUTH).relative_response, signal,
+                                 sum(causes.values()))
+    found = solve_posterior(load_prior(), measured)
+    return found, found.variances_by_cause(causes)
+
+
+@pytest.mark.parametrize("size", [1e-4, 0.02])
+def test_the_budget_adds_up_to_the_posterior_variance(size):
+    signal = seen(TRUTH).signal
+    found, budget = budget_of(signal, {"photo noise": size * np.eye(3),
+                                       "light": 4 * size * np.outer(signal, signal)})
+    assert set(budget) == {METAMERISM, "photo noise", "light"}
+    spread = mean_and_spread(found.parts[0].mixture)[1]
+    np.testing.assert_allclose(sum(budget.values()), spread**2, rtol=1e-9)
+    assert all(np.all(variance >= 0) for variance in budget.values())
+
+
+def test_metamerism_is_what_remains_without_errors_however_large_they_are():
+    signal, zeros = seen(TRUTH).signal, {"photo noise": np.zeros((3, 3))}
+    perfect = sum(budget_of(signal, zeros)[1].values()).mean()
+    before = 1.0
+    for size in (0.003, 0.03, 0.3):
+        _, budget = budget_of(signal, {"photo noise": size**2 * np.eye(3)})
+        left = budget[METAMERISM].mean()
+        assert left <= 1.0001 * perfect and left > 0.5 * perfect    # at some wavelengths less
+        assert left / sum(budget.values()).mean() < before
+        before = left / sum(budget.values()).mean()
+    assert before < 0.2
+
+
+def test_errors_share_what_they_add_by_what_each_adds_as_they_grow_together():
+    """Brute force: the gain at every size of the errors, integrated by the trapezoidal rule."""
+    prior, one = load_prior(), seen(TRUTH)
+    causes = {"noise": np.diag([1e-4, 4e-4, 9e-4]),
+              "light": 0.04 * np.outer(one.signal, one.signal)}
+    mixture = posterior(prior, one.relative_response, one.signal[None], sum(causes.values()))
+    found = grown_by_causes(prior, one.relative_response, mixture,
+                            {name: each[None] for name, each in causes.items()})
+    index = int(np.argmax(mixture.weights[0]))
+    level = prior.level_weight.with_level[index]
+    before = prior.covariances[index] + mixture.stretch[0, index] * np.outer(level, level)
+    p = 1 / (1 + np.exp(-mixture.logits[index, 0]))
+    jacobian = one.relative_response * p * (1 - p)
+    total = with_floor(sum(causes.values()))
+    sizes = np.geomspace(1e-9, 1, 4001)
+    gains = [before @ jacobian.T @ np.linalg.inv(jacobian @ before @ jacobian.T + size * total)
+             for size in sizes]
+    for name, each in causes.items():
+        added = [np.diag(gain @ each @ gain.T) * (p * (1 - p))**2 for gain in gains]
+        np.testing.assert_allclose(found[name][0], trapezoid(added, sizes, axis=0), rtol=1e-3)
+
+
+def test_an_error_that_is_named_twice_has_the_sum_of_both_shares():
+    signal = seen(TRUTH).signal
+    noise = 1e-4 * np.eye(3)
+    _, once = budget_of(signal, {"a": 3 * noise, "b": 9 * noise})
+    np.testing.assert_allclose(once["b"], 3 * once["a"], rtol=1e-6)
 
 
 def test_a_budget_that_does_not_add_up_is_an_error():

@@ -7,9 +7,10 @@ ones, the signal to expect is
 
     signal' = response' r + pattern' v' + C S^-1 e
 
-since what an action takes off an error is independent of what it leaves. It is solved as the photo
-will be. Of r, v and e the expected values serve: the mean over draws of them is within 1 % of it
-for bands (after further photos 2 to 3 % wider), and takes as many times longer as there are draws.
+since what an action takes off an error is independent of what it leaves. Errors in proportion to
+the signal are in proportion to that one. It is solved as the photo will be. Of r, v and e the
+expected values serve: the mean over draws of them is within 1 % of it for bands (after further
+photos 2 to 3 % wider), and takes as many times longer as there are draws.
 """
 from __future__ import annotations
 
@@ -20,8 +21,9 @@ import numpy as np
 
 from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
+from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records.spectra import SpectrumSamples, SurfaceSignals
+from spectrabox.radiometry.records.spectra import SignalError, SpectrumSamples, SurfaceSignals
 from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
@@ -108,7 +110,16 @@ def outlook_after(unknown: Unknown, after: SurfaceSignals) -> Outlook:
     after : SurfaceSignals
         Of the surface alone, whose first bands are those of now; their signals are not looked at.
     """
-    return outlook_stated(unknown, replace(after, signal=_expected_signal(unknown, after)[None]))
+    signal = _expected_signal(unknown, after)
+    return outlook_stated(unknown, replace(after, signal=signal[None], errors=tuple(
+        error if CAUSES[error.cause].kind == "added" else _scaled(error, after.signal[0], signal)
+        for error in after.errors)))
+
+
+def _scaled(error: SignalError, before: np.ndarray, now: np.ndarray) -> SignalError:
+    """An error in proportion to signals (J,), of others."""
+    scale = np.nan_to_num(np.divide(now, before, out=np.ones_like(now), where=before != 0), nan=1.0)
+    return replace(error, covariance=error.covariance * np.outer(scale, scale))
 
 
 def left_errors(unknown: Unknown) -> np.ndarray:

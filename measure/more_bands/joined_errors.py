@@ -79,7 +79,11 @@ def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
         return measured[0].relative_response, before
     known, bands = measured[0].signal.size, len(white)
     response = np.vstack([measured[0].relative_response, *(photo.response for photo in photos)])
-    signals = np.hstack([[one.signal for one in measured], spectra @ response[known:].T])
+    # an error of the light makes all photos as bright as the first one: what shares a factor has to
+    # be in proportion to signals that share it
+    now, expected = np.array([one.signal for one in measured]), spectra @ response.T
+    brighter = np.sum(now * expected[:, :known], axis=1) / np.sum(expected[:, :known]**2, axis=1)
+    signals = np.hstack([now, brighter[:, None] * expected[:, known:]])
     blocks = [slice(known + number * bands, known + (number + 1) * bands)
               for number in range(len(photos))]
     total = np.zeros((len(measured), len(response), len(response)))

@@ -19,7 +19,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
-from spectrabox.sampling.error_budget import FLOOR, METAMERISM
+from spectrabox.sampling.error_budget import METAMERISM
 from spectrabox.sampling.further.learnt_swatches import SwatchCorrection
 from spectrabox.sampling.further.more_measurements import (
     Reading,
@@ -228,7 +228,7 @@ def _estimate_without_draws(capture: SignalCapture,
             f"Conditional on the prior {method}, computed in closed form. {sentence}",
             float(summary.next_measurement_nm[row]), "all measurements",
             replace(first, signal=y[row], noise_covariance=total[row]), own, error_budget=dict(zip(
-                (METAMERISM, *causes, FLOOR), summary.budget[row].tolist(), strict=True)),
+                (METAMERISM, *causes), summary.budget[row].tolist(), strict=True)),
             families=shares, certified=certified, certificate=certificate))
     return estimates
 

@@ -18,7 +18,7 @@ from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.records.states import StateEstimate
-from spectrabox.sampling.error_budget import shares_by_cause
+from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
 from spectrabox.sampling.polytope.tilt import is_reachable
 from spectrabox.sampling.prior.calibrated_marginals import BETWEEN, COARSE, marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, smoothness_prior
@@ -31,9 +31,9 @@ from spectrabox.sampling.prior.mixture_posterior import (
 from spectrabox.sampling.prior.posterior_draws import draw_reflectances
 from spectrabox.sampling.prior.state_posteriors import (
     StatePosterior,
-    budget_over_states,
     draw_variables,
     estimate_states,
+    grown_over_states,
     merged,
     solve_in_states,
 )
@@ -63,12 +63,13 @@ class SignalPosterior:
     learnt_prior : LogitMixture
         The prior that was asked for: of all families, or of those stated.
     learnt : tuple of StatePosterior
-        Of this one signal under it, in every state that the signal allows. Families, evidence and
-        shares of variance come from it.
+        Of this one signal under it, in every state that the signal allows. Families and evidence
+        come from it.
     log_evidence : float
         Log density of the signal under the learnt prior, in nats.
     prior, parts : LogitMixture, tuple of StatePosterior
-        Which mean, band and draws come from: the same, or the smoothness prior's.
+        Which mean, band, draws and shares of variance come from: the same, or the smoothness
+        prior's.
     outcome : Outcome
         FAMILIAR, UNFAMILIAR (smoothness prior), or TOO_ROUGH and OUT_OF_REACH, whose draws do not
         reproduce the signal.
@@ -150,7 +151,7 @@ class SignalPosterior:
         return lower[0], upper[0]
 
     def variances_by_cause(self, causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Variance (61,) of the reflectance by cause, at the most probable component.
+        """Variance (1, 61) of the reflectance by cause.
 
         Parameters
         ----------
@@ -161,7 +162,7 @@ class SignalPosterior:
         Returns
         -------
         dict
-            Metamerism, the causes, those of the capture's states, and the model floor.
+            Metamerism, the causes, and those of the capture's states.
 
         Raises
         ------
@@ -173,15 +174,19 @@ class SignalPosterior:
         if np.abs(total - noise).max() > 1e-9 + 1e-6 * np.abs(total).max():
             raise InputError("the covariances by cause do not add up to the noise covariance of "
                              "the measurement")
-        return budget_over_states(self.learnt_prior, self.learnt, self.measurement.states, causes)
+        mixture = merged([part.mixture for part in self.parts],
+                         np.array([[part.share] for part in self.parts]))
+        likely = max(self.parts, key=lambda part: part.share)
+        return error_budgets(self.prior, likely.relative_response, likely.signal[None], mixture,
+                             grown_over_states(self.prior, self.parts, self.measurement.states,
+                                               causes))
 
     def variance_shares(self, causes: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Share of each cause in the mean variance over wavelength; they sum to 1.
 
         ``causes`` are those of `variances_by_cause`.
         """
-        shares = shares_by_cause({name: variance[None] for name, variance
-                                  in self.variances_by_cause(causes).items()})
+        shares = shares_by_cause(self.variances_by_cause(causes))
         return {name: float(share[0]) for name, share in shares.items()}
 
     def draws(self, count: int, seed: int) -> np.ndarray:

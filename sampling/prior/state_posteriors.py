@@ -15,7 +15,7 @@ from scipy.special import ndtr
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
-from spectrabox.sampling.error_budget import error_budgets
+from spectrabox.sampling.error_budget import grown_by_causes
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import (
@@ -210,11 +210,11 @@ def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixtureP
         np.concatenate(skews) if skews else None)
 
 
-def budget_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
-                       states: CaptureStates | None,
-                       causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Variance (P,) of the reflectance by cause: within the states, and by what differs between
-    them.
+def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
+                      states: CaptureStates | None,
+                      causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What errors add to the variance (1, P) of the reflectance by cause: within the states, and by
+    what differs between them.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def budget_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
     causes : mapping to (K, K) arrays
         Covariances of the noise without what the states add, by name.
     """
-    budgets: dict[str, np.ndarray] = {}
+    grown: dict[str, np.ndarray] = {}
     for part in parts:
         own = dict(causes)
         if states is not None:
@@ -235,11 +235,11 @@ def budget_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
                     + pattern @ states.covariances[part.state] @ pattern.T
         own = {name: (part.gain @ covariance @ part.gain.T)[None]
                for name, covariance in own.items()}
-        for name, variance in error_budgets(prior, part.relative_response, part.mixture,
-                                            own).items():
-            budgets[name] = budgets.get(name, 0.0) + part.share * variance[0]
+        for name, variance in grown_by_causes(prior, part.relative_response, part.mixture,
+                                              own).items():
+            grown[name] = grown.get(name, 0.0) + part.share * variance
     if states is None or len(parts) == 1:
-        return budgets
+        return grown
     share = np.array([part.share for part in parts])
     means = np.array([mean_and_spread(part.mixture)[0][0] for part in parts])
     between = share @ (means - share @ means)**2
@@ -250,8 +250,8 @@ def budget_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
     total = sum(spread.values())
     for cause, part_of in spread.items():
         if part_of > 0:
-            budgets[cause] = budgets[cause] + between * part_of / total
-    return budgets
+            grown[cause] = grown[cause] + between * part_of / total
+    return grown
 
 
 # ---- what a signal says of the variables ---------------------------------------------------------

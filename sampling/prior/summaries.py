@@ -7,13 +7,13 @@ noise may differ.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
+from spectrabox.sampling.error_budget import error_budgets, grown_by_causes, shares_by_cause
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
 from spectrabox.sampling.prior.mixture import LogitMixture, smoothness_prior
 from spectrabox.sampling.prior.mixture_posterior import (
@@ -41,8 +41,7 @@ class PriorSummaries:
     upper: np.ndarray                   # (T, 61)
     next_measurement_nm: np.ndarray     # (T,)
     family_shares: np.ndarray           # (T, F) under the learnt prior
-    # (T, causes + 2) shares of the mean variance: metamerism, the causes, model floor
-    budget: np.ndarray
+    budget: np.ndarray      # (T, 1 + causes) shares of the mean variance: metamerism, the causes
     outcome: np.ndarray                 # (T,) of Outcome
 
 
@@ -83,16 +82,14 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     mixture = posterior(prior, relative_response, signals, noise)
     allowed = allowed_misfit(noise)
     unfamiliar = novelty(prior, mixture, noise) > 1
-    summary = _of_mixture(prior, relative_response, signals, noise, mixture, level)
-    budgets = error_budgets(prior, relative_response, mixture, causes)
-    summary = replace(summary, budget=np.column_stack(list(shares_by_cause(budgets).values())))
+    summary = _of_mixture(prior, relative_response, signals, causes, mixture, level)
     if not unfamiliar.any():
         return summary
     smooth = smoothness_prior()
     wider = posterior(smooth, relative_response, signals[unfamiliar], noise[unfamiliar])
-    wider_summary = _of_mixture(smooth, relative_response, signals[unfamiliar],
-                                noise[unfamiliar], wider, level)
-    for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm"):
+    wider_summary = _of_mixture(smooth, relative_response, signals[unfamiliar], {
+        name: covariance[unfamiliar] for name, covariance in causes.items()}, wider, level)
+    for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm", "budget"):
         getattr(summary, name)[unfamiliar] = getattr(wider_summary, name)
     summary.outcome[unfamiliar] = Outcome.UNFAMILIAR
     too_rough = np.flatnonzero(unfamiliar)[wider.misfit > allowed[unfamiliar]]
@@ -101,10 +98,14 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
 
 
 def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                noise: np.ndarray, mixture: MixturePosterior, level: float) -> PriorSummaries:
+                causes: dict[str, np.ndarray], mixture: MixturePosterior,
+                level: float) -> PriorSummaries:
+    noise = np.sum(list(causes.values()), axis=0)
     drawn, covariance = marginal_moments(prior, relative_response, signals, noise, mixture)
     mean, spread = mean_and_spread(drawn)
     lower, upper = central_band(drawn, level)
+    grown = grown_by_causes(prior, relative_response, mixture, causes)
+    shares = shares_by_cause(error_budgets(prior, relative_response, signals, mixture, grown))
     return PriorSummaries(mean, spread, lower, upper, next_readings_nm(covariance, spread),
-                          prior.shares(mixture.weights), np.empty((len(mean), 0)),
+                          prior.shares(mixture.weights), np.column_stack(list(shares.values())),
                           np.full(len(mean), Outcome.FAMILIAR, dtype=object))
