@@ -10,6 +10,7 @@ from flat_example import rect_of, write_flat
 import spectrabox as sb
 from spectrabox.measure.advice.advice import ACTIONS, HOW_TO, advice, advised, ranked
 from spectrabox.measure.advice.advise import advice_on_capture
+from spectrabox.measure.advice.at_hand import usual_at_hand
 from spectrabox.measure.advice.flat_actions import flat_photos_of, with_level
 from spectrabox.measure.advice.forecast import (
     Outlook,
@@ -18,9 +19,15 @@ from spectrabox.measure.advice.forecast import (
     outlook_now,
     outlook_of,
 )
-from spectrabox.measure.advice.further import with_reading
+from spectrabox.measure.advice.further import ChartFitted, with_photos, with_reading
+from spectrabox.measure.more_bands.further_photos import (
+    curves_and_light,
+    photos_at_hand,
+    white_of_bands,
+)
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
+from spectrabox.radiometry.error_model import LIGHT_FIELD
 from spectrabox.radiometry.records.spectra import SignalError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -121,6 +128,37 @@ def test_a_white_card_brings_what_was_said(folder, plain):
         ratio = said / outlook_now(unknown).width
         got = carded[name].band_width / plain[name].band_width
         assert ratio == pytest.approx(got, abs=0.1)
+
+
+def test_advice_is_of_a_result_a_session_or_a_folder_and_of_nothing_else(tmp_path):
+    with pytest.raises(sb.InputError, match=r"session\.toml is missing"):
+        sb.advise(tmp_path / "none")
+    for other in (5, (0.3, 0.2, 0.1)):
+        with pytest.raises(sb.InputError, match=type(other).__name__):
+            sb.advise(other)
+
+
+def test_under_a_light_that_is_hardly_known_a_gel_brings_nothing(plain):
+    """All photos share such an error; a chart beside the sample takes it away."""
+    unknown, _ = unknown_of(plain, "red_wall")
+    now, brighter, error = unknown.signals, 1.5, 0.5
+    light = SignalError(LIGHT_FIELD, error**2 * np.outer(now.signal[0], now.signal[0])[None])
+    others = [each for each in now.errors if each.cause != LIGHT_FIELD]
+    dark = replace(unknown, signals=replace(now, signal=brighter * now.signal, errors=tuple(
+        replace(each, covariance=brighter**2 * each.covariance) for each in (*others, light))))
+    capture, records = plain.found.advise.args
+    calibration = records.calibrations(capture.views)[0]
+    curves, present = curves_and_light(calibration)
+    fitted = ChartFitted(calibration, capture.lit_chart.reflectances, 0.01)
+    gels = [photo for photo in photos_at_hand(curves, present, usual_at_hand())
+            if photo.filter is not None]
+    before = outlook_now(dark)
+    for gel in gels[:3]:
+        after = outlook_after(dark, with_photos(dark, [gel], white_of_bands(curves, present),
+                                                fitted, None))
+        assert after.width > 0.9 * before.width
+    known = outlook_after(dark, now)
+    assert known.width < 0.5 * before.width
 
 
 def test_the_narrowest_comes_first_and_little_is_not_said(plain):

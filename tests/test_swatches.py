@@ -281,6 +281,24 @@ def test_the_command_corrects_by_swatches_as_python_does(dyed_photo, without_and
     np.testing.assert_allclose(found["a"]["mean"], without_and_with[1]["a"].mean[::5], atol=1e-4)
 
 
+def test_swatches_whose_spectra_were_exchanged_are_named(dyed_photo, without_and_with, tmp_path):
+    folder, regions, truth = dyed_photo
+    assert not [said for said in without_and_with[1].found.warnings if "swatches" in said]
+    by_lightness = sorted((name for name in truth if name.startswith("swatch")),
+                          key=lambda name: truth[name].mean())
+    dark, light = by_lightness[0], by_lightness[-1]
+    exchanged = {dark: light, light: dark}
+    columns = {name: truth[exchanged.get(name, name)] for name in truth
+               if name.startswith("swatch")}
+    path = tmp_path / "swatches.csv"
+    path.write_text(table_text(NM, columns, quantity=Quantity.REFLECTANCE, source="simulated"),
+                    encoding="utf-8")
+    found = sb.flat(folder / "dyed.dng", regions, surface="matt", swatches=path)
+    first, second = sorted((dark, light), key=list(truth).index)
+    assert [said for said in found.found.warnings
+            if said.startswith(f"{first} and {second}: the spectra of these swatches contradict")]
+
+
 def test_swatches_that_are_too_few_or_not_named_as_regions_are_refused(dyed_photo):
     folder, regions, _ = dyed_photo
     some = {name: rect for name, rect in regions.items() if name in ("a", "swatch 1", "swatch 2")}

@@ -100,7 +100,9 @@ def _correction(capture: SignalCapture) -> SwatchCorrection | None:
         return None
     signals, reflectances = capture.swatches
     known = [_with_all_errors(*_measured(capture, signal)) for signal in signals]
-    return correction_by_swatches(known, reflectances, [capture.prior or load_prior()] * len(known))
+    return correction_by_swatches(known, reflectances, [capture.prior or load_prior()] * len(known),
+                                  [f"swatch {number + 1}" for number in range(len(known))],
+                                  reflectances @ response_on(known[0], PRIOR_GRID).T)
 
 
 def check_options(options: SampleOptions) -> None:

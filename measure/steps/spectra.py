@@ -33,6 +33,8 @@ def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> Samp
     correction = learn_from_swatches(records.signals, [*capture.swatches], families)
     options = DrawOptions(chosen.method, chosen.draws, chosen.coefficients, chosen.level,
                           capture.seed)
+    doubt = "" if correction is None else correction.learnt.doubt
     return SampleRecords(sample_surfaces(records.signals, options, families, work.progress,
                                          jointly, correction),
-                         "" if correction is None else correction.sentence)
+                         "" if correction is None else correction.sentence,
+                         (doubt,) if doubt else ())

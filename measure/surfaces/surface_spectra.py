@@ -156,7 +156,8 @@ def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
         [measurement(signals, index) for index in rows],
         np.array([np.interp(PRIOR_GRID.nm, signals.grid.nm, signals.spectra[index])
                   for index in rows]),
-        [of_families(load_prior(), families.get(name, ())) for name in names],
+        [of_families(load_prior(), families.get(name, ())) for name in names], names,
+        signals.spectra[rows] @ signals.response[bands].T,
         signals.signal[rows][:, bands]), bands)
 
 

@@ -15,6 +15,7 @@ from spectrabox.sampling.further.learnt_swatches import (
     correct,
     corrected_draws,
     learn_correction,
+    odd_swatches,
 )
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -25,6 +26,7 @@ CORRECTED = " with swatches"        # after the method of corrected draws
 
 def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
                            reflectances: np.ndarray, priors: Sequence[LogitMixture],
+                           names: Sequence[str], predicted: np.ndarray,
                            signals: np.ndarray | None = None) -> SwatchCorrection:
     """The correction that measured swatches teach of the learnt prior.
 
@@ -36,6 +38,9 @@ def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
         Measured, on the prior's wavelengths.
     priors : sequence of n LogitMixture
         Of all families, or of those stated of a swatch.
+    names : sequence of n str
+    predicted : (n, K) array
+        Signals that the reflectances would give.
     signals : (n, K) array or None
         By which samples are compared with swatches; None: those of the measurements.
 
@@ -46,11 +51,14 @@ def correction_by_swatches(measurements: Sequence[SpectralMeasurement],
     """
     posteriors = [solve_posterior(prior, one)
                   for prior, one in zip(priors, measurements, strict=True)]
-    return learn_correction(Swatches(
+    learnt = learn_correction(Swatches(
         np.array([one.signal for one in measurements]) if signals is None else signals,
         reflectances,
         np.array([one.mean for one in posteriors]),
         np.array([one.standard_deviation for one in posteriors])))
+    shown = learnt.swatches.signals
+    return dataclasses.replace(learnt, contradicted=tuple(
+        name for name, odd in zip(names, odd_swatches(shown, predicted), strict=True) if odd))
 
 
 def corrected_samples(correction: SwatchCorrection, signal: np.ndarray, log_evidence: float,
@@ -77,7 +85,8 @@ def corrected_samples(correction: SwatchCorrection, signal: np.ndarray, log_evid
     return dataclasses.replace(samples, spectra=spectra,
                                coefficients=nearest_splines(spectra, basis),
                                method=samples.method + CORRECTED,
-                               sentence=f"{samples.sentence} {correction.sentence}{like}")
+                               sentence=f"{samples.sentence} {correction.sentence}{like} "
+                                        f"{correction.doubt}".rstrip())
 
 
 def _material_sentence(probability: float, bands: int) -> str:

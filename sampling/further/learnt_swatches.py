@@ -40,6 +40,9 @@ TELLING_BANDS = 6           # of fewer, samples of other materials look like the
 SAME_MATERIAL = 0.9         # probability that samples whose signals are alike are of the material
 LIKENESS_NOISE = 1e-3       # nu at which signals are judged for being alike
 LEAST_SPREAD = 1e-3         # of the mean variance of signals over swatches: in any direction
+ODD = 6.0                   # deviations of the others, beyond which a swatch contradicts its signal
+MAD_TO_SD, LEAST_SCATTER = 1.4826, 0.03     # of a normal distribution; relative
+DARK = 0.01                 # of white: darker is not told apart
 NEGLIGIBLE = 1e-3           # weight below which a model is left out
 
 
@@ -64,6 +67,7 @@ class SwatchCorrection(Record):
     prior_scale: float              # of the prior's deviation, by its errors at swatches; from 1
     rmse_before: float              # of swatches, by the prior alone
     rmse: float                     # of swatches, each by the others
+    contradicted: tuple[str, ...] = ()      # names of swatches that would give another signal
 
     @property
     def helps(self) -> bool:
@@ -80,6 +84,14 @@ class SwatchCorrection(Record):
                     f"{self.rmse_before:.4f} without.")
         return (f"{count} swatches of the operator corrected the spectra: leave-one-out error "
                 f"{self.rmse:.4f} instead of {self.rmse_before:.4f}.")
+
+    @property
+    def doubt(self) -> str:
+        """Which swatches contradict their signals, in a sentence; empty where none does."""
+        return "" if not self.contradicted else (
+            f"{' and '.join(self.contradicted)}: the spectra of these swatches contradict their "
+            "signals by far more than errors: look whether names or files were exchanged, or "
+            "measure them again.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +146,22 @@ def learn_correction(swatches: Swatches) -> SwatchCorrection:
     return SwatchCorrection(swatches, np.array(models)[kept], weights[1:][kept] / total,
                             float(weights[0] / total), float(max(1.0, scale)), before,
                             after)
+
+
+def odd_swatches(signals: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """Which swatches (n,) are brighter or darker than their spectra make them, in any band, by far
+    more than the others scatter: outliers of the ratio by its median and median deviation [Hampel
+    1974]. What all have in common, such as an error of white, is none of theirs.
+
+    Parameters
+    ----------
+    signals, predicted : (n, K) arrays
+        Measured, and by their reflectances; relative to white.
+    """
+    ratio = np.log(np.maximum(signals, DARK) / np.maximum(predicted, DARK))
+    off = np.abs(ratio - np.median(ratio, axis=0))
+    scatter = np.maximum(MAD_TO_SD * np.median(off, axis=0), LEAST_SCATTER)
+    return np.asarray((off > ODD * scatter).any(axis=1))
 
 
 def correct(correction: SwatchCorrection, signals: np.ndarray, mean: np.ndarray,

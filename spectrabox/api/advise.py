@@ -36,7 +36,7 @@ CURVES_ERROR = 0.02         # relative, of the curves of a camera that is given
 
 
 @one_blas_thread
-def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
+def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path | None = None, *,
            lamps: Sequence[str] | Mapping[str, LightLike] | None = None,
            filters: str | Path | Mapping[str, FilterLike] | None = None,
            camera: CameraLike | None = None, light: LightLike = "unknown", noise: float = 0.01,
@@ -46,7 +46,7 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
 
     Parameters
     ----------
-    known : result of `flat` or `reconstruct_scene`, Session, or estimate of `sample`, optional
+    known : result of `flat` or `reconstruct_scene`, Session or its folder, estimate, optional
         None: before the shoot, of a camera, a light and a chart.
     lamps : sequence of names or files, or mapping, optional
         Lamps at hand; where neither they nor filters are given, common ones.
@@ -74,7 +74,8 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
     Raises
     ------
     InputError
-        If a lamp or filter cannot be read, or lamps and filters are asked of one region.
+        If a lamp, a filter or a session cannot be read, lamps and filters are asked of one region,
+        or ``known`` is none of these.
 
     References
     ----------
@@ -87,6 +88,8 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
     ...     print(one.text)
     """
     hand = _at_hand(lamps, filters)
+    if isinstance(known, str | Path):
+        known = Session(known)
     if isinstance(known, Session):
         known = known.spectra
     if isinstance(known, MeasuredSpectra):
@@ -101,6 +104,10 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | None = None, *,
             known.measurement, known.prior, found=_outlook_of(known), hand=hand,
             curves=None if camera is None else as_curves(camera),
             present=None if camera is None else spectrum_on_grid(as_spectrum(light), FINE_GRID))
+    if known is not None:
+        raise InputError(f"advise() takes a result of flat or reconstruct_scene, a session or its "
+                         f"folder, an estimate, or nothing before the shoot, and got "
+                         f"{type(known).__name__}")
     chart = as_lit_chart(layout, reference, None)
     cameras = shipped_prior() if camera_prior is None else load_camera_prior(Path(camera_prior))
     if camera is not None:
