@@ -331,7 +331,7 @@ def _tables(folder: Path) -> Rows:
     (folder / "patches.csv").write_text("R,G,B\n" + "\n".join(
         ",".join(f"{value:.4f}" for value in row) for row in cells))
     yield "patches", folder / "patches.csv", read_patches, True
-    yield "signals", folder / "patches.csv", lambda path: read_signals(path, 3), True
+    yield "signals", folder / "patches.csv", lambda path: read_signals(path, "RGB"), True
     spectrum = Spectrum(grid, np.ones(grid.nm.size), Quantity.RADIANCE, "lamp")
     reading = SpectralReading(
         spectrum=spectrum, quantity=Quantity.RADIANCE, outcome=next(iter(ReadingOutcome)),

@@ -359,13 +359,13 @@ def test_judge_says_what_is_missing(folder):
 def test_our_methods_see_the_signals_that_are_given(folder):
     arguments = (folder / "cube.npy", "--wavelengths", "400:700:10", "--full-scale", 450, "--point",
                  "left=3,3", "--truth", folder / "truth.csv", "--samples", 1000)
-    (folder / "signals.csv").write_text("R,G,B\n50,50,50\n")
+    (folder / "signals.csv").write_text("X,Y,Z\n50,50,50\n")
     seen = judge(*arguments, "--signals", folder / "signals.csv", "--white", "100,100,100",
                  "--noise", "0.2,0.2,0.2")
     own = judge(*arguments)
     # a grey of 0.5 is another surface
     assert seen["means"]["prior"]["rmse"] > 3 * own["means"]["prior"]["rmse"]
-    (folder / "signals.csv").write_text("R,G,B\n50,50,50\n60,60,60\n")
+    (folder / "signals.csv").write_text("X,Y,Z\n50,50,50\n60,60,60\n")
     text = judge(*arguments, "--signals", folder / "signals.csv", "--white", "100,100,100",
                  code=3)["error"]
     assert "2 signals were given for 1 regions" in text

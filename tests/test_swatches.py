@@ -201,8 +201,9 @@ def test_a_table_of_swatches_is_read_whatever_the_order_of_its_wavelengths(tmp_p
     rows = [[f"s{at}", *map(repr, spectrum[::-1].tolist()), *map(repr, signal.tolist())]
             for at, (spectrum, signal) in enumerate(zip(truth, signals, strict=True))]
     table.write_text("\n".join(",".join(row) for row in [head, *rows]))
-    np.testing.assert_array_equal(read_swatches(table, 3)[0], signals)
-    np.testing.assert_allclose(read_swatches(table, 3)[1], truth, rtol=1e-12)    # of pchip at nodes
+    read = read_swatches(table, "RGB")
+    np.testing.assert_array_equal(read[0], signals)
+    np.testing.assert_allclose(read[1], truth, rtol=1e-12)      # of pchip at nodes
     for text, sentence in (("R,G,B\n1,2,3", "is no table of swatches"),
                            ("R,G,B,400,700\n1,1,1,50,60", "divide percentages by 100"),
                            ("R,G,B,400,700\n1,1,1,0.5", "row 2 does not hold a number"),
@@ -210,7 +211,7 @@ def test_a_table_of_swatches_is_read_whatever_the_order_of_its_wavelengths(tmp_p
                            ("R,G,B,400,400,700\n1,1,1,0.5,0.5,0.5", "not all different")):
         table.write_text(text)
         with pytest.raises(InputError, match=sentence):
-            read_swatches(table, 3)
+            read_swatches(table, "RGB")
 
 
 def test_swatches_go_with_the_learnt_prior_alone():

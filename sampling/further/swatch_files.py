@@ -1,7 +1,7 @@
 """Files of swatches: signals with spectra in one table, or spectra named as regions of a photo."""
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,41 +9,50 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
+from spectrabox.radiometry.spectra.band_columns import columns_of_bands
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table, spectrum_of
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 
-def read_swatches(path: Path, bands: int) -> tuple[np.ndarray, np.ndarray]:
+def read_swatches(path: Path, bands: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Signals (n, K) and reflectances (n, 61) of a CSV of measured samples of a material.
 
     Its header names the bands, then the wavelengths in nm; every further row is one swatch.
     Columns may come in any order, and one before the bands may hold the swatches' names.
 
+    Parameters
+    ----------
+    path : Path
+    bands : sequence of K str
+        Of the camera.
+
     Raises
     ------
     InputError
-        Naming the row.
+        Naming the row, or the columns that are not the camera's bands.
     """
     head, *rows = csv_rows(path, "swatches") or [[]]
     spectral = np.array([is_number(cell) for cell in head], bool)
-    named = np.flatnonzero(~spectral)[-bands:]
-    if not rows or len(named) != bands or np.count_nonzero(~spectral) > bands + 1 \
+    count = len(bands)
+    named = np.flatnonzero(~spectral)[-count:]
+    if not rows or len(named) != count or np.count_nonzero(~spectral) > count + 1 \
             or np.count_nonzero(spectral) < 2:
-        raise InputError(f"{path.name} is no table of swatches: a header of {bands} band names "
+        raise InputError(f"{path.name} is no table of swatches: a header of {count} band names "
                          "(letters in each: 450 nm) and of wavelengths in nm is needed, and below "
                          "it of each swatch its signals and its reflectances")
+    named = named[columns_of_bands([head[at] for at in named], bands, path.name)]
     order = np.argsort([float(head[at]) for at in np.flatnonzero(spectral)])
     measured = np.flatnonzero(spectral)[order]
-    values = np.empty((len(rows), bands + measured.size))
+    values = np.empty((len(rows), count + measured.size))
     for at, row in enumerate(rows):
         try:
             values[at] = [float(row[column]) for column in (*named, *measured)]
         except (ValueError, IndexError):
             raise InputError(f"{path.name} row {at + 2} does not hold a number for each band and "
                              "wavelength") from None
-    return values[:, :bands], swatch_reflectances(np.array([float(head[at]) for at in measured]),
-                                                  values[:, bands:], path.name)
+    return values[:, :count], swatch_reflectances(np.array([float(head[at]) for at in measured]),
+                                                  values[:, count:], path.name)
 
 
 def swatch_reflectances(nm: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:

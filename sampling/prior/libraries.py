@@ -81,7 +81,7 @@ def read_library(folder: Path) -> ReflectanceLibrary:
     reflectances = np.concatenate([np.empty((0, PRIOR_GRID.nm.size)), *usable_curves])
     if not len(reflectances):
         raise InputError(f"{folder.resolve().name} holds no usable reflectance "
-                         f"({left_out or 'no file of a known format'}); known are "
+                         f"({left_out_words(left_out) or 'no file of a known format'}); known are "
                          f"{', '.join(READERS)}, with values between 0 and 1 from 400 to 700 nm")
     return ReflectanceLibrary(folder.resolve().name, reflectances, left_out)
 
@@ -119,6 +119,11 @@ def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, in
                          (-1, PRIOR_GRID.nm.size))
     inside = np.all((at_grid >= 0) & (at_grid <= 1), axis=1)
     return at_grid[inside], {"gaps": int(np.sum(~whole)), "outside 0 to 1": int(np.sum(~inside))}
+
+
+def left_out_words(reasons: dict[str, int]) -> str:
+    """Why curves could not be used, and how many."""
+    return ", ".join(f"{count} {reason}" for reason, count in reasons.items() if count)
 
 
 def without_near_duplicates(reflectances: np.ndarray) -> np.ndarray:

@@ -285,7 +285,7 @@ def judge(
     from spectrabox.measure.signals.picture_judgement import judge_picture
     from spectrabox.measure.signals.spectral_pictures import open_picture
     from spectrabox.radiometry.grid import FINE_GRID
-    from spectrabox.radiometry.spectra.named_spectra import relative_response
+    from spectrabox.radiometry.spectra.named_spectra import named_curves, relative_response
     from spectrabox.radiometry.spectra.spectrum_files import read_table
     from spectrabox.sampling.evaluation.cube_regions import point_region, read_regions
     from spectrabox.sampling.evaluation.cubes import parse_wavelengths
@@ -310,7 +310,8 @@ def judge(
     judgement = judge_picture(
         picture, outlined, None if truth is None else read_table(truth), response,
         of_families(load_prior(prior), family), options,
-        signals=None if signals is None else read_signals(signals, bands),
+        signals=None if signals is None else read_signals(
+            signals, named_curves(sensitivity)[2]),
         white=optional_numbers(white, bands, "white"), noise=optional_noise(noise, bands))
     facts = judgement.facts()
     if out is not None:

@@ -51,7 +51,7 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
         If an option or a file cannot be read.
     """
     response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
-    bands = len(response)
+    names, bands = named_spectra.named_curves(sensitivity)[2], len(response)
     white = optional_numbers(measured.white, bands, "white")
     reflected = None
     if twice is not None:
@@ -67,13 +67,13 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
         stated = np.zeros(3) if colour[0] == "srgb" else numbers(colour[1], bands, colour[0])
         origin = origin_of_colours(colour[0], stated)
     elif signals is not None:
-        named = read_named_signals(signals, bands)
+        named = read_named_signals(signals, names)
     else:
         named = {"": numbers(measured.signal or "", bands, "signal")}
     return SignalCapture(
         response, np.array(list(named.values())), tuple(named), white, noise, light_error,
         sensitivity_error, of_families(load_prior(prior), tuple(family)), more, reflected,
-        None if swatches is None else read_swatches(swatches, bands),
+        None if swatches is None else read_swatches(swatches, names),
         origin)
 
 

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra import named_spectra
+from spectrabox.radiometry.spectra.band_columns import columns_of_bands
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -132,20 +134,26 @@ def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.n
     return numbers(signal, bands, name), numbers(noise, bands, "noise") if noise else None
 
 
-def read_signals(path: Path, bands: int) -> list[np.ndarray]:
+def read_signals(path: Path, bands: Sequence[str]) -> list[np.ndarray]:
     """As ``read_named_signals``, without names."""
     return list(read_named_signals(path, bands).values())
 
 
-def read_named_signals(path: Path, bands: int) -> dict[str, np.ndarray]:
+def read_named_signals(path: Path, bands: Sequence[str]) -> dict[str, np.ndarray]:
     """Signals (K,) of a CSV by their names: a header of band names, one signal per row.
 
     A first column of words holds the names; they are numbers from 1 where there is none.
 
+    Parameters
+    ----------
+    path : Path
+    bands : sequence of K str
+        Of the camera; columns of these names may come in any order.
+
     Raises
     ------
     InputError
-        Naming the row.
+        Naming the row, or the columns that are not the camera's bands.
     """
     rows = csv_rows(path, "signals")
     if len(rows) < 2:
@@ -157,19 +165,26 @@ def read_named_signals(path: Path, bands: int) -> dict[str, np.ndarray]:
                          "named by their wavelengths: 450 nm)")
     named = not any(is_number(part) or not part.strip() for row in rows[1:]
                     for part in row[0].split(";"))
+    columns = columns_of_bands(_parts(rows[0][1:] if named else rows[0]), bands, path.name)
     signals: dict[str, np.ndarray] = {}
     for number, row in enumerate(rows[1:], 1):
         name = row[0].strip() if named else str(number)
         if name in signals:
             raise InputError(f"{path.name} names two signals {name!r}; give each a name of its own")
-        signals[name] = _signal_of(row[1:] if named else row, bands,
-                                   f"signals {path.name} row {number + 1}")
+        values = _signal_of(row[1:] if named else row, len(bands),
+                            f"signals {path.name} row {number + 1}")
+        signals[name] = values[columns] if len(columns) == len(bands) else values
     return signals
+
+
+def _parts(cells: Sequence[str]) -> list[str]:
+    """Entries of a row of a CSV, which semicolons part as well."""
+    return [part for cell in cells for part in cell.split(";")]
 
 
 def _signal_of(row: list[str], bands: int, name: str) -> np.ndarray:
     try:
-        values = np.array([float(part) for cell in row for part in cell.split(";")])
+        values = np.array([float(part) for part in _parts(row)])
     except ValueError:
         raise InputError(f"--{name} {','.join(row)!r} is not a list of numbers; write v1,v2,v3") \
             from None

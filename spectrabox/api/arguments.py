@@ -26,6 +26,7 @@ from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.named_spectra import (
     checked_curves,
     checked_light,
+    named_curves,
     sensitivities,
     stated_light,
 )
@@ -109,6 +110,48 @@ def as_samples(given: object, name: str) -> tuple[np.ndarray, np.ndarray]:
     return nm, values
 
 
+def as_numbers(given: ArrayLike, name: str) -> np.ndarray:
+    """An array of numbers.
+
+    Parameters
+    ----------
+    given : array
+    name : str
+        What it is, for the message.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        shown = repr(given) if isinstance(given, str) else type(given).__name__
+        raise InputError(f"{name}: {shown} is no array of numbers") from None
+
+
+def as_wavelengths(nm: ArrayLike, name: str) -> np.ndarray:
+    """Wavelengths (Q,) in nm.
+
+    Parameters
+    ----------
+    nm : (Q,) array
+    name : str
+        Of the argument.
+
+    Raises
+    ------
+    InputError
+        If it is no list of two wavelengths or more.
+    """
+    wavelengths = as_numbers(nm, name)
+    if wavelengths.ndim != 1 or wavelengths.size < 2 or not np.all(wavelengths > 0):
+        raise InputError(f"{name} of shape {wavelengths.shape} was given; give wavelengths (Q,) in "
+                         "nm")
+    return wavelengths
+
+
 def as_light(light: LightLike) -> Spectrum | UnknownLight:
     """A light from a file, a name, (nm, values), or a record.
 
@@ -190,6 +233,20 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
     require_sensitivities(camera)
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
+
+
+def band_names(camera: CameraLike, count: int) -> tuple[str, ...]:
+    """Names of a camera's bands; empty ones of curves that are given as arrays.
+
+    Parameters
+    ----------
+    camera : as of `as_curves`
+    count : int
+        K, of its bands.
+    """
+    if isinstance(camera, str | Path):
+        return named_curves(str(camera))[2]
+    return tuple(getattr(camera, "bands", ("",) * count))
 
 
 def require_sensitivities(camera: Calibration | CameraEstimate) -> None:

@@ -1,13 +1,21 @@
 """Priors on reflectances: training, certificates, and other methods' spectra judged."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import CameraLike, LightLike, as_prior, families_of, relative_response
+from spectrabox.api.arguments import (
+    CameraLike,
+    LightLike,
+    as_numbers,
+    as_prior,
+    as_wavelengths,
+    families_of,
+    relative_response,
+)
 from spectrabox.measure.signals.options import JudgeOptions
 from spectrabox.measure.signals.picture_judgement import (
     PictureJudgement,
@@ -24,7 +32,12 @@ from spectrabox.sampling.evaluation.certificate import Certificate
 from spectrabox.sampling.evaluation.certificate import certify as certify_library
 from spectrabox.sampling.evaluation.cube_regions import CubeRegion
 from spectrabox.sampling.evaluation.cubes import Cube
-from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library, usable
+from spectrabox.sampling.prior.libraries import (
+    ReflectanceLibrary,
+    left_out_words,
+    read_library,
+    usable,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
@@ -59,7 +72,8 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     Raises
     ------
     InputError
-        For a family that there is not, a library that cannot be left out, or too few curves.
+        For a family that there is not, a library that cannot be left out, too few curves, or an
+        array whose rows are not at ``nm``.
 
     References
     ----------
@@ -76,9 +90,9 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     >>> orange = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.003,
     ...                    prior=prior)
     """
-    read = {family: [_library(one, nm, f"{family} {number}")
-                     for number, one in enumerate(_parts(value, seed), start=1)]
-            for family, value in libraries.items()}
+    if not libraries:
+        raise InputError("no library is given; give reflectances or folders of them by family")
+    read = {family: _libraries(value, family, nm, seed) for family, value in libraries.items()}
     return learn_prior(read, _coarse(camera, light), seed).prior
 
 
@@ -113,7 +127,7 @@ def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
     Raises
     ------
     InputError
-        For fewer than ten usable curves.
+        For fewer than ten usable curves, or an array whose rows are not at ``nm``.
 
     References
     ----------
@@ -147,7 +161,8 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
     regions : mapping
         From names to (x0, y0, x1, y1) in pixels, the ends not counted.
     truth : path or mapping
-        Measured reflectances: a table with a column for each region, or arrays (Q,) by region.
+        Measured reflectances: a table with a column for each region, or of one column for all; or
+        arrays (Q,), one for each region by its name.
     nm : (C,) array, optional
         Wavelengths of the cube, where it is an array or its file does not state them.
     truth_nm : (Q,) array, optional
@@ -167,7 +182,8 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
     Raises
     ------
     InputError
-        If cube and truth do not both cover 420 to 680 nm, or a region leaves the cube.
+        If cube and truth do not both cover 420 to 680 nm, a region leaves the cube, or has no
+        truth.
 
     References
     ----------
@@ -193,19 +209,20 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
         height, width = values.shape[:2]
         opened = Cube("cube", np.asarray(nm, dtype=float), height, width,
                       lambda first, last: values[first:last])
+    if not regions:
+        raise InputError("no region is given; give regions={name: (x0, y0, x1, y1)}")
     boxes = []
     for name, box in regions.items():
-        x0, y0, x1, y1 = (int(value) for value in box)
+        corners = as_numbers(box, f"region {name!r}")
+        if corners.shape != (4,) or not np.all(np.isfinite(corners)):
+            raise InputError(f"region {name!r} is {box!r}; (x0, y0, x1, y1) in pixels is needed")
+        x0, y0, x1, y1 = (int(value) for value in corners)
         if not (0 <= x0 < x1 <= opened.width and 0 <= y0 < y1 <= opened.height):
             raise InputError(f"region {name!r} is {tuple(box)}; x0 < x1 up to {opened.width} and "
                              f"y0 < y1 up to {opened.height} are needed")
         boxes.append(CubeRegion(name, None, (x0, y0, x1, y1), None))
     if isinstance(truth, Mapping):
-        if truth_nm is None:
-            raise InputError("truths that are given as arrays need their wavelengths truth_nm")
-        table = SpectralTable(np.asarray(truth_nm, dtype=float), tuple(truth),
-                              np.array([np.asarray(one, dtype=float) for one in truth.values()]),
-                              {"quantity": "reflectance"}, "truth")
+        table = _truths(truth, truth_nm, regions)
     else:
         table = read_table(Path(truth))
     return judge_picture(opened, boxes, table, relative_response(camera, light), as_prior(None),
@@ -213,24 +230,55 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
                                       white_region=white_region))
 
 
-def _parts(value: LibraryLike | Sequence[LibraryLike], seed: int) -> Sequence[LibraryLike]:
+def _truths(truth: Mapping[str, ArrayLike], nm: ArrayLike | None,
+            regions: Collection[str]) -> SpectralTable:
+    """Measured reflectances of all regions, as a table."""
+    if nm is None:
+        raise InputError("truths that are given as arrays need their wavelengths truth_nm")
+    wavelengths = as_wavelengths(nm, "truth_nm")
+    if missing := [name for name in regions if name not in truth]:
+        raise InputError(f"no truth is given for {', '.join(map(repr, missing))}; there are "
+                         f"{', '.join(map(repr, truth)) or 'none'}")
+    curves = {name: as_numbers(one, f"truth {name!r}") for name, one in truth.items()}
+    for name, values in curves.items():
+        if values.shape != wavelengths.shape:
+            raise InputError(f"truth {name!r} of shape {values.shape} and wavelengths of shape "
+                             f"{wavelengths.shape} were given; give one value for each wavelength")
+    return SpectralTable(wavelengths, tuple(curves), np.array(list(curves.values())),
+                         {"quantity": "reflectance"}, "truth")
+
+
+def _libraries(value: LibraryLike | Sequence[LibraryLike], family: str, nm: ArrayLike | None,
+               seed: int) -> list[ReflectanceLibrary]:
     """The libraries of a family; an array alone in two halves, chosen at random."""
-    if isinstance(value, str | Path):
-        return [value]
     if isinstance(value, list | tuple):
-        return value
-    curves = np.random.default_rng(seed).permutation(np.asarray(value, dtype=float))
-    return [curves[::2], curves[1::2]]
+        return [_library(one, nm, f"{family} {number}") for number, one in enumerate(value, 1)]
+    if isinstance(value, str | Path):
+        return [read_library(Path(value))]
+    rows = np.random.default_rng(seed).permutation(_rows(value, nm, family)[1])
+    return [_library(rows[half::2], nm, f"{family} {half + 1}") for half in (0, 1)]
 
 
 def _library(library: LibraryLike, nm: ArrayLike | None, name: str) -> ReflectanceLibrary:
     if isinstance(library, str | Path):
         return read_library(Path(library))
+    curves, reasons = usable(*_rows(library, nm, name))
+    if not len(curves):
+        raise InputError(f"{name} holds no usable reflectance ({left_out_words(reasons)}); values "
+                         "between 0 and 1 from 400 to 700 nm are needed")
+    return ReflectanceLibrary(name, curves, reasons)
+
+
+def _rows(values: ArrayLike, nm: ArrayLike | None, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (Q,) and a row (n, Q) for each surface."""
     if nm is None:
         raise InputError("reflectances that are given as arrays need their wavelengths nm")
-    curves, reasons = usable(np.asarray(nm, dtype=float),
-                             np.atleast_2d(np.asarray(library, dtype=float)))
-    return ReflectanceLibrary(name, curves, reasons)
+    wavelengths, rows = as_wavelengths(nm, "nm"), np.atleast_2d(as_numbers(values, name))
+    if rows.ndim != 2 or rows.shape[1] != wavelengths.size:
+        raise InputError(f"{name}: reflectances of shape {rows.shape} and wavelengths of shape "
+                         f"{wavelengths.shape} were given; give a row of {wavelengths.size} values "
+                         "for each surface")
+    return wavelengths, rows
 
 
 def _coarse(camera: CameraLike, light: LightLike) -> np.ndarray:

@@ -15,6 +15,7 @@ from spectrabox.api.arguments import (
     LightLike,
     as_prior,
     as_reflectance,
+    band_names,
     families_of,
     one_blas_thread,
     relative_response,
@@ -145,7 +146,8 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         response, rows, tuple(labels), None if white is None else np.asarray(white, dtype=float),
         None if errors is None else np.broadcast_to(errors, bands).copy(), light_error,
         sensitivity_error, learnt,
-        swatches=None if swatches is None else _swatches(swatches, bands), origin=origin)
+        swatches=None if swatches is None else _swatches(swatches, band_names(camera, bands)),
+        origin=origin)
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients, level),
                           with_draws=given.ndim == 1)
     estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None,
@@ -245,15 +247,16 @@ def _of_colour(signals: ArrayLike | None, camera: CameraLike | None, light: Ligh
         xyz=None if xyz is None else np.asarray(xyz, dtype=float)), OBSERVER, name
 
 
-def _swatches(swatches: SwatchesLike, bands: int) -> tuple[np.ndarray, np.ndarray]:
+def _swatches(swatches: SwatchesLike, bands: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Signals (n, K) and reflectances (n, 61) of swatches."""
     if isinstance(swatches, str | Path):
         return read_swatches(Path(swatches), bands)
     signals, nm, values = (np.asarray(one, dtype=float) for one in swatches)
-    if signals.ndim != 2 or signals.shape[1] != bands or values.shape != (len(signals), nm.size):
+    if signals.ndim != 2 or signals.shape[1] != len(bands) \
+            or values.shape != (len(signals), nm.size):
         raise InputError(f"swatches of shapes {signals.shape}, {nm.shape} and {values.shape} were "
-                         f"given; give signals (n, {bands}), wavelengths (Q,) and reflectances "
-                         "(n, Q)")
+                         f"given; give signals (n, {len(bands)}), wavelengths (Q,) and "
+                         "reflectances (n, Q)")
     return signals, swatch_reflectances(nm, values, "swatches")
 
 
