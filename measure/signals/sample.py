@@ -36,7 +36,11 @@ from spectrabox.sampling.prior.family_coverage import (
     family_coverages,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
-from spectrabox.sampling.prior.signal_posterior import describe_outcome, solve_posterior
+from spectrabox.sampling.prior.signal_posterior import (
+    describe_outcome,
+    enough_coefficients,
+    solve_posterior,
+)
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.published.per_axis_box import sample_published
 from spectrabox.sampling.published.ranking_and_refinement import ranked, refined_as_published
@@ -124,6 +128,12 @@ def check_options(options: SampleOptions) -> None:
     if options.refine is not None and method == "prior":
         raise InputError("--refine belongs to splines; the learnt prior has none: take --method "
                          "uniform or paper")
+    for name, number in (("samples", options.samples), ("seed", options.seed),
+                         ("coefficients", options.coefficients)):
+        if not isinstance(number, int | np.integer):
+            raise InputError(f"{name} {number!r} is no whole number")
+    if options.seed < 0:
+        raise InputError(f"the seed {options.seed} is negative; give 0, 1, 2 ...")
     if not 1 <= options.samples <= MAX_SAMPLES:
         raise InputError(f"{options.samples} samples were asked for; ask for 1 to {MAX_SAMPLES}")
 
@@ -207,9 +217,10 @@ def _estimate_without_draws(capture: SignalCapture,
     photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
     causes = stated_causes(y, photo_noise, capture.light_error, capture.sensitivity_error)
     total = np.sum(list(causes.values()), axis=0)
+    coefficients = enough_coefficients(options.coefficients, first.signal.size)
     bound_lower, bound_upper = bounds_of_many(
-        spline_operator(first, options.coefficients).A, y, total,
-        basis_matrix(PRIOR_GRID.nm, options.coefficients), options.level)
+        spline_operator(first, coefficients).A, y, total,
+        basis_matrix(PRIOR_GRID.nm, coefficients), options.level)
     summary = summaries(prior, response_on(first, PRIOR_GRID), y, causes, options.level)
     estimates = []
     for row, outcome in enumerate(summary.outcome):

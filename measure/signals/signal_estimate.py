@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from spectrabox.radiometry.records.calibration import CalibrationDoubt
 from spectrabox.radiometry.records.spectra import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.evaluation.scores_by_method import (
     ScoredSpectrum,
@@ -20,6 +21,8 @@ NEARLY_BLACK_XYZ = 1.1      # of white where it has Y = 1: who gives such values
 SHOWN_NM, BASELINE_NM = 25, 50      # between the wavelengths of a text
 SRGB_ORIGIN = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
                "of surfaces that would look so in daylight, not of what was photographed")
+NEARLY_BLACK_SRGB = ("R, G, B are taken with 255 for white, so that this colour is nearly black; "
+                     "multiply them by 255 where white is 1")
 NEARLY_BLACK = ("X, Y, Z are taken with Y = 100 for white, so that this colour is nearly black; "
                 "multiply them by 100 where white has Y = 1")
 NO_WHITE = ("no white was stated (--white, white=): the signal is taken as relative to a perfect "
@@ -39,9 +42,34 @@ def origin_of_colours(kind: str, values: np.ndarray) -> str | None:
     values : (..., 3) array
         As they were given.
     """
-    if kind == "xyz" and np.all(values <= NEARLY_BLACK_XYZ):
-        return NEARLY_BLACK
-    return SRGB_ORIGIN if kind == "srgb" else None
+    if kind == "xyz":
+        return NEARLY_BLACK if values.size and 0 < values.max() <= NEARLY_BLACK_XYZ else None
+    if kind == "srgb":
+        dark = values.size and 0 < values.max() <= 1
+        return f"{NEARLY_BLACK_SRGB}\n{SRGB_ORIGIN}" if dark else SRGB_ORIGIN
+    return None
+
+
+def curve_caveats(error: float | None, allowed_for: float,
+                  doubts: Sequence[CalibrationDoubt] = ()) -> tuple[str, ...]:
+    """What an answer has to say of a camera that was fitted.
+
+    Parameters
+    ----------
+    error : float or None
+        Standard error of its curves, of their highest peak; None where it is not known.
+    allowed_for : float
+        Relative error of each curve that is stated to the answer.
+    doubts : sequence of CalibrationDoubt
+        Of its fit.
+    """
+    said = tuple(f"the camera's fit is doubtful: {doubt.value}" for doubt in doubts)
+    if error and not allowed_for:
+        said = (f"the camera's curves have standard errors ({100 * error:.2g} % of the highest "
+                "peak, root mean square), which are not used here: the band is narrower than they "
+                "make it; state an error of each curve (--sensitivity-error, sensitivity_error=), "
+                "or measure by the chart of the photo itself (spectrabox flat)", *said)
+    return said
 
 
 def unstated(white: np.ndarray | None, noise: np.ndarray | None) -> tuple[str, ...]:
@@ -83,6 +111,8 @@ class SignalCapture:
         Measured samples of the material, which correct the learnt prior; draws are then made.
     origin : str, optional
         What an answer has to say of where the signals are from.
+    camera_caveats : tuple of str
+        What it has to say of the camera's curves.
     """
 
     relative_response: np.ndarray
@@ -97,12 +127,15 @@ class SignalCapture:
     twice: SpectralMeasurement | None = None
     swatches: tuple[np.ndarray, np.ndarray] | None = None
     origin: str | None = None
+    camera_caveats: tuple[str, ...] = ()
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """Where the signals are from, and what was taken of them where nothing was stated."""
+        """Where the signals are from, what was taken of them where nothing was stated, and what is
+        not known of the camera.
+        """
         return (*([] if self.origin is None else [self.origin]),
-                *unstated(self.white, self.noise))
+                *unstated(self.white, self.noise), *self.camera_caveats)
 
 
 @dataclass(frozen=True, eq=False)

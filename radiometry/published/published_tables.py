@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.system.known_names import known_name, nearest_words
 
 FILE = Path(__file__).parent / "published_spectra.npz"
 OBSERVERS, LIGHTS, CHARTS = "observers and cameras", "lights", "charts"
@@ -42,17 +43,19 @@ def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
     ----------
     kind : {"observers and cameras", "measured cameras", "lights", "charts", "charts of the trade"}
     name : str
-        One of ``published_names(kind)``.
+        One of ``published_names(kind)``, whatever its capitals.
 
     Raises
     ------
     InputError
-        If there is no such table.
+        If there is no such table, with the nearest names.
     """
+    names = published_names(kind)
+    known = known_name(name, names)
+    if known is None:
+        raise InputError(f"{name!r} is not among the published {kind}{nearest_words(name, names)}")
     with np.load(FILES.get(kind, FILE)) as tables:
-        if f"{kind}/{name}" not in tables.files:
-            raise InputError(f"{name!r} is not among the published {kind}")
-        nm, *curves = tables[f"{kind}/{name}"]
+        nm, *curves = tables[f"{kind}/{known}"]
     return nm, np.array(curves)
 
 

@@ -31,6 +31,7 @@ MAX_MODE = 1.0              # of the logarithm
 # 10 over some tens of nm
 UNKNOWN_SD, UNKNOWN_LENGTH_NM, UNKNOWN_LEVEL = 1.5, 35.0, 0.3
 KEPT = 0.995                # of the variance of errors by their modes
+AS_FILTERS = ("transmittance", "relative")      # quantities that a file of filters may state
 PERCENT = 1.5               # a transmittance beyond it is in per cent
 MIN_TRANSMITTANCE = 1e-5    # of the largest
 
@@ -107,6 +108,12 @@ def _filters_of(table: SpectralTable, path: Path) -> dict[str, Filter]:
                   if name == "standard_error"), None)
     curves = {name: values for name, values in zip(table.names, table.values, strict=True)
               if not name.startswith("standard_error")}
+    stated = {table.fact("quantity", index) for index, name in enumerate(table.names)
+              if name in curves}
+    if wrong := sorted(each for each in stated if each and each.lower() not in AS_FILTERS):
+        raise InputError(f"{path.name} holds {' and '.join(wrong)}, and of a filter the "
+                         "transmittance is needed; if it is one, correct the quantity that the "
+                         "file states")
     if table.nm[-1] < FINE_GRID.nm[0] or table.nm[0] > FINE_GRID.nm[-1]:
         raise InputError(f"{path.name} covers {table.nm[0]:g}-{table.nm[-1]:g} nm, none of it "
                          "visible; a transmittance over 400-700 nm is needed: check the unit of "

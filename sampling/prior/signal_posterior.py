@@ -46,6 +46,9 @@ from spectrabox.sampling.spectral_measurement import (
 )
 
 MENTIONED = 0.005               # share of a family that the outcome names
+# Of white. A signal that near to that of a perfect white or black, a band of which is there to
+# round-off or beyond, is taken for so much less bright, or less dark: below any camera's step.
+EDGE, EXACT, INSIDE = 1e-3, 1e-6, 1e-4
 SPARE = 5       # spline coefficients beyond the bands of a signal that has many
 APPROXIMATE = (Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)     # draws come near to the signal only
 
@@ -229,8 +232,9 @@ class SignalPosterior:
         return np.concatenate(spectra)[order], np.concatenate(variables)[order]
 
     def _draws_in(self, part: StatePosterior, count: int, seed: int) -> np.ndarray:
-        return draw_reflectances(self.prior, part.mixture, part.relative_response, part.signal,
-                                 part.noise, count, seed, approximate=self.outcome in APPROXIMATE)
+        return draw_reflectances(self.prior, part.mixture, part.relative_response,
+                                 _inside(part.signal, part.noise), part.noise, count, seed,
+                                 approximate=self.outcome in APPROXIMATE)
 
     def samples(self, count: int, seed: int, coefficients: int) -> SpectrumSamples:
         """The draws as a record, with the splines of N = ``coefficients`` nearest to each; of more
@@ -242,11 +246,37 @@ class SignalPosterior:
             As `draws`.
         """
         spectra, variables = self.draws_with_variables(count, seed)
-        bands = self.measurement.signal.size
         splines = nearest_splines(spectra, basis_matrix(
-            PRIOR_GRID.nm, coefficients if coefficients >= bands else bands + SPARE))
+            PRIOR_GRID.nm, enough_coefficients(coefficients, self.measurement.signal.size)))
         return SpectrumSamples(PRIOR_GRID, spectra, splines, self.method, float(count), seed,
                                self.outcome, self.sentence, variables)
+
+
+def _inside(signal: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """The signal (K,), or the nearest that draws reach where it is, without noise, that of a
+    perfect white or black: a single reflectance gives it wherever the bands see, and no draw is it.
+    """
+    if noise.any():
+        return signal
+    if signal.max() >= 1 - EXACT and np.all(np.abs(signal - 1) < EDGE):
+        return np.minimum(signal, 1 - INSIDE)
+    if signal.min() <= EXACT and np.all(np.abs(signal) < EDGE):
+        return np.maximum(signal, INSIDE)
+    return signal
+
+
+def enough_coefficients(coefficients: int, bands: int) -> int:
+    """Number of spline coefficients that some spectrum can be made of for any signal of so many
+    bands: as many as asked for, or more than the bands where those are fewer.
+
+    Parameters
+    ----------
+    coefficients : int
+        N, asked for.
+    bands : int
+        K.
+    """
+    return coefficients if coefficients >= bands else bands + SPARE
 
 
 def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> SignalPosterior:

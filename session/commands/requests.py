@@ -38,7 +38,7 @@ Families = Annotated[tuple[str, ...], typer.Option(
 Coefficients = Annotated[int, typer.Option(
     help="Number of B-splines that a spectrum is made of, for exact bounds and for the methods "
     "uniform and paper.")]
-Seed = Annotated[int, typer.Option(help="Random seed: the same seed gives the same draws.")]
+Seed = Annotated[int, typer.Option(min=0, help="Random seed: the same seed gives the same draws.")]
 DeltaLights = Annotated[tuple[str, ...], typer.Option(
     metavar="FILE|NAME", show_default=False,
     help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]

@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals.sample import measurement_of_signal
-from spectrabox.measure.signals.signal_estimate import SignalCapture, origin_of_colours
+from spectrabox.measure.signals.signal_estimate import (
+    SignalCapture,
+    curve_caveats,
+    origin_of_colours,
+)
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra
+from spectrabox.radiometry.spectra.curve_errors import stated_curve_error
 from spectrabox.radiometry.spectra.spectrum_files import (
     column_index,
     read_table,
@@ -28,6 +33,7 @@ from spectrabox.session.signals.signal_options import (
     optional_numbers,
     read_named_signals,
     signal_and_noise,
+    srgb_values,
 )
 
 
@@ -64,7 +70,8 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
         seen, rounding = colour_signal(*colour, light)
         named, noise = {"": seen}, rounding if noise is None else noise
         white = np.ones(bands)      # a colour is relative to white
-        stated = np.zeros(3) if colour[0] == "srgb" else numbers(colour[1], bands, colour[0])
+        stated = srgb_values(colour[1]) if colour[0] == "srgb" \
+            else numbers(colour[1], bands, colour[0])
         origin = origin_of_colours(colour[0], stated)
     elif signals is not None:
         named = read_named_signals(signals, names)
@@ -74,7 +81,7 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
         response, np.array(list(named.values())), tuple(named), white, noise, light_error,
         sensitivity_error, of_families(load_prior(prior), tuple(family)), more, reflected,
         None if swatches is None else read_swatches(swatches, names),
-        origin)
+        origin, curve_caveats(stated_curve_error(sensitivity), sensitivity_error))
 
 
 def stated_truth(file: Path, column: str | None) -> np.ndarray:

@@ -99,9 +99,8 @@ def colour_signal(kind: str, text: str, light: str) -> tuple[np.ndarray, np.ndar
     return signal_of_colour(light, **{kind: numbers(text, 3, kind)}), None
 
 
-def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:
-    """What the CIE 1931 observer sees under D65 of an sRGB colour, of white, and how far rounding
-    to 8 bits leaves it open (standard error): (3,) each.
+def srgb_values(text: str) -> np.ndarray:
+    """Values (3,) of an sRGB colour, 0 to 255.
 
     Parameters
     ----------
@@ -121,7 +120,23 @@ def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:
     if values.shape != (3,) or not np.all((values >= 0) & (values <= 255)):
         raise InputError(f"--srgb {text!r} is no sRGB colour; write R,G,B from 0 to 255, or "
                          "#RRGGBB")
-    to_xyz = np.linalg.inv(TO_SRGB)
+    return values
+
+
+def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """What the CIE 1931 observer sees under D65 of an sRGB colour, of white, and how far rounding
+    to 8 bits leaves it open (standard error): (3,) each.
+
+    Parameters
+    ----------
+    text : str
+        As of ``srgb_values``.
+
+    Raises
+    ------
+    InputError
+    """
+    values, to_xyz = srgb_values(text), np.linalg.inv(TO_SRGB)
     # an even distribution over one step of 8 bits
     rounding = (decode_srgb(np.minimum(values + 0.5, 255) / 255)
                 - decode_srgb(np.maximum(values - 0.5, 0) / 255)) / np.sqrt(12)

@@ -18,9 +18,14 @@ from spectrabox.radiometry.charts.references import reference_file, reference_re
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
-from spectrabox.radiometry.records.calibration import Calibration, Filter
+from spectrabox.radiometry.records.calibration import (
+    Calibration,
+    CalibrationDoubt,
+    Filter,
+)
 from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
+from spectrabox.radiometry.spectra.curve_errors import relative_curve_error, stated_curve_error
 from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.named_spectra import (
@@ -167,6 +172,8 @@ def as_light(light: LightLike) -> Spectrum | UnknownLight:
     InputError
         If there is neither such a file nor such a name.
     """
+    if isinstance(light, Spectrum):
+        checked_light(light.values, "the light")
     if isinstance(light, Spectrum | UnknownLight):
         return light
     if isinstance(light, str | Path):
@@ -230,6 +237,9 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
         nm, curves = as_samples(camera, "camera")
         return checked_curves(on_grid(nm, np.atleast_2d(curves), grid, "camera"), "the camera",
                               grid)
+    if not isinstance(camera, Calibration) and not hasattr(camera, "calibration"):
+        raise InputError(f"camera: {type(camera).__name__} is no camera; give a name, a file, a "
+                         "fitted camera, or wavelengths and curves (nm, curves)")
     require_sensitivities(camera)
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
     return on_grid(fit.grid.nm, fit.curves, grid, "camera")
@@ -247,6 +257,31 @@ def band_names(camera: CameraLike, count: int) -> tuple[str, ...]:
     if isinstance(camera, str | Path):
         return named_curves(str(camera))[2]
     return tuple(getattr(camera, "bands", ("",) * count))
+
+
+def curve_error(camera: CameraLike) -> tuple[float | None, tuple[CalibrationDoubt, ...]]:
+    """Standard error of a fitted camera's curves, of their highest peak, and the doubts of its fit.
+
+    Parameters
+    ----------
+    camera : as of `as_curves`
+
+    Returns
+    -------
+    error : float or None
+        None where the curves have none.
+    doubts : tuple of CalibrationDoubt
+    """
+    if isinstance(camera, KnownCamera):
+        camera = camera.name
+    if isinstance(camera, str | Path):
+        return stated_curve_error(str(camera)), ()
+    if isinstance(camera, tuple) or hasattr(camera, "wavelengths"):
+        return None, ()
+    calibration = camera if isinstance(camera, Calibration) else camera.calibration
+    fit = calibration.sensitivity
+    return None if fit.standard_error is None else relative_curve_error(
+        fit.curves, fit.standard_error), calibration.doubts
 
 
 def require_sensitivities(camera: Calibration | CameraEstimate) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
+    as_numbers,
     as_prior,
     families_of,
     one_blas_thread,
@@ -90,7 +91,7 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None =
     if camera is None or light is None:
         raise InputError("pixels need the camera that saw them and their light (camera=, light=); "
                          "a PNG or JPEG in sRGB is given with encoded=True")
-    pixels = image.signal if isinstance(image, Photo) else np.asarray(image, dtype=float)
+    pixels = image.signal if isinstance(image, Photo) else as_numbers(image, "image")
     if pixels.ndim != 3 or not pixels.size:
         raise InputError(f"an image of shape {pixels.shape} was given; give (height, width, bands) "
                          "with one pixel or more")

@@ -255,7 +255,8 @@ def _libraries(value: LibraryLike | Sequence[LibraryLike], family: str, nm: Arra
         return [_library(one, nm, f"{family} {number}") for number, one in enumerate(value, 1)]
     if isinstance(value, str | Path):
         return [read_library(Path(value))]
-    rows = np.random.default_rng(seed).permutation(_rows(value, nm, family)[1])
+    rows = np.random.default_rng(seed).permutation(
+        _rows(value, nm, family)[1])   # type: ignore[arg-type]
     return [_library(rows[half::2], nm, f"{family} {half + 1}") for half in (0, 1)]
 
 

@@ -13,9 +13,11 @@ from spectrabox.api.arguments import (
     CameraLike,
     KnownSpectrum,
     LightLike,
+    as_numbers,
     as_prior,
     as_reflectance,
     band_names,
+    curve_error,
     families_of,
     one_blas_thread,
     relative_response,
@@ -29,6 +31,7 @@ from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.measure.signals.signal_estimate import (
     SignalCapture,
     SignalEstimate,
+    curve_caveats,
     origin_of_colours,
 )
 from spectrabox.radiometry.appearance import signal_of_colour
@@ -121,33 +124,39 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         if white is not None:
             raise InputError("a colour is relative to white by what it is; leave white out")
         white = np.ones(3)
-    origin = None if xyz is None else origin_of_colours("xyz", np.asarray(xyz, dtype=float))
+    origin = None if xyz is None else origin_of_colours("xyz", as_numbers(xyz, "xyz"))
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "
                          "a colour is given as lab= or xyz=")
     response = relative_response(camera, light)
-    given = np.asarray(signals, dtype=float)
+    given = as_numbers(signals, "signals")
     bands = len(response)
     rows = np.atleast_2d(given)
     if given.ndim not in (1, 2) or rows.shape[1] != bands:
         raise InputError(f"signals of shape {given.shape} were given and the camera has {bands} "
                          f"bands; give ({bands},) or (number, {bands})")
-    errors = None if noise is None else np.asarray(noise, dtype=float)
+    if not rows.size:
+        raise InputError("no signal is given: signals has no row")
+    errors = None if noise is None else as_numbers(noise, "noise")
     if errors is not None and errors.shape not in ((), (bands,)):
         raise InputError(f"noise of shape {errors.shape} was given for {bands} bands; give one "
                          f"standard error, or one a band ({bands},)")
+    whites = None if white is None else as_numbers(white, "white")
+    if whites is not None and whites.shape != (bands,):
+        raise InputError(f"white of shape {whites.shape} was given for {bands} bands; give what a "
+                         f"perfect white reads in each ({bands},)")
     labels = [f"signal {number}" for number in range(1, len(rows) + 1)] if names is None \
         else list(names)
     if len(labels) != len(rows) or len(set(labels)) != len(labels):
         raise InputError(f"{len(labels)} names were given for {len(rows)} signals; give one name "
                          "of its own for each")
-    learnt = as_prior(prior, families_of(families))
+    learnt, (fit_error, doubts) = as_prior(prior, families_of(families)), curve_error(camera)
     capture = SignalCapture(
-        response, rows, tuple(labels), None if white is None else np.asarray(white, dtype=float),
+        response, rows, tuple(labels), whites,
         None if errors is None else np.broadcast_to(errors, bands).copy(), light_error,
         sensitivity_error, learnt,
         swatches=None if swatches is None else _swatches(swatches, band_names(camera, bands)),
-        origin=origin)
+        origin=origin, camera_caveats=curve_caveats(fit_error, sensitivity_error, doubts))
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients, level),
                           with_draws=given.ndim == 1)
     estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None,
@@ -218,6 +227,8 @@ def match(signal: SpectrumEstimate | ArrayLike,
         signal = one
     if signal.measurement is None:
         raise InputError(f"the spectrum of {signal.name!r} was given: there is nothing to identify")
+    if not isinstance(library, str | Path) and not len(library):
+        raise InputError("the library is empty; give files, folders, or reflectances by name")
     if isinstance(library, Mapping):
         if nm is None and any(isinstance(one, np.ndarray | list) for one in library.values()):
             raise InputError("reflectances of a library need their wavelengths: give nm")
@@ -243,15 +254,17 @@ def _of_colour(signals: ArrayLike | None, camera: CameraLike | None, light: Ligh
     if not isinstance(name, str):
         raise InputError("the light of a colour is given by its CIE name, such as 'D65' or 'A'")
     return signal_of_colour(
-        name, lab=None if lab is None else np.asarray(lab, dtype=float),
-        xyz=None if xyz is None else np.asarray(xyz, dtype=float)), OBSERVER, name
+        name, lab=None if lab is None else as_numbers(lab, "lab"),
+        xyz=None if xyz is None else as_numbers(xyz, "xyz")), OBSERVER, name
 
 
 def _swatches(swatches: SwatchesLike, bands: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Signals (n, K) and reflectances (n, 61) of swatches."""
     if isinstance(swatches, str | Path):
         return read_swatches(Path(swatches), bands)
-    signals, nm, values = (np.asarray(one, dtype=float) for one in swatches)
+    if len(swatches) != 3:
+        raise InputError("swatches: a file is needed, or (signals, nm, reflectances)")
+    signals, nm, values = (as_numbers(one, "swatches") for one in swatches)
     if signals.ndim != 2 or signals.shape[1] != len(bands) \
             or values.shape != (len(signals), nm.size):
         raise InputError(f"swatches of shapes {signals.shape}, {nm.shape} and {values.shape} were "

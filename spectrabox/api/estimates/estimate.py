@@ -240,7 +240,9 @@ class SpectrumEstimate:
             If no light of that name is published, or the other is no reflectance.
         """
         if not isinstance(light, str) or (isinstance(other, str) and not Path(other).is_file()):
-            raise InputError(f"{other!r} is no surface, or {light!r} no light: give the other "
+            first, second = (repr(one) if isinstance(one, str) else type(one).__name__
+                             for one in (other, light))
+            raise InputError(f"{first} is no surface, or {second} no light: give the other "
                              "surface, a reflectance or its file first, and a CIE name after it, "
                              "as in delta_e(other, light='D65')")
         if isinstance(other, SpectrumEstimate):

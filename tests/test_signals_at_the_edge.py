@@ -1,0 +1,104 @@
+"""Signals of a perfect white and of black, of more bands than splines, of fitted cameras, and
+colours on another scale than they are taken on.
+"""
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import spectrabox as sb
+from spectrabox.measure.signals.signal_estimate import NEARLY_BLACK_SRGB, curve_caveats
+from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.spectra.filters import read_filters
+from spectrabox.sampling.prior.signal_posterior import EDGE, INSIDE
+from spectrabox.session.cli import app
+
+NM = np.arange(400, 701, 5.0)
+NAMED = {"camera": "Nikon 5100 (NPL)", "light": "D65"}
+
+
+@pytest.mark.parametrize(("asked", "edge"), [
+    ({"signals": [1, 1, 1], **NAMED}, 1), ({"signals": [0, 0, 0], **NAMED}, 0),
+    ({"lab": [100, 0, 0]}, 1), ({"lab": [0, 0, 0]}, 0),
+    # white points as they are printed, to two and three decimals
+    ({"xyz": [95.05, 100, 108.9]}, 1), ({"xyz": [96.422, 100, 82.521], "light": "D50"}, 1)])
+def test_a_perfect_white_and_black_are_answered(asked, edge):
+    spectra = sb.sample(**asked)
+    draws = spectra.samples.spectra
+    assert draws.min() >= 0 and draws.max() <= 1
+    # by what each band sees of it, each draw is within INSIDE of the edge; round-off of a sum
+    seen = draws @ spectra.posterior.relative_response.T
+    np.testing.assert_allclose(np.abs(seen - edge), INSIDE, atol=1e-9)
+    assert spectra.lab().value[0] == pytest.approx(100 * edge, abs=0.1)     # of 903 Y, and less
+
+
+@pytest.mark.parametrize("value", [1 - 2 * EDGE, 2 * EDGE])
+def test_a_signal_beside_the_edge_is_reached_as_it_is(value):
+    spectra = sb.sample([value] * 3, **NAMED)
+    seen = spectra.samples.spectra @ spectra.posterior.relative_response.T
+    # the camera is integrated exactly; the draws are at their signal to round-off
+    np.testing.assert_allclose(seen, value, atol=1e-9)
+
+
+@pytest.mark.parametrize("bands", [13, 14, 16])
+def test_a_signal_of_many_bands_is_answered_among_others_as_alone(bands):
+    centres = np.linspace(410, 690, bands)[:, None]
+    camera = (NM, np.exp(-0.5 * ((NM - centres) / 10)**2))
+    signal = np.linspace(0.2, 0.6, bands)
+    alone = sb.sample(signal, camera=camera, light="D65", noise=0.003)
+    among = sb.sample([signal, 0.9 * signal], camera=camera, light="D65", noise=0.003)[0]
+    # exact bounds of both are linear programs over the same splines
+    np.testing.assert_allclose(among.summary.bound_upper, alone.summary.bound_upper, atol=1e-6)
+    np.testing.assert_allclose(among.summary.bound_lower, alone.summary.bound_lower, atol=1e-6)
+
+
+def sampled(*words):
+    return json.loads(CliRunner().invoke(app, ["sample", *words, "--json"]).stdout)
+
+
+def test_a_colour_given_by_white_of_1_is_said_to_be_nearly_black():
+    assert NEARLY_BLACK_SRGB in sampled("--srgb", "1,0.5,0.2")["caveat"]
+    assert NEARLY_BLACK_SRGB not in sampled("--srgb", "255,128,51")["caveat"]
+    assert NEARLY_BLACK_SRGB not in sampled("--srgb", "0,0,0")["caveat"]
+
+
+def write_curves(path, errors):
+    curves = np.exp(-0.5 * ((NM - np.array([[600], [540], [450]])) / 30)**2)
+    names = ["R", "G", "B"] + [f"standard_error {band}" for band in "RGB"] * errors
+    np.savetxt(path, np.vstack([NM, curves, *[0.02 * curves] * errors]).T, delimiter=",",
+               header="nm," + ",".join(names), comments="")
+    return path
+
+
+def test_standard_errors_of_curves_that_are_not_used_are_named(tmp_path):
+    fitted, measured = (write_curves(tmp_path / f"{errors}.csv", errors) for errors in (1, 0))
+    words = ("--light", "D65", "--signal", "0.3,0.2,0.1")
+    said = sampled("--sensitivity", str(fitted), *words)["caveat"]
+    assert "standard errors (0.83 % of the highest peak" in said and "not used here" in said
+    assert "standard errors (" not in sampled("--sensitivity", str(measured), *words)["caveat"]
+    assert "standard errors (" not in sampled("--sensitivity", str(fitted), *words,
+                                              "--sensitivity-error", "0.02")["caveat"]
+    spectra = sb.sample([0.3, 0.2, 0.1], camera=fitted, light="D65")
+    assert said.splitlines() == list(spectra.caveats)
+    assert "not used here" in repr(spectra)
+
+
+def test_doubts_of_a_fit_are_carried():
+    assert curve_caveats(None, 0.0) == ()
+    for error in (None, 0.01):
+        said = curve_caveats(error, 0.0, (CalibrationDoubt.WRONG_LIGHT,))
+        assert CalibrationDoubt.WRONG_LIGHT.value in said[-1]
+    assert len(curve_caveats(0.01, 0.02, (CalibrationDoubt.WRONG_LIGHT,))) == 1
+
+
+def test_what_states_to_be_a_reflectance_is_no_filter(tmp_path):
+    path = tmp_path / "gels.csv"
+    table = "nm,a,b\n" + "\n".join(f"{nm:g},0.5,0.4" for nm in NM)
+    for quantity in ("reflectance", "Reflectance", "irradiance"):
+        path.write_text(f"# quantity: {quantity}\n{table}\n")
+        with pytest.raises(sb.InputError, match="of a filter the transmittance is needed"):
+            read_filters(path)
+    for stated in ("", "# quantity: relative\n", "# quantity: transmittance\n"):
+        path.write_text(f"{stated}{table}\n")
+        assert list(read_filters(path)) == ["a", "b"]
