@@ -40,6 +40,26 @@ def is_there(path: Path) -> bool:
         return False
 
 
+def in_folder(path: str | Path) -> Path:
+    """A path whose folder is there.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of a file to be written.
+
+    Raises
+    ------
+    InputError
+        If there is no such folder.
+    """
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise InputError(f"{target} cannot be written: there is no folder {target.parent}; make "
+                         "it, or correct the path")
+    return target
+
+
 def require_utf8_name(path: Path) -> None:
     """Refuse a path that libraries which take UTF-8 alone cannot open.
 

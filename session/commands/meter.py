@@ -161,10 +161,14 @@ def replay(
         min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0,
     over_socket: Annotated[bool, typer.Option(
         "--over-socket", help="Through a socket in place of a pseudo-terminal.")] = False,
+    out: Annotated[Path | None, typer.Option(
+        "--out", "-o", metavar="CSV", help="Where to write the spectra that it reads, a column "
+        "each.")] = None,
     draw: Drawn = False,
     plot: Png = None,
 ) -> Answer:
     """Play a recorded transcript to the driver's own code and show what it reads."""
+    check_ending(out, {".csv": "the spectra"})
     check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.measurement_files import reading_facts
     from spectrabox.capture.transcripts.sniffed_traffic import read_recording
@@ -178,6 +182,9 @@ def replay(
     facts = {"instrument": played.instrument, "synthetic": played.synthetic,
              "problems": list(played.problems),
              "readings": [reading_facts(reading) for reading in played.readings]}
+    if out is not None:
+        _write_spectra(out, spectra, f"{played.instrument}, {transcript.name}")
+        facts["file"] = out
     from spectrabox.session.meters.measuring import reading_line
     lines = [reading_line(number, reading)
              for number, reading in enumerate(played.readings, 1)]
@@ -188,6 +195,24 @@ def replay(
         from spectrabox.capture.meter.measurement_plot import text_plot
         lines.append(text_plot(spectra[-1]))
     return Answer(facts, "\n".join(lines))
+
+
+def _write_spectra(path: Path, spectra: Sequence[Spectrum], source: str) -> None:
+    """Spectra of readings as a table."""
+    import numpy as np
+
+    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.radiometry.spectra.spectrum_files import table_text
+    if not spectra:
+        raise InputError("no reading of this recording holds a spectrum: there is nothing to write")
+    first = spectra[0]
+    if any(one.quantity is not first.quantity or not np.array_equal(one.grid.nm, first.grid.nm)
+           for one in spectra):
+        raise InputError("the spectra of this recording are of several quantities or wavelengths, "
+                         "and no one table holds them; --json prints them all")
+    write_text_whole(path, table_text(
+        first.grid.nm, {f"reading {number}": one.values for number, one in enumerate(spectra, 1)},
+        quantity=first.quantity, source=source))
 
 
 def _chart(role: str, layout: str) -> Chart:

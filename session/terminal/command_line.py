@@ -196,7 +196,13 @@ def last_resort(as_json: bool, debug: bool) -> Iterator[None]:
     """
     try:
         yield
-    except (SystemExit, GeneratorExit):
+    except SystemExit as leaving:
+        # an option or argument that there is not, which Click told the person and left
+        usage = getattr(leaving.__context__, "format_message", None)
+        if as_json and usage is not None:
+            print(json.dumps({"error": message(usage()), "exit_code": leaving.code}))
+        raise
+    except GeneratorExit:
         raise
     except BaseException as error:
         if debug:

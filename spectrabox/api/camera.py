@@ -30,7 +30,7 @@ from spectrabox.measure.profiles.matrix_comparison import compare_matrices
 from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage
@@ -219,7 +219,7 @@ class CameraEstimate:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        target = Path(path)
+        target = in_folder(path)
         write_text_whole(target, table_text(self.nm, self.fit.columns(), quantity=Quantity.RELATIVE,
                                             source=self.fit.source))
         return target

@@ -9,7 +9,7 @@ import numpy as np
 
 from spectrabox.api.notebook import axes_for, curves_html
 from spectrabox.measure.plots import plot_sensitivities
-from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import named_curves
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -85,7 +85,7 @@ class KnownCamera:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        target = Path(path)
+        target = in_folder(path)
         write_text_whole(target, table_text(
             self.nm, dict(zip(self.bands, self.curves, strict=True)), quantity=Quantity.RELATIVE,
             source=self.name))

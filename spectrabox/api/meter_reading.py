@@ -14,7 +14,7 @@ from spectrabox.capture.meter.instruments.interface import Instrument, MeterSett
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.measurement_series import series_of, series_spectrum
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -99,8 +99,8 @@ class MeterReading:
         columns = {"value": self.values}
         if self.standard_error is not None:
             columns["standard_error"] = self.standard_error
-        write_text_whole(Path(path), table_text(self.nm, columns, quantity=self.spectrum.quantity,
-                                                source=self.spectrum.source))
+        write_text_whole(in_folder(path), table_text(
+            self.nm, columns, quantity=self.spectrum.quantity, source=self.spectrum.source))
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw the spectrum.

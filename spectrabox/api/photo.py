@@ -27,7 +27,7 @@ from spectrabox.measure.chart_patches import (
 )
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 
 if TYPE_CHECKING:
@@ -305,7 +305,7 @@ class ChartInPhoto:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        write_text_whole(Path(path), table_of_columns(self.columns()))
+        write_text_whole(in_folder(path), table_of_columns(self.columns()))
         return Path(path)
 
     def plot(self, axes: Axes | None = None) -> Axes:

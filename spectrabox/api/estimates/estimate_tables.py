@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 
@@ -32,7 +32,7 @@ def estimates_to_csv(estimates: Mapping[str, SpectrumEstimate], path: str | Path
     EnvironmentProblem
         If the file cannot be written; an older one is left as it was.
     InputError
-        If there is no surface.
+        If there is no surface, or no such folder.
     """
     if not estimates:
         raise InputError("there is no surface to write")
@@ -43,7 +43,7 @@ def estimates_to_csv(estimates: Mapping[str, SpectrumEstimate], path: str | Path
                     f"{name} standard_deviation": one.standard_deviation,
                     f"{name} lower": lower, f"{name} upper": upper,
                     f"{name} bound_lower": lowest, f"{name} bound_upper": highest}
-    target = Path(path)
+    target = in_folder(path)
     nm = next(iter(estimates.values())).nm
     write_text_whole(target, table_text(nm, columns, quantity=Quantity.REFLECTANCE,
                                         source="spectrabox"))
