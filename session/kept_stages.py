@@ -99,6 +99,21 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     return states
 
 
+def states_without_inputs(config: SessionConfig) -> list[StageState]:
+    """How far a session has come of which an input is missing: what is stored is of other inputs.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    """
+    states = []
+    for name in stage_names(config):
+        stored = load_stage(config.results_folder, name)
+        states.append(StageState(name, "missing", (), None) if stored is None else
+                      StageState(name, "stale", ("an input is missing",), stored.seconds))
+    return states
+
+
 def warn_of_stale_stages(config: SessionConfig, tell: Callable[[str], None]) -> list[str]:
     """Names of the stages whose stored results are of other inputs than the session has now.
 

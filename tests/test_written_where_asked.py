@@ -49,3 +49,16 @@ def test_a_usage_error_is_answered_in_json_too(words, sentence):
     answer = json.loads(done.stdout)
     assert sentence in answer["error"] and answer["exit_code"] == done.returncode == 2
     assert sentence in done.stderr
+
+
+@pytest.mark.parametrize("template", ["box", "flat"])
+def test_the_status_of_a_new_session_is_a_list_of_its_stages(tmp_path, template):
+    call = CliRunner().invoke
+    assert call(app, ["new", str(tmp_path / "mine"), "--template", template]).exit_code == 0
+    answer = call(app, ["status", str(tmp_path / "mine"), "--json"])
+    facts = json.loads(answer.stdout)
+    assert len(facts["stages"]) >= 4
+    assert {stage["state"] for stage in facts["stages"]} <= {"missing", "not needed"}
+    assert answer.exit_code == facts["exit_code"] == 3 and "is missing" in facts["error"]
+    said = call(app, ["status", str(tmp_path / "mine")])
+    assert "calibrate    missing" in said.stdout and facts["error"] in said.stdout

@@ -129,17 +129,25 @@ def run(
 def status(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Show which stages are done, which are out of date, and why."""
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import stage_states
-    states = stage_states(read_session(folder, allow_outside))
+    from spectrabox.session.kept_stages import stage_states, states_without_inputs
+    config, fault = read_session(folder, allow_outside), None
+    try:
+        states = stage_states(config)
+    except InputError as error:
+        states, fault = states_without_inputs(config), error
     lines = [f"{state.name:<12} {state.state:<10} "
              + (f"{state.seconds:.1f} s" if state.state == "done" and state.seconds is not None
                 else "; ".join(state.reasons)) for state in states]
     report = folder / "report.html"
     lines.append(f"{'report':<12} {'written' if report.exists() else 'missing'}")
-    return Answer({"stages": [{"name": state.name, "state": state.state,
-                               "reasons": list(state.reasons), "seconds": state.seconds}
-                              for state in states],
-                   "report": str(report) if report.exists() else None}, "\n".join(lines))
+    facts = {"stages": [{"name": state.name, "state": state.state,
+                         "reasons": list(state.reasons), "seconds": state.seconds}
+                        for state in states],
+             "report": str(report) if report.exists() else None}
+    if fault is None:
+        return Answer(facts, "\n".join(lines))
+    return Answer(facts | {"error": str(fault), "exit_code": fault.exit_code},
+                  "\n".join([*lines, str(fault)]), fault.exit_code)
 
 
 @Command
