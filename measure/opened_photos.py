@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from spectrabox.capture.develop.bands import bright_channels, stack_bands, strongest_channel
 from spectrabox.capture.develop.developed import develop_photos, open_any
@@ -143,6 +143,28 @@ def require_exposed(photo: LinearImage, name: str) -> None:
     if clipped > MAX_CLIPPED:
         raise ClippedPhotoError(f"{name}: {clipped:.0%} of the photo is saturated; halve the "
                                 "exposure until the surfaces are not, the light itself may be")
+
+
+def require_one_camera(images: Iterable[LinearImage]) -> None:
+    """Refuse photos of which two state different cameras; some files leave its serial number out.
+
+    Parameters
+    ----------
+    images : iterable of LinearImage
+
+    Raises
+    ------
+    InputError
+        Naming both.
+    """
+    first, *others = [image for image in images if image.camera] or [None]
+    for other in others:
+        if first is not None and other is not None and not (
+                f"{first.camera} ".startswith(f"{other.camera} ")
+                or f"{other.camera} ".startswith(f"{first.camera} ")):
+            raise InputError(f"{first.source} was taken with {first.camera} and {other.source} with "
+                             f"{other.camera}: curves and signals of one camera say nothing of "
+                             "another; take all photos, the chart's too, with one camera")
 
 
 def require_curves_of_bands(capture: Capture) -> None:

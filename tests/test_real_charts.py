@@ -12,9 +12,15 @@ from flat_example import CHART, PAINTS, light_over, picture, rect_of
 import spectrabox as sb
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
-from spectrabox.radiometry.errors import ClippedPhotoError
+from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
 
 REGIONS = {name: rect_of(name) for name in PAINTS}
+
+
+def real_photo(name):
+    if "SPECTRABOX_DATA" not in os.environ:
+        pytest.skip("SPECTRABOX_DATA names no folder of real chart photos")
+    return Path(os.environ["SPECTRABOX_DATA"]) / "raw_charts" / f"{name}.dng"
 
 
 def flat(folder, light, brightest=0.75, regions=REGIONS):
@@ -68,13 +74,35 @@ def test_a_patch_in_a_shadow_is_named_and_others_are_not(tmp_path, factor, named
     assert notes.count("reads") <= 1
 
 
+@pytest.mark.parametrize("further", [
+    {"also": "unknown"}, {"also": "same"}, {"also": "moved"}, {"filtered": "unknown"}])
+def test_a_photo_of_another_scene_is_not_taken_for_one_of_the_same_samples(tmp_path, further):
+    first, other = (real_photo(f"industrial_{name}") for name in ("outdoor4", "indoor1"))
+    (option, what), = further.items()
+    regions = {"chair": (660, 1235, 840, 1285)}
+    with pytest.raises(InputError, match=r"with Spectrabox Infinite Outdoor4 SN0001 and "
+                       ".*indoor1.dng with Spectrabox Infinite Indoor1 SN0001.*one camera"):
+        sb.flat(first, regions, **{option: {other: what}})
+    # the same two, as if one camera had taken both
+    for name, path in (("first", first), ("other", other)):
+        (tmp_path / f"{name}.dng").write_bytes(
+            path.read_bytes().replace(b"Outdoor4", b"Outdoors").replace(b"Indoor1\0",
+                                                                         b"Outdoors"))
+    with pytest.raises(CheckError, match=r"in .*other.dng the chart lies 219 pixels from where it "
+                       r"lies in .*first.dng"):
+        sb.flat(tmp_path / "first.dng", regions, **{option: {tmp_path / "other.dng": what}})
+
+
+def test_a_chart_photo_of_another_camera_is_refused():
+    with pytest.raises(InputError, match="Indoor1 SN0001 and .*Outdoor4 SN0001: curves and"):
+        sb.flat(real_photo("industrial_outdoor4"), {"chair": (660, 1235, 840, 1285)},
+                chart_photo=real_photo("industrial_indoor1"))
+
+
 @pytest.mark.parametrize("name", ["canon550d_dusk", "industrial_indoor1", "industrial_outdoor2",
                                   "industrial_outdoor4"])
 def test_a_real_chart_is_fitted_and_its_poor_patches_have_reasons(name):
-    if "SPECTRABOX_DATA" not in os.environ:
-        pytest.skip("SPECTRABOX_DATA names no folder of real chart photos")
-    check = sb.fit_camera(Path(os.environ["SPECTRABOX_DATA"]) / "raw_charts" / f"{name}.dng",
-                          light="unknown").chart_check
+    check = sb.fit_camera(real_photo(name), light="unknown").chart_check
     rmse, inside, expected = check.means
     # as measured, docs/results/flat.md
     assert rmse < 0.032 and inside > expected - 0.04

@@ -1,4 +1,6 @@
 """Photos from one tripod that moved by some pixels: found, undone, or refused."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from spectrabox.capture.photo.registration import (
     register,
     registered,
 )
+from spectrabox.measure.opened_photos import require_one_camera
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
@@ -127,3 +130,28 @@ def test_a_chart_that_moved_is_not_taken_for_the_camera():
     far = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]])[None]
     with pytest.raises(CheckError, match="the chart moved by 80 pixels against what else"):
         registered(edges, edges, ("first", "other"), REGIONS, (far, far + np.array([80.0, 0.0])))
+
+
+def test_a_photo_with_nothing_in_common_is_judged_by_its_chart(first):
+    """Where edges tell nothing, the chart says whether another photo is from the same tripod."""
+    dark = find_edges(photo(2, light=(0, 0, 0)))
+    there = patches_px()
+    assert registered(first, dark, ("a", "b"), REGIONS, (there, patches_px((2, 1)))) is None
+    for far in ((40, 0), (200, 100)):       # by less and by more than what registration undoes
+        distance = round(float(np.hypot(*far)))
+        with pytest.raises(CheckError, match=rf"in b the chart lies {distance} pixels from where "
+                           "it lies in a, and little else is in both"):
+            registered(first, dark, ("a", "b"), REGIONS, (there, patches_px(far)))
+
+
+@pytest.mark.parametrize("cameras, refused", [
+    (("Nikon D810 77", "Nikon D850 12"), True), (("Canon EOS R", "Canon EOS R5"), True),
+    (("Nikon D810 77", "", "Nikon D810"), False)])      # files without EXIF, or without a serial
+def test_photos_of_two_cameras_are_refused(cameras, refused):
+    images = [replace(photo(1), camera=camera, source=f"{number}.dng")
+              for number, camera in enumerate(cameras)]
+    if not refused:
+        return require_one_camera(images)
+    with pytest.raises(InputError, match=rf"0.dng was taken with {cameras[0]} and 1.dng with "
+                       rf"{cameras[1]}.*with one camera"):
+        require_one_camera(images)

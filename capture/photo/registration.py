@@ -113,13 +113,17 @@ def registered(first: Edges, other: Edges, names: tuple[str, str],
     InputError
         If the photos are of different sizes.
     CheckError
-        If the other photo moved too far, or its chart or samples moved by themselves.
+        If the other photo moved too far, its chart or samples moved by themselves, or its chart
+        alone tells that it moved.
     """
     _require_one_size(first, other, *names)
     registration = register(first, other, chart_px)
-    if registration is not None:
+    if registration is None:
+        if chart_px is not None:
+            _require_chart_stayed(_CHART_ELSEWHERE, chart_px, float(first.photo_px[0]), *names)
+    else:
         if chart_px is not None and samples_stayed(first, other, outlines):
-            _require_chart_stayed(chart_px, float(first.photo_px[0]), *names)
+            _require_chart_stayed(_CHART_MOVED, chart_px, float(first.photo_px[0]), *names)
         _require_registered(registration, own_motion_px(first, other, registration, outlines),
                             float(first.photo_px[0]), *names)
     return registration
@@ -193,19 +197,34 @@ def samples_stayed(first: Edges, other: Edges,
     return bool(likeness) and float(np.median(likeness)) > MIN_LIKENESS
 
 
-def _require_chart_stayed(chart_px: tuple[np.ndarray, np.ndarray], width_px: float, first: str,
-                          other: str) -> None:
-    """Refuse a photo in which the chart lies elsewhere and the samples do not: a large chart is
-    most of what two photos have in common, and its motion is taken for the camera's.
+def distance_px(chart_px: tuple[np.ndarray, np.ndarray]) -> float:
+    """How far the chart of one photo lies from where it lies in another (rms of its corners).
+
+    Parameters
+    ----------
+    chart_px : two (I, 4, 2) arrays
     """
     before, after = chart_px
-    distance = float(np.sqrt(np.mean(np.sum((before - after) ** 2, axis=-1))))
+    return float(np.sqrt(np.mean(np.sum((before - after) ** 2, axis=-1))))
+
+
+def _require_chart_stayed(refusal: str, chart_px: tuple[np.ndarray, np.ndarray], width_px: float,
+                          first: str, other: str) -> None:
+    """Refuse a photo in which the chart lies elsewhere and the samples do not: a large chart is
+    most of what two photos have in common, and its motion is taken for the camera's. Or one that
+    has nothing else in common with the first.
+    """
+    distance = distance_px(chart_px)
     if distance > tolerated_px(width_px):
-        raise CheckError(_CHART_MOVED.format(first=first, other=other, distance=distance))
+        raise CheckError(refusal.format(first=first, other=other, distance=distance))
 
 
 _CHART_MOVED = ("from {first} to {other} the chart moved by {distance:.0f} pixels against what "
                 "else the photos show: leave chart and samples where they are from photo to photo")
+_CHART_ELSEWHERE = ("in {other} the chart lies {distance:.0f} pixels from where it lies in {first}, "
+                    "and little else is in both: it is a photo of other samples, or the camera "
+                    "moved; take all photos of the same samples from one tripod, or measure each "
+                    "photo by itself (--each)")
 
 
 def _require_one_size(first: Edges, other: Edges, first_name: str, other_name: str) -> None:

@@ -12,6 +12,7 @@ from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.regions import region_signals
 from spectrabox.capture.photo.registration import Edges, find_edges, register
 from spectrabox.measure.captured import Capture, View
+from spectrabox.measure.opened_photos import require_one_camera
 from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import typical_camera_signals
@@ -36,6 +37,8 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
     ------
     CheckError
         If a chart is not found, or too little of it can be read.
+    InputError
+        If two cameras took the photos.
     """
     chart = capture.lit_chart
     views = capture.views_with_chart
@@ -47,6 +50,7 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
         name = view.chart_names[0]
         work.progress((index + 0.1) / len(views), f"finding the chart in {name}")
         photo, own_notes = work.photos.developed(view.chart)
+        require_one_camera([*(each.thumbnail for each in charts.values()), photo])
         expected = typical_camera_signals(chart.reflectances, FINE_GRID, view.power)
         again = None if first is None else _moved(*first, photo)
         detection = _chart_in(capture, view, photo, expected, again)

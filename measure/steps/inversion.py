@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.measure.captured import SceneCapture, SceneView
+from spectrabox.measure.opened_photos import require_one_camera
 from spectrabox.measure.records import CaptureRecords, ReconstructionRecords
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.scene.draws import require_one_transport
@@ -51,7 +52,14 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     records : CaptureRecords
         Of charts, photos and calibration.
     work : Work
+
+    Raises
+    ------
+    InputError
+        If two cameras took photos and chart.
     """
+    require_one_camera([*(chart.thumbnail for chart in records.chart.charts.values()),
+                        *records.photo.photos.values()])
     start_mitsuba(work.device)
     drift = drift_of(capture, records)
     views = views_of(capture, records, drift)

@@ -11,9 +11,15 @@ from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.capture.photo.regions import region_signals, sample_regions
-from spectrabox.capture.photo.registration import Edges, find_edges, register, registered
-from spectrabox.measure.captured import FlatCapture, SceneCapture, View
-from spectrabox.measure.opened_photos import require_exposed
+from spectrabox.capture.photo.registration import (
+    Edges,
+    distance_px,
+    find_edges,
+    register,
+    registered,
+)
+from spectrabox.measure.captured import FlatCapture, Outline, SceneCapture, View
+from spectrabox.measure.opened_photos import require_exposed, require_one_camera
 from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
 from spectrabox.measure.steps.work import Work
@@ -42,7 +48,8 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
     ClippedPhotoError
         If a region is saturated.
     InputError
-        If a region leaves its photo, or a photo through a filter is the one without it.
+        If a region leaves its photo, a photo through a filter is the one without it, or two cameras
+        took the photos or the chart's.
     CheckError
         If a further photo was not taken from the tripod of the first.
     """
@@ -57,14 +64,19 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
         work.progress((index + 0.1) / len(capture.views), f"reading {view.photo_names[0]}")
         photo, own_notes = work.photos.developed(view.photo)
         notes += own_notes
+        require_one_camera([*(chart.thumbnail for chart in records.chart.charts.values()),
+                            *photos.values(), photo])
         if capture.drift.object_px and not view.name:
             references = region_signals(photo, capture.drift.object_px)
         if several and not view.name:
             first_edges = find_edges(photo)
         elif first_edges is not None:
-            registration = _registration(capture, records, view, first_edges, photo)
+            both = _outlines_in_both(capture, view)
+            registration = _registration(capture, records, view, both, first_edges, photo)
             if registration is not None:
                 registrations[view.name] = registration
+            elif both:
+                notes += (_not_registered(capture, records, view),)
         outlines = outlines_in(capture, view, registrations.get(view.name))
         if outlines:
             regions[view.name] = sample_regions(photo, outlines, without_clipped=several)
@@ -119,7 +131,16 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
     return PhotoRecords(photos, {}, references, {}, work.photos.bands(photo), notes)
 
 
-def _registration(capture: FlatCapture, records: CaptureRecords, view: View, first_edges: Edges,
+def _outlines_in_both(capture: FlatCapture, view: View) -> dict[str, Outline]:
+    """Outlines of the regions that another photo shows as the first does, by name."""
+    first = capture.views[0]
+    return {} if view.photo == first.photo else {
+        name: region.outline for name, region in capture.regions_in(first).items()
+        if name in capture.regions_in(view)}
+
+
+def _registration(capture: FlatCapture, records: CaptureRecords, view: View,
+                  both: Mapping[str, Outline], first_edges: Edges,
                   photo: LinearImage) -> Registration | None:
     """How a photo is shifted against the first; None where no region is in both, or both have too
     little in common to tell.
@@ -131,13 +152,22 @@ def _registration(capture: FlatCapture, records: CaptureRecords, view: View, fir
     CheckError
         As ``registered``.
     """
-    first = capture.views[0]
-    both = {name: region.outline for name, region in capture.regions_in(first).items()
-            if name in capture.regions_in(view)}
-    if not both or view.photo == first.photo:
+    if not both:
         return None
+    first = capture.views[0]
     return registered(first_edges, find_edges(photo), (first.photo_names[0], view.photo_names[0]),
                       both, _charts_px(records.chart.charts, first, view))
+
+
+def _not_registered(capture: FlatCapture, records: CaptureRecords, view: View) -> str:
+    """That a photo was not compared with the first, and what its chart says."""
+    first = capture.views[0]
+    chart_px = _charts_px(records.chart.charts, first, view)
+    stayed = "" if chart_px is None else \
+        f"; the chart lies within {distance_px(chart_px):.1f} pixels of where it lay"
+    return (f"{view.photo_names[0]} and {first.photo_names[0]} have too few edges in common to "
+            "tell whether the camera moved: regions are taken where the first photo shows them"
+            f"{stayed}")
 
 
 def registration_of(charts: Mapping[str, MeasuredChart], first: View, view: View,
