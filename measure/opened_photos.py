@@ -157,14 +157,14 @@ def require_one_camera(images: Iterable[LinearImage]) -> None:
     InputError
         Naming both.
     """
-    first, *others = [image for image in images if image.camera] or [None]
-    for other in others:
-        if first is not None and other is not None and not (
-                f"{first.camera} ".startswith(f"{other.camera} ")
-                or f"{other.camera} ".startswith(f"{first.camera} ")):
-            raise InputError(f"{first.source} was taken with {first.camera} and {other.source} with "
-                             f"{other.camera}: curves and signals of one camera say nothing of "
-                             "another; take all photos, the chart's too, with one camera")
+    stated = [image for image in images if image.camera]
+    for other in stated[1:]:
+        first = stated[0]
+        short, long = sorted((f"{first.camera} ", f"{other.camera} "), key=len)
+        if not long.startswith(short):
+            raise InputError(f"{first.source} was taken with {first.camera} and {other.source} "
+                             f"with {other.camera}: curves and signals of one camera say nothing "
+                             "of another; take all photos, the chart's too, with one camera")
 
 
 def require_curves_of_bands(capture: Capture) -> None:

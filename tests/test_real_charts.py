@@ -94,7 +94,7 @@ def test_a_photo_of_another_scene_is_not_taken_for_one_of_the_same_samples(tmp_p
 
 
 def test_a_chart_photo_of_another_camera_is_refused():
-    with pytest.raises(InputError, match="Indoor1 SN0001 and .*Outdoor4 SN0001: curves and"):
+    with pytest.raises(InputError, match=r"Indoor1 SN0001 and .*Outdoor4 SN0001: curves and"):
         sb.flat(real_photo("industrial_outdoor4"), {"chair": (660, 1235, 840, 1285)},
                 chart_photo=real_photo("industrial_indoor1"))
 

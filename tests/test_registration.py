@@ -1,4 +1,5 @@
 """Photos from one tripod that moved by some pixels: found, undone, or refused."""
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -150,8 +151,6 @@ def test_a_photo_with_nothing_in_common_is_judged_by_its_chart(first):
 def test_photos_of_two_cameras_are_refused(cameras, refused):
     images = [replace(photo(1), camera=camera, source=f"{number}.dng")
               for number, camera in enumerate(cameras)]
-    if not refused:
-        return require_one_camera(images)
     with pytest.raises(InputError, match=rf"0.dng was taken with {cameras[0]} and 1.dng with "
-                       rf"{cameras[1]}.*with one camera"):
+                       rf"{cameras[1]}.*with one camera") if refused else nullcontext():
         require_one_camera(images)

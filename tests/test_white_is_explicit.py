@@ -4,20 +4,25 @@ Real photos: SPECTRABOX_DATA=DIR, the folder that holds raw_charts/ and raw/.
 """
 import json
 import os
+import re
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
+from flat_example import picture
 from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.api.arguments import as_reflectance, relative_response
-from spectrabox.capture.photo.image_writers import write_exr
+from spectrabox.capture.photo.image_writers import write_exr, write_png
+from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.measure.pictures.photo_white import chart_residual, white_of_chart
 from spectrabox.measure.signals.signal_estimate import NEARLY_BLACK, NO_NOISE, NO_WHITE
-from spectrabox.radiometry.appearance import reflectance_to_lab
+from spectrabox.radiometry.appearance import encode_srgb, reflectance_to_lab
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.cli import app
@@ -49,11 +54,67 @@ def test_the_white_patch_of_a_real_photo_is_white_by_its_own_chart():
     photo = sb.open_photo(INDOOR)
     x, y = sb.find_chart(photo).corners[18].mean(axis=0) / 2    # a mosaic's cells are 2 x 2 pixels
     patch = (slice(int(y) - 2, int(y) + 2), slice(int(x) - 2, int(x) + 2))
-    mean, _ = sb.uplift(sb.Photo(photo.image), **NAMED)
-    lab = reflectance_to_lab(PRIOR_GRID.nm, mean[patch].mean(axis=(0, 1)))
+    chart = white_of_chart(photo.image, relative_response("Nikon 5100 (NPL)", "D65"))
+    mean, _ = sb.uplift(photo.signal[patch], white=chart.white, **NAMED)
+    lab = reflectance_to_lab(PRIOR_GRID.nm, mean.mean(axis=(0, 1)))
     usual = reference_reflectances(None, CLASSIC, FINE_GRID)[18]
     # copies of the patch differ by 2, and the camera is another; at full scale it was 76 -43 72
     np.testing.assert_allclose(lab, reflectance_to_lab(FINE_GRID.nm, usual), atol=2.5)
+
+
+@needs_data
+def test_a_camera_and_a_light_that_contradict_the_chart_of_a_photo_are_refused(tmp_path):
+    code, facts = uplift(INDOOR, tmp_path / "out")
+    assert code == 4 and re.search(
+        r"indoor1.dng: the chart's patches are off by 2\d% rms from what this camera and light "
+        r"predict .*camera fit", facts["error"])
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(CheckError, match=r"patches are off by 2\d% rms"):
+        sb.uplift(sb.open_photo(INDOOR), **NAMED)
+
+
+def chart_with(camera, light, **changes):
+    """Signals (24, 3) of a ColorChecker by a named camera under a named light, changed."""
+    predicted = reference_reflectances(None, CLASSIC, FINE_GRID) @ relative_response(
+        camera, light).T
+    return predicted * changes.get("times", 1) + changes.get("plus", 0)
+
+
+def test_only_what_camera_and_light_do_not_explain_is_off():
+    across, down = CLASSIC.centres_uv.T
+    true, used = chart_with(*NAMED.values()), np.ones((24, 3), bool)
+    light = np.exp(0.4 * across - 0.2 * down * across)[:, None] * [0.3, 2.0, 1.1]
+    assert chart_residual(true * light, true, used) < 1e-9      # gains and a smooth field are free
+    wrong = chart_residual(chart_with("Nikon 5100 (NPL)", "A") * light, true, used)
+    assert wrong > 0.03 and wrong == pytest.approx(chart_residual(
+        chart_with("Nikon 5100 (NPL)", "A"), true, used))
+    assert chart_residual(true + 0.03, true, used) > 0.1        # a veil
+    clipped = np.where(np.arange(24)[:, None] == 18, 9.0, true)
+    used[18] = False
+    assert chart_residual(clipped, true, used) < 1e-9
+
+
+def test_a_light_that_is_nearly_right_is_warned_of(tmp_path):
+    write_photo(tmp_path / "photo.dng", picture(), Fraction(1, 60), np.random.default_rng(3))
+    code, facts = uplift(tmp_path / "photo.dng", tmp_path / "out")
+    assert code == 0 and 0.04 < facts["chart_residual"] < 0.1
+    assert re.match(r"the chart's patches are off by \d% rms .*camera fit", facts["warnings"][0])
+    code, facts = uplift(tmp_path / "photo.dng", tmp_path / "out", "--white", "0.8,0.8,0.8")
+    assert code == 0 and facts["chart_residual"] is None and facts["warnings"] == []
+    assert facts["white_from"] == "stated; no chart was looked for"
+    with pytest.warns(UserWarning, match="patches are off by"):
+        sb.uplift(sb.open_photo(tmp_path / "photo.dng"), **NAMED)
+
+
+def test_a_photo_decoded_from_srgb_stays_one_when_it_is_developed(tmp_path):
+    noisy = 0.4 + 0.01 * np.random.default_rng(1).standard_normal((80, 90, 3))
+    write_png(tmp_path / "seen.png", np.round(255 * encode_srgb(noisy)).astype(np.uint8))
+    done = CliRunner().invoke(app, ["develop", str(tmp_path / "seen.png"), "--not-linear", "-o",
+                                    str(tmp_path / "seen.exr")])
+    assert done.exit_code == 0, done.output
+    for white in ((), ("--white", "1,1,1")):
+        code, facts = uplift(tmp_path / "seen.exr", tmp_path / "out", *white)
+        assert code == 3 and "was decoded from sRGB" in facts["error"]
 
 
 @needs_data
@@ -64,7 +125,7 @@ def test_a_raw_photo_without_a_chart_needs_its_white(tmp_path):
     with pytest.raises(InputError, match=r"shares of what the sensor can hold.*Give white="):
         sb.uplift(sb.open_photo(NO_CHART), **NAMED)
     code, facts = uplift(NO_CHART, tmp_path / "out", "--white", "1,1,1.0")
-    assert code == 0 and facts["white_from"] == "stated" and facts["white"] == [1, 1, 1]
+    assert code == 0 and facts["white_from"].startswith("stated") and facts["white"] == [1, 1, 1]
 
 
 def test_a_picture_without_a_chart_is_relative_to_white_and_the_answer_says_so(grey, tmp_path):

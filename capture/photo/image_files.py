@@ -139,7 +139,7 @@ def _developed(values: np.ndarray, header: PictureHeader) -> LinearImage:
         sensor_step=header.spec.get_float_attribute("spectrabox:sensor_step", 1.0),
         exposure_s=header.positive("ExposureTime"),
         iso=header.positive("Exif:PhotographicSensitivity"), f_number=header.positive("FNumber"),
-        kind=PhotoKind.__members__.get(header.words("spectrabox:kind"), PhotoKind.LINEAR_FILE),
+        kind=header.photo_kind,
         camera=header.words("spectrabox:camera"),
         source=header.words("spectrabox:source") or header.path.name,
         sha256=sha256_of(header.path))

@@ -221,10 +221,10 @@ def _require_chart_stayed(refusal: str, chart_px: tuple[np.ndarray, np.ndarray],
 
 _CHART_MOVED = ("from {first} to {other} the chart moved by {distance:.0f} pixels against what "
                 "else the photos show: leave chart and samples where they are from photo to photo")
-_CHART_ELSEWHERE = ("in {other} the chart lies {distance:.0f} pixels from where it lies in {first}, "
-                    "and little else is in both: it is a photo of other samples, or the camera "
-                    "moved; take all photos of the same samples from one tripod, or measure each "
-                    "photo by itself (--each)")
+_CHART_ELSEWHERE = ("in {other} the chart lies {distance:.0f} pixels from where it lies in "
+                    "{first}, and little else is in both: it is a photo of other samples, or the "
+                    "camera moved; take all photos of the same samples from one tripod, or measure "
+                    "each photo by itself (--each)")
 
 
 def _require_one_size(first: Edges, other: Edges, first_name: str, other_name: str) -> None:

@@ -15,6 +15,7 @@ import OpenImageIO as oiio
 from spectrabox.capture.photo.processed_photos import processed_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name
+from spectrabox.radiometry.records.photos import PhotoKind
 from spectrabox.radiometry.system.words import reason_of
 
 EXR_START = b"\x76\x2f\x31\x01"
@@ -64,6 +65,11 @@ class PictureHeader:
         """1 to 8 as EXIF numbers them; 1 where none is stated."""
         stated = self.spec.get_int_attribute("Orientation", 1)
         return stated if 1 <= stated <= 8 else 1
+
+    @property
+    def photo_kind(self) -> PhotoKind:
+        """Where its pixels come from, as a developed photo states it."""
+        return PhotoKind.__members__.get(self.words("spectrabox:kind"), PhotoKind.LINEAR_FILE)
 
     @property
     def camera(self) -> str:

@@ -1,21 +1,52 @@
-"""What a perfect white reads in a photo, told by a ColorChecker in it."""
+"""What a perfect white reads in a photo, told by a ColorChecker in it, and whether the camera and
+the light that were stated explain that chart.
+"""
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.measure.camera import measure_chart
+from spectrabox.measure.verdict.calibration_criteria import chart_limits
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
+DARK_SHARE = 0.02       # of the brightest patch in a band, below which noise is most of a signal
 
-def white_of_chart(photo: LinearImage, relative_response: np.ndarray) -> np.ndarray:
-    """What a perfect white in the chart's place reads in each band (K,).
 
-    From the lightest patch of no colour that is not clipped, and its usual reflectance. How the
-    light changes from there over the photo is not seen.
+@dataclass(frozen=True, eq=False)
+class PhotoWhite:
+    """What a chart in a photo says of its white, its camera and its light."""
+
+    white: np.ndarray           # (K,) what a perfect white in the chart's place reads
+    # rms over patches and bands of (photo - predicted) / photo, by camera and light as stated
+    residual: float
+
+    @property
+    def doubt(self) -> str:
+        """What is wrong with camera and light, in a sentence; empty where they explain the chart.
+        """
+        passes, fails = chart_limits(stated=False)
+        if self.residual <= passes:
+            return ""
+        return (f"the chart's patches are off by {self.residual:.0%} rms from what this camera and "
+                f"light predict ({passes:.0%} is good, beyond {fails:.0%} is refused): the spectra "
+                "err by more than their standard deviation says. Fit the camera to this chart "
+                "(spectrabox camera fit) and give those curves, or measure the photo with "
+                "spectrabox flat")
+
+
+def white_of_chart(photo: LinearImage, relative_response: np.ndarray) -> PhotoWhite:
+    """What a perfect white in the chart's place reads, and how well camera and light explain the
+    chart.
+
+    White is from the lightest patch of no colour that is not clipped, and its usual reflectance.
+    How the light changes from there over the photo is not seen.
 
     Parameters
     ----------
@@ -31,11 +62,33 @@ def white_of_chart(photo: LinearImage, relative_response: np.ndarray) -> np.ndar
     reflectances = reference_reflectances(None, CLASSIC, FINE_GRID)
     samples = measure_chart(photo, CLASSIC, reflectances, FINE_GRID)
     lightest = next(patch for patch in CLASSIC.neutrals if not samples.clipped[patch].any())
-    return np.asarray(samples.mean[lightest] / (relative_response @ reflectances[lightest]))
+    predicted = reflectances @ relative_response.T
+    return PhotoWhite(np.asarray(samples.mean[lightest] / predicted[lightest]),
+                      chart_residual(samples.mean, predicted, ~samples.clipped))
+
+
+def chart_residual(signal: np.ndarray, predicted: np.ndarray, used: np.ndarray) -> float:
+    """How far the patches of a ColorChecker are from a prediction, rms of (photo - predicted) /
+    photo, with the gain of each band and a smooth field of light over the chart left free.
+
+    Parameters
+    ----------
+    signal, predicted : (I, K) arrays
+        The prediction in any unit.
+    used : (I, K) bool array
+        What is not clipped.
+    """
+    used = used & (signal > DARK_SHARE * signal.max(axis=0)) & (predicted > 0)
+    patches, bands = np.nonzero(used)
+    terms = np.column_stack([np.eye(signal.shape[1])[bands],
+                             field_terms(CLASSIC.centres_uv)[patches]])
+    ratio = signal[used] / predicted[used]
+    fitted = np.exp(terms @ np.linalg.lstsq(terms, np.log(ratio), rcond=None)[0])
+    return float(np.sqrt(np.mean((1 - fitted / ratio) ** 2)))
 
 
 def photo_white(photo: LinearImage, relative_response: np.ndarray,
-                remedy: str) -> np.ndarray | None:
+                remedy: str) -> PhotoWhite | None:
     """The same, or None of a photo without a chart whose values may be shares of white already.
 
     Parameters
@@ -50,16 +103,37 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
     InputError
         If no chart tells the white of a camera's raw photo, whose values are shares of what its
         sensor can hold; or the photo is decoded from sRGB, whose values are no camera's.
+    CheckError
+        If camera and light contradict the chart.
     """
-    if photo.kind is PhotoKind.PROCESSED:
-        raise InputError(f"{photo.source} was decoded from sRGB: its values are what a camera's "
-                         "processing made for a screen, and no camera saw them. Take its colours "
-                         "as they are, from the file itself (--encoded, encoded=True)")
+    require_camera_signal(photo.kind, photo.source)
     try:
-        return white_of_chart(photo, relative_response)
+        found = white_of_chart(photo, relative_response)
     except (ChartNotFoundError, CheckError) as error:
         if photo.kind is not PhotoKind.RAW:
             return None
         raise InputError(f"{photo.source} is a raw photo: its values are shares of what the sensor "
                          "can hold and not of white, and no chart in it tells what white reads "
                          f"({str(error).partition(';')[0]}). {remedy}") from None
+    if found.residual > chart_limits(stated=False)[1]:
+        raise CheckError(f"{photo.source}: {found.doubt}")
+    return found
+
+
+def require_camera_signal(kind: PhotoKind, source: str) -> None:
+    """Refuse a photo that was decoded from sRGB, whose values are no camera's.
+
+    Parameters
+    ----------
+    kind : PhotoKind
+    source : str
+        Of the photo, for the error.
+
+    Raises
+    ------
+    InputError
+    """
+    if kind is PhotoKind.PROCESSED:
+        raise InputError(f"{source} was decoded from sRGB: its values are what a camera's "
+                         "processing made for a screen, and no camera saw them. Take its colours "
+                         "as they are, from the file itself (--encoded, encoded=True)")

@@ -190,7 +190,7 @@ def uplift(request: UpliftRequest) -> Answer:
                            "the light it was taken under; or --encoded of a PNG or JPEG in sRGB")
     from spectrabox.session.pictures.uplift_answer import stated_white, uplift_answer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
-    request, white_from = stated_white(request)
+    request, white_from, chart = stated_white(request)
     with progress_display(request.quiet) as progress:
         if request.workers is None and request.cluster is None:
             facts, text = uplift_answer(request, with_time_left(progress))
@@ -203,7 +203,13 @@ def uplift(request: UpliftRequest) -> Answer:
         from spectrabox.measure.signals.signal_estimate import SRGB_ORIGIN
         facts["caveat"] = SRGB_ORIGIN
         text += f"\n{SRGB_ORIGIN}"
-    return Answer(facts | {"white": white, "white_from": white_from}, text)
+    if chart is not None:
+        text += (f"\nwarning: {chart.doubt}" if chart.doubt else "\nthe chart's patches agree with "
+                 f"camera and light within {chart.residual:.1%} rms")
+    return Answer(facts | {
+        "white": white, "white_from": white_from,
+        "chart_residual": None if chart is None else chart.residual,
+        "warnings": [chart.doubt] if chart is not None and chart.doubt else []}, text)
 
 
 @Command

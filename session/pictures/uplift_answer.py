@@ -14,7 +14,12 @@ from spectrabox.capture.photo.image_files import is_image_file
 from spectrabox.capture.photo.image_rows import PictureRows, open_encoded, open_rows
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.processed_photos import NotLinearError
-from spectrabox.measure.pictures.photo_white import photo_white
+from spectrabox.capture.photo.stored_images import read_header
+from spectrabox.measure.pictures.photo_white import (
+    PhotoWhite,
+    photo_white,
+    require_camera_signal,
+)
 from spectrabox.measure.pictures.pixel_spectra import (
     GRID_STEP_NM,
     SpectraPlan,
@@ -40,8 +45,9 @@ WHITE_REMEDY = ("Give --white with what a perfect white reads in each band (a wh
 MAX_SEARCHED_PX = 30_000_000        # a photo; a larger picture is not read at once for its chart
 
 
-def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str]:
-    """The request with its white, as it is stated or a chart in the photo tells it, and from where.
+def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite | None]:
+    """The request with its white, as it is stated or a chart in the photo tells it, from where, and
+    what the chart says.
 
     Parameters
     ----------
@@ -50,15 +56,19 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str]:
     Raises
     ------
     InputError
-        If a camera's raw photo shows no chart.
+        If a camera's raw photo shows no chart, or a photo was decoded from sRGB.
+    CheckError
+        If a chart in the photo contradicts camera and light.
     """
     if request.encoded:
         return replace(request, white="1,1,1", sensitivity=OBSERVER, light="D65"), \
-            "white of sRGB"
+            "white of sRGB", None
     if request.white is not None:
-        return request, "stated"
+        if request.image.is_file() and is_image_file(request.image):
+            require_camera_signal(read_header(request.image).photo_kind, request.image.name)
+        return request, "stated; no chart was looked for", None
     response = relative_response(*_camera_and_light(request), FINE_GRID)
-    white = None
+    found = None
     if _is_searched(request.image):
         try:
             photo = open_photo(request.image)
@@ -66,12 +76,12 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str]:
             photo = None            # too small to show a chart; what cannot be read is said below
         if photo is not None:
             require_bands(photo.signal.shape[2], response)
-            white = photo_white(photo, response, WHITE_REMEDY)
-    if white is None:
+            found = photo_white(photo, response, WHITE_REMEDY)
+    if found is None:
         return replace(request, white=",".join(["1"] * len(response))), \
-            "taken as 1: no --white was given, and no chart was found"
-    return replace(request, white=",".join(f"{float(value):.6g}" for value in white)), \
-        "the chart in the photo"
+            "taken as 1: no --white was given, and no chart was found", None
+    return replace(request, white=",".join(f"{float(value):.6g}" for value in found.white)), \
+        "the chart in the photo", found
 
 
 def _is_searched(image: Path) -> bool:

@@ -1,6 +1,7 @@
 """The spectrum behind every pixel of an image."""
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.signals import OBSERVER
 from spectrabox.capture.photo.image_files import read_encoded_values
-from spectrabox.measure.pictures.photo_white import photo_white
+from spectrabox.measure.pictures.photo_white import photo_white, require_camera_signal
 from spectrabox.measure.pictures.uplift import require_bands, uplift_image
 from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
@@ -69,6 +70,9 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None =
         If image and camera have other bands, or the image has no pixel; if a raw photo shows no
         chart and ``white`` is not given; if more than 5 % of the pixels are brighter than white;
         if camera, light or white are given with ``encoded``, or camera or light not without it.
+    CheckError
+        If a chart that white is taken from is more than 10 % (rms over its patches) off what camera
+        and light predict; above 4 % a warning says so.
 
     References
     ----------
@@ -98,9 +102,15 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None =
     fine_response = relative_response(camera, light)
     response = fine_response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
     require_bands(pixels.shape[2], response)
-    if white is None and isinstance(image, Photo):
-        white = photo_white(image.image, fine_response, "Give white=, what a perfect white reads "
-                            "in each band")
+    if isinstance(image, Photo):
+        require_camera_signal(image.image.kind, image.image.source)
+        if white is None:
+            chart = photo_white(image.image, fine_response, "Give white=, what a perfect white "
+                                "reads in each band")
+            if chart is not None:
+                white = chart.white
+                if chart.doubt:
+                    warnings.warn(chart.doubt, stacklevel=3)
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
                             white=None if white is None else np.asarray(white, dtype=float),
