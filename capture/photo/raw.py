@@ -86,8 +86,7 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
     InputError
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"photo {path} does not exist; correct its name")
+    _require_file(path)
     if path.stat().st_size == 0:
         raise InputError(f"raw photo {path.name} is empty (0 bytes); copy it from the camera card "
                          "again")
@@ -157,10 +156,16 @@ def raw_orientation(path: str | os.PathLike[str]) -> int:
         return ORIENTATIONS[raw.sizes.flip & 7]
 
 
+def _require_file(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"photo {path} does not exist; correct its name")
+
+
 @contextmanager
 def _open(path: Path, unpack: bool = True) -> Iterator[rawpy.RawPy]:
     """The file, unpacked, every complaint of LibRaw turned into an InputError."""
     require_utf8_name(path)
+    _require_file(path)
     try:
         with _captured_stderr() as complaints:
             raw = rawpy.imread(os.fspath(path))

@@ -110,7 +110,7 @@ def measured_chart(path: Path, grid: WavelengthGrid, chart: Chart) -> np.ndarray
         If the file does not hold reflectances of every patch that cover the grid.
     CheckError
         If the samples have other names and are in another order than a published reference of the
-        same chart.
+        same chart, or are those of another chart.
     """
     table = read_table(path)
     samples = [index for index, name in enumerate(table.names)
@@ -124,7 +124,7 @@ def measured_chart(path: Path, grid: WavelengthGrid, chart: Chart) -> np.ndarray
         spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2), grid)
         for index in chosen])
     if order is None and chart.has_known_colours:
-        _require_order(path.name, reflectances, grid, chart)
+        _require_chart(path.name, reflectances, grid, chart)
     return reflectances
 
 
@@ -145,7 +145,8 @@ def _plain(name: str) -> str:
     return re.sub(r"(?<=[a-z])0+(?=\d)", "", re.sub(r"[\s_-]+", "", name.lower()))
 
 
-def _require_order(file: str, reflectances: np.ndarray, grid: WavelengthGrid, chart: Chart) -> None:
+def _require_chart(file: str, reflectances: np.ndarray, grid: WavelengthGrid, chart: Chart) -> None:
+    """Refuse reflectances of another chart, or in another order."""
     correlations = order_correlations(typical_camera_signals(reflectances, grid),
                                       published_signals(chart, grid), chart.rows)
     best = max(correlations, key=lambda words: correlations[words])
@@ -155,3 +156,8 @@ def _require_order(file: str, reflectances: np.ndarray, grid: WavelengthGrid, ch
                          f"correlate with a published chart by {correlations[best]:.2f}, as listed "
                          f"by {as_listed:.2f}; list them row by row, {chart.names[0]} first, or "
                          "name them after the patches")
+    if as_listed < SURE_CORRELATION:
+        raise CheckError(f"{file} holds the reflectances of another chart than a {chart.name}: its "
+                         f"{len(chart.names)} patches correlate with a published one by "
+                         f"{as_listed:.2f}, in any order; give the file of this chart, or the "
+                         "layout that the file is of")

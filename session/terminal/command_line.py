@@ -8,6 +8,7 @@ import errno
 import inspect
 import io
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -404,7 +405,7 @@ def pixel_numbers(text: str, count: int, option: str, form: str) -> list[float]:
         numbers = [float(part) for part in text.replace(",", " ").split()]
     except ValueError:
         numbers = []
-    if len(numbers) != count:
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise InputError(f"{option} {text!r}: {count} numbers in pixels of the photo are needed, "
                          f"{form}")
     return numbers

@@ -12,9 +12,11 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.api.known_camera import KnownCamera
 from spectrabox.measure.captured import LitChart
+from spectrabox.measure.options import Sampling
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
+from spectrabox.radiometry.checked_tables import checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
@@ -386,9 +388,55 @@ def as_lit_chart(layout: str | Path | Chart | None, reference: str | None,
     chart = as_chart(layout)
     return LitChart(chart, reference_reflectances(reference, chart, FINE_GRID),
                     np.zeros(len(chart.names), bool),
-                    None if corners is None else np.asarray(corners, float),
+                    as_corners(corners),
                     stated=reference is not None or chart.reference_file is not None,
                     measured=reference_file(reference, chart) is not None)
+
+
+def as_corners(corners: ArrayLike | None) -> np.ndarray | None:
+    """Four corners (4, 2) of a chart, or None.
+
+    Raises
+    ------
+    InputError
+        If they are not four points.
+    """
+    if corners is None:
+        return None
+    points = np.asarray(corners)
+    if points.shape != (4, 2) or points.dtype.kind not in "iuf" or not np.isfinite(points).all():
+        raise InputError(f"corners= is four points [(x, y), ...] in pixels of the photo; {corners} "
+                         "was given")
+    return points.astype(float)
+
+
+def require_mapping(given: object, argument: str, form: str) -> None:
+    """Refuse what is no mapping, such as a list or a name by itself.
+
+    Parameters
+    ----------
+    given : object
+        None where it was left out.
+    argument, form : str
+        What it is called, and what it should be.
+
+    Raises
+    ------
+    InputError
+    """
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(f"{argument}= is a mapping, {form}; {type(given).__name__} was given")
+
+
+def sampling_of(**stated: Any) -> Sampling:
+    """How spectra are drawn, as arguments state it.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range.
+    """
+    return checked(Sampling, stated, "arguments")
 
 
 def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],

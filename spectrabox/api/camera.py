@@ -285,6 +285,8 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     >>> camera.checks
     """
     given = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
+    if not given:
+        raise InputError("no photo was given; give one photo of a chart or more")
     lights = [as_light(one) for one in (light if isinstance(light, list) else [light])]
     if len(lights) not in (1, len(given)):
         raise InputError(f"{len(lights)} lights were given for {len(given)} photos; give one for "

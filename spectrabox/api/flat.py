@@ -20,6 +20,8 @@ from spectrabox.api.arguments import (
     families_of,
     folder_for_pictures,
     one_blas_thread,
+    require_mapping,
+    sampling_of,
     surfaces_of,
 )
 from spectrabox.api.chart_check import ChartCheck
@@ -45,7 +47,7 @@ from spectrabox.measure.captured import (
     Sensitivity,
     View,
 )
-from spectrabox.measure.options import PictureOptions, Sampling
+from spectrabox.measure.options import PictureOptions
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.flat_result import flat_result
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
@@ -219,6 +221,12 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
     ...                  families={"wall": "paint"})
     >>> result["wall"].plot()
     """
+    for argument, given, form in (
+            ("regions", regions, "from names to (x0, y0, x1, y1)"),
+            ("families", families, 'such as {"wall": "paint"}'), ("known", known, '{"card": 0.9}'),
+            ("truth", truth, '{"wall": "wall.csv"}'),
+            ("filtered", filtered, '{"gel.dng": "gel.csv"}'), ("also", also, '{"led.dng": "led"}')):
+        require_mapping(given, argument, form)
     swatch_reflectances = _swatches(swatches, regions)
     for name in (*(families or {}), *(known or {}), *(truth or {}),
                  *swatch_reflectances):
@@ -236,7 +244,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
             else photo_orientation(first[ONE_PHOTO][0].path)),
         sensitivity=Sensitivity(prior=None if camera_prior is None
                                 else load_camera_prior(Path(camera_prior))),
-        sampling=Sampling(draws=draws, level=level),
+        sampling=sampling_of(draws=draws, level=level),
         picture=None if picture is None else PictureOptions(), seed=seed)
     with progress_steps(progress, "flat") as show:
         keeper = MemoryKeeper(lambda step, share, message: show(_share(step, share), message),
@@ -310,7 +318,7 @@ def _regions(outlines: Mapping[str, OutlineLike], surfaces: Mapping[str, str],
             families_of(families.get(name)), surfaces.get(name), reflectance(known, name),
             None if measured is None else Spectrum(FINE_GRID, measured, Quantity.REFLECTANCE,
                                                    "given"),
-            _outline(outline), swatch=swatches.get(name))
+            _outline(outline, name), swatch=swatches.get(name))
     return regions
 
 
@@ -323,9 +331,16 @@ def _swatches(swatches: Mapping[str, KnownSpectrum] | str | Path | None,
     return {name: as_reflectance(one, name) for name, one in (swatches or {}).items()}
 
 
-def _outline(region: OutlineLike) -> Outline:
+def _outline(region: OutlineLike, name: str) -> Outline:
     """Corners (x, y) of a region, going round."""
-    points = np.asarray(region, dtype=float)
+    try:
+        points = np.asarray(region, dtype=float)
+    except (TypeError, ValueError):         # text, or points of several lengths
+        points = np.empty(0)
+    if points.shape != (4,) and (points.ndim != 2 or points.shape[1] != 2 or len(points) < 3) \
+            or not np.isfinite(points).all():
+        raise InputError(f"region {name!r} is (x0, y0, x1, y1), or three corners [(x, y), ...] or "
+                         f"more, in pixels of the photo; {region} was given")
     if points.shape == (4,):
         x0, y0, x1, y1 = points.tolist()
         return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))

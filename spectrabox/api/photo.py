@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import as_chart
+from spectrabox.api.arguments import as_chart, as_corners
 from spectrabox.api.notebook import axes_for
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
@@ -151,6 +151,8 @@ def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
     --------
     >>> photo = sb.open_photo("painting/photos/painting.dng")
     """
+    if orientation is not None and orientation not in range(1, 9):
+        raise InputError(f"orientation={orientation} is none of EXIF's, 1 to 8")
     if isinstance(photo, np.ndarray):
         if dark or flat is not None:
             raise InputError("an array is taken as it is; subtract dark frames and divide by the "
@@ -158,6 +160,8 @@ def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
         turn = AS_READ if orientation is None else orientation
         return Photo(turned(image_of_array(photo), turn), (), turn)
     paths = [Path(one) for one in (photo if isinstance(photo, list) else [photo])]
+    if not paths:
+        raise InputError("no photo was given; give one, or several exposures of a bracket")
     turn = photo_orientation(paths[0]) if orientation is None else orientation
     image, notes = develop_photos(paths, [Path(one) for one in dark or []],
                                   None if flat is None else Path(flat), not_linear,
@@ -372,6 +376,5 @@ def find_chart(photo: str | Path | Photo | np.ndarray, *, layout: str | Path | C
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     chart = as_chart(layout)
-    detection, quality = judged_chart(opened.image, chart, reference, None if corners is None
-                                      else np.asarray(corners, dtype=float))
+    detection, quality = judged_chart(opened.image, chart, reference, as_corners(corners))
     return ChartInPhoto(opened, chart, detection, quality)

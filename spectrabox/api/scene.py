@@ -21,6 +21,7 @@ from spectrabox.api.arguments import (
     folder_for_pictures,
     one_blas_thread,
     require_sensitivities,
+    sampling_of,
     surfaces_of,
 )
 from spectrabox.api.camera import CameraEstimate
@@ -44,7 +45,7 @@ from spectrabox.measure.captured import (
     SceneCapture,
     SceneView,
 )
-from spectrabox.measure.options import Inversion, PictureOptions, Repeatability, Sampling
+from spectrabox.measure.options import Inversion, PictureOptions, Repeatability
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
@@ -281,7 +282,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
                                 else {ONE_PHOTO: as_input_file(flat_field)}),
         materials={name: Material(stated.get(name, ()), surfaces.get(name), reflectance,
                                   bsdf=name) for name, reflectance in known.items()},
-        inversion=Inversion(width=width), sampling=Sampling(draws=draws), repeatability=chosen,
+        inversion=Inversion(width=width), sampling=sampling_of(draws=draws), repeatability=chosen,
         picture=None if picture is None else PictureOptions(), seed=seed)
     with progress_steps(progress, "scene") as show:
         keeper = MemoryKeeper(
