@@ -50,7 +50,7 @@ def test_photos_and_charts_are_refused_in_a_sentence(photo, tmp_path):
     missing = tmp_path / "nothere.dng"
     for function in (sb.open_photo, sb.find_chart, lambda path: sb.flat(path, REGION),
                      lambda path: sb.fit_camera(path, light="D65")):
-        with pytest.raises(InputError, match="photo .*nothere.dng does not exist"):
+        with pytest.raises(InputError, match=r"photo .*nothere.dng does not exist"):
             function(missing)
 
 

@@ -170,6 +170,13 @@ def test_the_order_of_a_table_is_found_out(tmp_path, classic, words):
             measured_chart(path, GRID, CLASSIC)
 
 
+def test_the_reflectances_of_another_chart_are_named_so(tmp_path):
+    other = chart_reflectances("BeyondRGB APT", GRID)       # 24 patches as well
+    with pytest.raises(CheckError, match=r"measured.csv holds the reflectances of another chart "
+                                         r"than a ColorChecker Classic: its 24 patches .* by 0.22"):
+        measured_chart(csv(tmp_path, other), GRID, CLASSIC)
+
+
 @pytest.mark.parametrize("reference", ["ISO 17321-1", "ColorChecker N Ohta"])
 def test_other_charts_of_the_same_colours_are_in_order(tmp_path, reference):
     theirs = chart_reflectances(reference, GRID)

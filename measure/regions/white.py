@@ -364,7 +364,7 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
         residual = target - signal
         own = error + KNOWN_ERROR**2 * np.outer(target, target)
         spread = rows @ white.covariance @ rows.T + own
-        _require_one_light(name, residual / target,
+        _require_one_light(name, signal / target,
                            (expected @ white.covariance @ expected.T + own)
                            / np.outer(target, target), read)
         _require_one_level(name, signal, target, misfits[name])
@@ -435,18 +435,24 @@ def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, fl
                    ROUNDED_EXPOSURES: rounding_error(before, after)}
 
 
-def _require_one_light(name: str, relative: np.ndarray, covariance: np.ndarray,
+def _require_one_light(name: str, ratio: np.ndarray, covariance: np.ndarray,
                        bands: np.ndarray) -> None:
     """Refuse a known region whose bands, by number, disagree with the chart's light beyond errors.
+
+    ``ratio`` (K,) is what is read to what is stated. What all bands share is their level, between
+    them: with errors that are common to nearly the last digit, weights below 0 would put it far
+    outside. Of a light that is brighter than the chart's says, bands differ in proportion to it.
     """
-    weights = np.linalg.solve(covariance, np.ones(len(relative)))
-    level = float(weights @ relative / weights.sum())
-    off = relative - level
-    errors = np.sqrt(np.diag(covariance) - 1 / weights.sum())   # of what differs from the level
+    weights = np.maximum(np.linalg.solve(covariance, np.ones(len(ratio))), 0)
+    weights /= weights.sum()
+    level = float(weights @ ratio)
+    off = (ratio - level) / max(level, 1.0)
+    from_level = np.eye(len(ratio)) - weights
+    errors = np.sqrt(np.diag(from_level @ covariance @ from_level.T))
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > OTHER_COLOUR and abs(off[worst]) > SIGMAS * errors[worst]:
         raise CheckError(f"region {name!r} of known spectrum reads {abs(off[worst]):.0%} "
-                         f"{'less' if off[worst] > 0 else 'more'} in band {bands[worst] + 1} than "
+                         f"{'less' if off[worst] < 0 else 'more'} in band {bands[worst] + 1} than "
                          "the chart's light gives it: chart and samples were photographed under "
                          "different light; take both under one light, or correct the known "
                          "spectrum")

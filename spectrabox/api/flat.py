@@ -337,7 +337,7 @@ def _outline(region: OutlineLike, name: str) -> Outline:
         points = np.asarray(region, dtype=float)
     except (TypeError, ValueError):         # text, or points of several lengths
         points = np.empty(0)
-    if points.shape != (4,) and (points.ndim != 2 or points.shape[1] != 2 or len(points) < 3) \
+    if (points.shape != (4,) and (points.ndim != 2 or points.shape[1] != 2 or len(points) < 3)) \
             or not np.isfinite(points).all():
         raise InputError(f"region {name!r} is (x0, y0, x1, y1), or three corners [(x, y), ...] or "
                          f"more, in pixels of the photo; {region} was given")
