@@ -1,4 +1,5 @@
 """Charts made before and after November 2014, and what a photo says of the copy that it shows."""
+import dataclasses
 import json
 import os
 from dataclasses import replace
@@ -81,6 +82,9 @@ def test_the_level_of_a_dark_white_is_found_within_its_error():
         assert copy.level_error[WHITE] < 0.025
     assert "white 9.5 reads" in chart_copy_notes(copy, CLASSIC.names)[0]
     assert "low" in chart_copy_notes(copy, CLASSIC.names)[0]
+    bluer = dataclasses.replace(copy, tint=np.full(24, 0.2))
+    under = chart_copy_notes(bluer, CLASSIC.names, "CIE A")
+    assert "the light is not CIE A, as was stated, or it is of another edition" in under[0]
 
 
 def test_what_is_said_of_copies_holds_as_often_as_it_says():

@@ -220,6 +220,10 @@ def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, says):
     found = chart_at_fault(patches, CLASSIC.names)
     assert found.startswith(says) and bool(found) == bool(says)
     named = [*brighter, *colour] if says else []
+    # a stated light is named before the chart, where colours are off and not levels alone
+    under = chart_at_fault(patches, CLASSIC.names, "CIE FL2")
+    assert ("Either the light is another" in under) == bool(colour)
+    assert under == found or "under the stated light, CIE FL2: " in under
     kept_out = dataclasses.replace(patches, excluded=np.isin(np.arange(24), named))
     assert chart_at_fault(kept_out, CLASSIC.names) == ""
     assert chart_level_notes(kept_out, CLASSIC.names) == ()

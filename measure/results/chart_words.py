@@ -80,7 +80,8 @@ def chart_level_notes(patches: HeldOutPatches, names: Sequence[str]) -> tuple[st
             "(chart.leave_out)",)
 
 
-def chart_copy_notes(copy: ChartCopy, names: Sequence[str]) -> tuple[str, ...]:
+def chart_copy_notes(copy: ChartCopy, names: Sequence[str],
+                     light: str = "") -> tuple[str, ...]:
     """Patches that are lighter, darker or of another tint than in copies of the chart's edition, by
     more than chance and by enough to matter.
 
@@ -88,6 +89,8 @@ def chart_copy_notes(copy: ChartCopy, names: Sequence[str]) -> tuple[str, ...]:
     ----------
     copy : ChartCopy
     names : sequence of I str
+    light : str
+        As of ``chart_at_fault``.
     """
     said, white = [], int(copy.reflectances.mean(axis=1).argmax())
     for size, error, words in (
@@ -101,8 +104,10 @@ def chart_copy_notes(copy: ChartCopy, names: Sequence[str]) -> tuple[str, ...]:
                  f"{words[int(size[patch] > 0)]}" for patch in named.tolist()]
     if not said:
         return ()
-    return (f"this chart is not as copies of its edition are: {'; '.join(said)}: another edition, "
-            "worn or dirty; measure it (chart.reference) or replace it",)
+    by_light = f"the light is not {light}, as was stated, or it is of " \
+        if light and any(" in the blue" in one for one in said) else ""
+    return (f"this chart is not as copies of its edition are: {'; '.join(said)}: {by_light}another "
+            "edition, worn or dirty; measure it (chart.reference) or replace it",)
 
 
 def evidence_since(copy: ChartCopy) -> float | None:
@@ -183,7 +188,7 @@ def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object
             "patches": rows}
 
 
-def chart_at_fault(patches: HeldOutPatches, names: Sequence[str]) -> str:
+def chart_at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> str:
     """What is wrong with the chart itself, in sentences: patches whose level or colour is off by
     more than chance; empty where none is but those that were kept out of the fit.
 
@@ -191,6 +196,8 @@ def chart_at_fault(patches: HeldOutPatches, names: Sequence[str]) -> str:
     ----------
     patches : HeldOutPatches
     names : sequence of I str
+    light : str
+        The one that was stated, which colours may be off by as well; empty where it is unknown.
     """
     fitted = ~patches.excluded.astype(bool)
     level, colour = _beyond_chance(patches) & fitted, _other_colour(patches) & fitted
@@ -201,6 +208,12 @@ def chart_at_fault(patches: HeldOutPatches, names: Sequence[str]) -> str:
     each = "; ".join(f"{names[patch]} {_reason(patches, patch)}" for patch in named)
     if glare == named:
         return f"Glare lies on the chart: {each}. Turn the chart or the lamp."
+    if light and colour.any():
+        return (f"The chart does not agree with its reference under the stated light, {light}: "
+                f"{each}. Either the light is another: measure it, or state it as unknown; or the "
+                "chart is of another edition, worn or soiled, or light glares on it: measure it "
+                "and give that file as reference, replace it, or leave these patches out "
+                "(chart.leave_out).")
     return (f"The chart is not as its reference says: {each}. It is of another edition, worn or "
             "soiled, or light glares on it: measure it and give that file as reference, replace "
             "it, or leave these patches out (chart.leave_out).")

@@ -218,7 +218,7 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     Fact("light", "on the region, relative to the chart's mean",
          lambda surface: surface.light and surface.light[0]),
     Fact("light_error", "relative standard error of that light",
-         lambda surface: surface.light and surface.light[1], "light known to", percent),
+         lambda surface: surface.light and surface.light[1], "light against chart ±", percent),
     Fact("scatter", "of the region's pixels beyond noise and a plane, relative",
          lambda surface: surface.scatter),
     Fact("edge", "across the region: `kind` (shadow or fold, two paints, or either), the `step` of "

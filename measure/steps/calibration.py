@@ -178,7 +178,7 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
                 held_out[first.name], capture.layout.names))
             if fit.copy is not None:
                 notes += tuple(f"{first.chart_names[0]}: {note}" for note in chart_copy_notes(
-                    fit.copy, capture.layout.names))
+                    fit.copy, capture.layout.names, "" if camera.products else camera.light.source))
             if not first.name:
                 of_first = fit
         else:

@@ -9,6 +9,7 @@ import numpy as np
 from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.white import LEVEL_DOUBTED
 from spectrabox.measure.results.chart_words import chart_at_fault
+from spectrabox.measure.surfaces.swatch_correction import CORRECTED
 from spectrabox.measure.verdict.conditions import (
     LIGHT_CAUSES,
     darker_by,
@@ -54,10 +55,12 @@ def _light(found: FlatResult) -> list[Criterion]:
              f"beyond L* ± {LIGHTNESS_LIMITS[1]:g}")
     worst = max(effects, key=lambda region: effects[region].badness)
     effect = effects[worst]
+    share = "" if effect.share is None else \
+        f"{percent(effect.share, 0)} of the variance of its spectrum and "
     sentence = (f"The light on “{worst}” is known to {percent(effect.error)}, which makes "
-                f"{percent(effect.share, 0)} of the variance of its spectrum and L* ± "
-                f"{effect.lightness:.1f}")
-    at_fault = chart_at_fault(found.chart.left_out, found.chart.layout.names) \
+                f"{share}L* ± {effect.lightness:.1f}")
+    light = "" if found.calibration.products else found.calibration.light.source
+    at_fault = chart_at_fault(found.chart.left_out, found.chart.layout.names, light) \
         if found.chart is not None and found.chart.left_out is not None else ""
     if effect.status is Status.PASS:
         sentence += "."
@@ -67,9 +70,9 @@ def _light(found: FlatResult) -> list[Criterion]:
         sentence += (": it lies far from the chart, or the light is uneven; put the chart or a "
                      "white card next to it, or photograph a white card in the samples' place as "
                      "flat field.")
-    known = Criterion(name, effect.lightness, f"L* ± {effect.lightness:.1f}, "
-                      f"{percent(effect.share, 0)}", limit, effect.status, sentence,
-                      tuple(region for region, each in effects.items()
+    known = Criterion(name, effect.lightness, f"L* ± {effect.lightness:.1f}"
+                      + ("" if effect.share is None else f", {percent(effect.share, 0)}"), limit,
+                      effect.status, sentence, tuple(region for region, each in effects.items()
                             if each.status is not Status.PASS))
     levels = np.array([level for photo in found.photos for level, _ in photo.light.values()]
                       + [1.0])
@@ -85,13 +88,13 @@ class LightEffect:
     """What the error of the light on a region costs its spectrum."""
 
     error: float                # of the light, relative
-    share: float                # of the spectrum's variance
+    share: float | None         # of the spectrum's variance; None: draws do not tell it
     lightness: float            # standard error of L* by the light alone
 
     @property
     def badness(self) -> float:
         """The effect by the limits of a PASS: 1 is just one."""
-        return max(self.share / MOST_OF_A_BAND, self.lightness / LIGHTNESS_LIMITS[0])
+        return max((self.share or 0.0) / MOST_OF_A_BAND, self.lightness / LIGHTNESS_LIMITS[0])
 
     @property
     def status(self) -> Status:
@@ -103,10 +106,17 @@ class LightEffect:
 def light_effect(surface: SurfaceResult) -> LightEffect:
     """What the error of the light costs a region; its plane is a condition of its own, which no
     chart that lies nearer makes better.
+
+    Swatches that corrected a spectrum corrected its light too, as far as they share it: what is
+    left is no more than the error of the answer.
     """
     error = error_by(surface, LIGHT_CAUSES) or 0.0
     lightness = abs(darker_by([surface], error) or 0.0)
-    return LightEffect(error, share_by(surface, LIGHT_CAUSES), lightness)
+    share = share_by(surface, LIGHT_CAUSES) if surface.variance_shares else None
+    if surface.samples is not None and surface.samples.method.endswith(CORRECTED) \
+            and surface.lab_error is not None:
+        lightness = min(lightness, float(surface.lab_error[0]))
+    return LightEffect(error, share, lightness)
 
 
 def _known_levels(found: FlatResult) -> list[Criterion]:
