@@ -20,7 +20,13 @@ from spectrabox.measure.pictures import picture_maps
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.regions import white as module
 from spectrabox.measure.regions.flat_signals import errors_of_region, flat_signals
-from spectrabox.measure.regions.white import KNOWN_ERROR, FlatErrors, FlatPhoto, condition_on_known
+from spectrabox.measure.regions.white import (
+    KNOWN_ERROR,
+    FlatErrors,
+    FlatPhoto,
+    _require_one_light,
+    condition_on_known,
+)
 from spectrabox.radiometry.chart import plane_centres
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
@@ -31,6 +37,7 @@ from spectrabox.radiometry.error_model import (
     ROUNDED_EXPOSURES,
     SAMPLE_PLANE,
 )
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import (
@@ -127,6 +134,17 @@ def test_signals_and_their_errors_are_those_of_draws_of_all_that_is_unknown(seen
         for cause, relative in causes.items():
             np.testing.assert_allclose(white.errors(region)[cause], relative**2 * both,
                                        rtol=0.02, atol=1e-12)
+
+
+@pytest.mark.parametrize("brighter", [1.0, 2.0, 8.0])
+def test_what_bands_differ_by_does_not_hang_on_how_bright_the_light_is(brighter):
+    # errors of 0.7 that all bands share but for a hundredth, unlike from band to band
+    common, own = 0.5 * np.ones((3, 3)), np.diag([0.5, 1.0, 3.0]) * 1e-5
+    _require_one_light("card", brighter * np.ones(3), common + own, np.arange(3))
+    # the level is between the bands, 1.04 by those that are known best
+    with pytest.raises(CheckError, match="'card' of known spectrum reads 14% less in band 3"):
+        _require_one_light("card", brighter * np.array([1.1, 1.0, 0.9]), common + own,
+                           np.arange(3))
 
 
 @pytest.mark.parametrize("noisier", [1, 15])

@@ -93,6 +93,16 @@ def test_a_photo_of_another_scene_is_not_taken_for_one_of_the_same_samples(tmp_p
         sb.flat(tmp_path / "first.dng", regions, **{option: {tmp_path / "other.dng": what}})
 
 
+@pytest.mark.parametrize("reflectance", [0.9, 0.5, 0.15])
+def test_a_light_of_another_colour_is_off_by_as_much_however_bright_it_is(reflectance):
+    """A wall in the sun, stated to be a grey card, far brighter than the chart's light tells."""
+    with pytest.raises(CheckError, match=r"'card' of known spectrum reads 1\d% "
+                                         r"(less in band 3|more in band 1) than"):
+        sb.flat(real_photo("industrial_outdoor4"), {"wall": (800, 360, 1050, 400),
+                                                    "card": (1060, 360, 1300, 400)},
+                known={"card": reflectance})
+
+
 def test_a_chart_photo_of_another_camera_is_refused():
     with pytest.raises(InputError, match=r"Indoor1 SN0001 and .*Outdoor4 SN0001: curves and"):
         sb.flat(real_photo("industrial_outdoor4"), {"chair": (660, 1235, 840, 1285)},
