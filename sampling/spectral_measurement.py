@@ -177,7 +177,7 @@ ALIKE = 1e-6    # smallest singular value of the bands' directions: below, two b
 
 
 def check_draw_count(draws: int) -> None:
-    """Raise unless at least one draw is asked for.
+    """Raise unless a whole number of draws, at least one, is asked for.
 
     Parameters
     ----------
@@ -188,8 +188,23 @@ def check_draw_count(draws: int) -> None:
     ------
     InputError
     """
-    if draws < 1:
-        raise InputError(f"{draws} draws were asked for; ask for at least 1")
+    if not isinstance(draws, int | np.integer) or draws < 1:
+        raise InputError(f"{draws!r} draws were asked for; ask for at least 1, a whole number")
+
+
+def check_seed(seed: int) -> None:
+    """Raise unless a seed is a whole number from 0.
+
+    Parameters
+    ----------
+    seed : int
+
+    Raises
+    ------
+    InputError
+    """
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"the seed {seed!r} cannot be; give 0, 1, 2 ...")
 
 
 def check_measurement(measurement: SpectralMeasurement) -> None:

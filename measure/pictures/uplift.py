@@ -51,6 +51,10 @@ class ImageSource:
         if not 0 <= self.noise < MAX_NOISE:
             raise InputError(f"the noise of a pixel, {self.noise:g}, is relative to its signal: 0 "
                              f"to {MAX_NOISE:g} is needed, and 0.01 is 1 %")
+        if self.white.shape != (len(self.relative_response),):
+            raise InputError(f"white of shape {self.white.shape} was given for "
+                             f"{len(self.relative_response)} bands; give what a perfect white "
+                             "reads in each")
         if not np.all(self.white > 0):
             raise InputError(f"the white {self.white.tolist()} is not positive in every band; give "
                              "what a perfect white reads")

@@ -44,7 +44,12 @@ from spectrabox.sampling.prior.signal_posterior import (
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.published.per_axis_box import sample_published
 from spectrabox.sampling.published.ranking_and_refinement import ranked, refined_as_published
-from spectrabox.sampling.spectral_measurement import check_measurement, response_on, spline_operator
+from spectrabox.sampling.spectral_measurement import (
+    check_measurement,
+    check_seed,
+    response_on,
+    spline_operator,
+)
 from spectrabox.sampling.summary import check_level, summarise
 from spectrabox.sampling.uniform import as_spectra, into_reach
 
@@ -128,12 +133,10 @@ def check_options(options: SampleOptions) -> None:
     if options.refine is not None and method == "prior":
         raise InputError("--refine belongs to splines; the learnt prior has none: take --method "
                          "uniform or paper")
-    for name, number in (("samples", options.samples), ("seed", options.seed),
-                         ("coefficients", options.coefficients)):
+    check_seed(options.seed)
+    for name, number in (("samples", options.samples), ("coefficients", options.coefficients)):
         if not isinstance(number, int | np.integer):
             raise InputError(f"{name} {number!r} is no whole number")
-    if options.seed < 0:
-        raise InputError(f"the seed {options.seed} is negative; give 0, 1, 2 ...")
     if not 1 <= options.samples <= MAX_SAMPLES:
         raise InputError(f"{options.samples} samples were asked for; ask for 1 to {MAX_SAMPLES}")
 

@@ -408,6 +408,9 @@ def check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:
     visible = values[(nm >= 400) & (nm <= 700)]
     if not visible.size:        # coarser samples than the visible range is wide
         visible = np.interp([400, 700], nm, values)
+    if not np.all(np.isfinite(visible)):
+        raise InputError(f"{name}: a reflectance between 400 and 700 nm is not a finite number; "
+                         "measure or export the missing part")
     if visible.max() > MAX_REFLECTANCE:
         raise InputError(f"{name}: a reflectance of {visible.max():.3g} looks like percent; "
                          "give fractions of 1, or state '# unit: percent'")

@@ -30,6 +30,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     surprise_limit,
     widened,
 )
+from spectrabox.sampling.spectral_measurement import check_seed
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 FEWEST = 10
@@ -109,6 +110,7 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, relative_response:
     InputError
         For fewer than ten curves, or a noise that cannot be.
     """
+    check_seed(seed)
     if not 0 <= noise < MAX_NOISE:
         raise InputError(f"a relative noise of {noise:g} was given; 0 to {MAX_NOISE:g} is needed")
     truth = library.reflectances

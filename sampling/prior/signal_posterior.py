@@ -41,6 +41,7 @@ from spectrabox.sampling.spectral_measurement import (
     MeasurementOperator,
     check_draw_count,
     check_measurement,
+    check_seed,
     nearest_splines,
     response_on,
 )
@@ -214,6 +215,7 @@ class SignalPosterior:
             As `draws`.
         """
         check_draw_count(count)
+        check_seed(seed)
         states = self.measurement.states
         if states is None:
             return self._draws_in(self.parts[0], count, seed), None

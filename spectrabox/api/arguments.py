@@ -132,10 +132,32 @@ def as_numbers(given: ArrayLike, name: str) -> np.ndarray:
         If it is none.
     """
     try:
+        if np.iscomplexobj(given):
+            raise TypeError
         return np.asarray(given, dtype=float)
     except (TypeError, ValueError):
         shown = repr(given) if isinstance(given, str) else type(given).__name__
         raise InputError(f"{name}: {shown} is no array of numbers") from None
+
+
+def as_number(given: float, name: str) -> float:
+    """A number.
+
+    Parameters
+    ----------
+    given : float
+    name : str
+        What it is, for the message.
+
+    Raises
+    ------
+    InputError
+        If it is none, or not finite.
+    """
+    number = as_numbers(given, name)
+    if number.ndim or not np.isfinite(number):
+        raise InputError(f"{name}: {given!r} is no number")
+    return float(number)
 
 
 def as_wavelengths(nm: ArrayLike, name: str) -> np.ndarray:
@@ -369,6 +391,9 @@ def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:
 
 def as_prior(prior: str | Path | LogitMixture | None, families: Sequence[str] = ()) -> LogitMixture:
     """The shipped prior, one of a file, or a record; of some families where they are stated."""
+    if not isinstance(prior, str | Path | LogitMixture | None):
+        raise InputError(f"prior: {type(prior).__name__} is no prior; give a file, or what "
+                         "sb.train_prior returned")
     learnt = prior if isinstance(prior, LogitMixture) else load_prior(
         None if prior is None else Path(prior))
     return of_families(learnt, families)
@@ -477,5 +502,9 @@ def families_of(families: str | Sequence[str] | None) -> tuple[str, ...]:
     """One family or several, as a tuple."""
     if families is None:
         return ()
-    return (families,) if isinstance(families, str) else tuple(families)
+    stated = (families,) if isinstance(families, str) else families
+    if not isinstance(stated, list | tuple) or not all(isinstance(one, str) for one in stated):
+        raise InputError(f"families: {families!r} are no names of families; give one, such as "
+                         "'paint', or a list of them")
+    return tuple(stated)
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
+    as_number,
     as_numbers,
     as_prior,
     families_of,
@@ -99,6 +100,8 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None =
     if pixels.ndim != 3 or not pixels.size:
         raise InputError(f"an image of shape {pixels.shape} was given; give (height, width, bands) "
                          "with one pixel or more")
+    if not np.all(np.isfinite(pixels)):
+        raise InputError("the image holds numbers that are not finite; put 0 in place of them")
     fine_response = relative_response(camera, light)
     response = fine_response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
     require_bands(pixels.shape[2], response)
@@ -112,8 +115,9 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None =
                 if chart.doubt:
                     warnings.warn(chart.doubt, stacklevel=3)
     with progress_steps(progress, "uplift") as step:
-        return uplift_image(pixels, response, as_prior(prior, families_of(families)), noise,
-                            white=None if white is None else np.asarray(white, dtype=float),
+        return uplift_image(pixels, response, as_prior(prior, families_of(families)),
+                            as_number(noise, "noise"),
+                            white=None if white is None else as_numbers(white, "white"),
                             progress=lambda share: step(share, "tables"))
 
 

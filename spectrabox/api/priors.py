@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
+    as_number,
     as_numbers,
     as_prior,
     as_wavelengths,
@@ -39,6 +40,7 @@ from spectrabox.sampling.prior.libraries import (
     usable,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.spectral_measurement import check_seed
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
@@ -90,7 +92,8 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
     >>> orange = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.003,
     ...                    prior=prior)
     """
-    if not libraries:
+    check_seed(seed)
+    if not isinstance(libraries, Mapping) or not libraries:
         raise InputError("no library is given; give reflectances or folders of them by family")
     read = {family: _libraries(value, family, nm, seed) for family, value in libraries.items()}
     return learn_prior(read, _coarse(camera, light), seed).prior
@@ -144,7 +147,7 @@ def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
     >>> certificate.verdict, certificate.coverage[0.95]
     """
     return certify_library(as_prior(prior, families_of(families)), _library(library, nm, "library"),
-                           _coarse(camera, light), noise, seed, DELTA_LIGHTS)
+                           _coarse(camera, light), as_number(noise, "noise"), seed, DELTA_LIGHTS)
 
 
 def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
@@ -199,10 +202,12 @@ def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
     >>> judgement = sb.judge(cube, {"patch": (1, 1, 7, 7)}, {"patch": truth}, nm=nm, truth_nm=nm)
     >>> {row["method"]: row["rmse"] for row in judgement.rows}
     """
+    if not isinstance(regions, Mapping):
+        raise InputError("regions are given by name: regions={name: (x0, y0, x1, y1)}")
     if isinstance(cube, str | Path):
         opened = open_picture(Path(cube), None if nm is None else np.asarray(nm, float), None)
     else:
-        values = np.asarray(cube, dtype=float)
+        values = as_numbers(cube, "cube")
         if nm is None or values.ndim != 3 or len(np.asarray(nm)) != values.shape[2]:
             raise InputError("a cube that is given as an array needs (height, width, C) values and "
                              "its C wavelengths nm")
@@ -239,6 +244,8 @@ def _truths(truth: Mapping[str, ArrayLike], nm: ArrayLike | None,
     if missing := [name for name in regions if name not in truth]:
         raise InputError(f"no truth is given for {', '.join(map(repr, missing))}; there are "
                          f"{', '.join(map(repr, truth)) or 'none'}")
+    if np.any(np.diff(wavelengths) <= 0):
+        raise InputError("truth_nm does not rise; give wavelengths in their order")
     curves = {name: as_numbers(one, f"truth {name!r}") for name, one in truth.items()}
     for name, values in curves.items():
         if values.shape != wavelengths.shape:

@@ -13,6 +13,7 @@ from spectrabox.api.arguments import (
     CameraLike,
     KnownSpectrum,
     LightLike,
+    as_number,
     as_numbers,
     as_prior,
     as_reflectance,
@@ -153,11 +154,13 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
     learnt, (fit_error, doubts) = as_prior(prior, families_of(families)), curve_error(camera)
     capture = SignalCapture(
         response, rows, tuple(labels), whites,
-        None if errors is None else np.broadcast_to(errors, bands).copy(), light_error,
-        sensitivity_error, learnt,
+        None if errors is None else np.broadcast_to(errors, bands).copy(),
+        as_number(light_error, "light_error"), as_number(sensitivity_error, "sensitivity_error"),
+        learnt,
         swatches=None if swatches is None else _swatches(swatches, band_names(camera, bands)),
         origin=origin, camera_caveats=curve_caveats(fit_error, sensitivity_error, doubts))
-    each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients, level),
+    each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients,
+                                                 as_number(level, "level")),
                           with_draws=given.ndim == 1)
     estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None,
                            capture.caveats)
@@ -222,13 +225,16 @@ def match(signal: SpectrumEstimate | ArrayLike,
     if not isinstance(signal, SpectrumEstimate):
         if camera is None or light is None:
             raise InputError("a signal that is given as numbers needs its camera and its light")
+        if as_numbers(signal, "signal").ndim != 1:
+            raise InputError("one signal is identified at a time: give (K,) numbers or an estimate")
         one = sample(signal, camera=camera, light=light, noise=noise, prior=prior)
         assert isinstance(one, SpectrumEstimate)
         signal = one
     if signal.measurement is None:
         raise InputError(f"the spectrum of {signal.name!r} was given: there is nothing to identify")
-    if not isinstance(library, str | Path) and not len(library):
-        raise InputError("the library is empty; give files, folders, or reflectances by name")
+    if not isinstance(library, str | Path | Mapping | list | tuple) or not library:
+        raise InputError("the library is empty, or none; give files, folders, or reflectances by "
+                         "name")
     if isinstance(library, Mapping):
         if nm is None and any(isinstance(one, np.ndarray | list) for one in library.values()):
             raise InputError("reflectances of a library need their wavelengths: give nm")

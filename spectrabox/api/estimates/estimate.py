@@ -433,6 +433,8 @@ class SpectrumEstimate:
         return self.draws(COLOUR_DRAWS, COLOUR_SEED)
 
     def _lab_of(self, light: str, spectra: np.ndarray) -> np.ndarray:
+        if not isinstance(light, str):
+            raise InputError(f"{light!r} is no light: give a CIE name, such as 'D65' or 'A'")
         return reflectance_to_lab(self.nm, spectra, light)
 
     def __repr__(self) -> str:
