@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import spectrabox as sb
+from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.measure.signals.signal_estimate import NEARLY_BLACK_SRGB, curve_caveats
 from spectrabox.radiometry.records.calibration import CalibrationDoubt
 from spectrabox.radiometry.spectra.filters import read_filters
@@ -90,6 +91,17 @@ def test_doubts_of_a_fit_are_carried():
         said = curve_caveats(error, 0.0, (CalibrationDoubt.WRONG_LIGHT,))
         assert CalibrationDoubt.WRONG_LIGHT.value in said[-1]
     assert len(curve_caveats(0.01, 0.02, (CalibrationDoubt.WRONG_LIGHT,))) == 1
+
+
+def test_a_fitted_camera_brings_its_doubts_and_says_that_its_errors_are_not_used(tmp_path):
+    write_flat_demo(tmp_path / "painting")
+    camera = sb.fit_camera(tmp_path / "painting/photos/painting.dng", light="D50")     # it is not
+    doubts = [doubt.value for doubt in camera.calibration.doubts]
+    assert CalibrationDoubt.WRONG_LIGHT.value in doubts
+    for given in (camera, camera.calibration):
+        said = sb.sample([0.3, 0.2, 0.1], camera=given, light="D65", noise=0.003).caveats
+        assert any("not used here" in sentence for sentence in said)
+        assert all(any(doubt in sentence for sentence in said) for doubt in doubts)
 
 
 def test_what_states_to_be_a_reflectance_is_no_filter(tmp_path):
