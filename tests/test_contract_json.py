@@ -181,7 +181,7 @@ CALLS = {
     "chart": [("DIR/flat/photos/sample.dng",)],
     "develop": [("DIR/flat/photos/sample.dng", "-o", "DIR/developed.exr")],
     "meter list": [()],
-    "meter replay": [(RECORDINGS / "cs2000.transcript",)],
+    "meter replay": [(RECORDINGS / "cs2000.transcript", "--out", "DIR/replayed.csv")],
     "spectrum show": [("DIR/truth.csv",), ("DIR/truth.csv", "--column", "a")],
     "spectrum convert": [("DIR/truth.csv", "-o", "DIR/t.spdx", "--column", "a")],
     "doctor": [("--device", "cpu")],
