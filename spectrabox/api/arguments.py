@@ -152,10 +152,10 @@ def as_number(given: float, name: str) -> float:
     Raises
     ------
     InputError
-        If it is none, or not finite.
+        If it is none.
     """
     number = as_numbers(given, name)
-    if number.ndim or not np.isfinite(number):
+    if number.ndim:
         raise InputError(f"{name}: {given!r} is no number")
     return float(number)
 
