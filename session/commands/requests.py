@@ -90,7 +90,9 @@ class UpliftRequest:
     encoded: Annotated[bool, typer.Option(
         "--encoded", help="In place of --sensitivity and --light: the picture is in sRGB, as PNG "
         "and JPEG are. Its spectra are of surfaces that would look so in daylight.")] = False
-    white: White = None
+    white: Annotated[str | None, typer.Option(
+        metavar="V1,V2,V3", help="What a perfect white reads in each band; by default what the "
+        "ColorChecker in the photo says, and 1 of a picture that is no camera raw.")] = None
     noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = 0.01
     side: Annotated[int, typer.Option(
         help="Points per side of the table; 33 is finer and slower.")] = 25
