@@ -52,7 +52,7 @@ def test_the_wheel_holds_each_file_of_the_folders_once(names):
              if path.is_file() and "__pycache__" not in path.parts}
     own = {f"spectrabox/{name}" for name in ("__init__.py", "__init__.pyi", "__main__.py",
                                              "py.typed")}
-    own |= {path.relative_to(ROOT).as_posix() for path in ROOT.glob("spectrabox/api/*.py")}
+    own |= {path.relative_to(ROOT).as_posix() for path in ROOT.glob("spectrabox/api/**/*.py")}
     assert len(names) == len(set(names))
     assert {name for name in names if ".dist-info/" not in name} == files | own
 
