@@ -22,6 +22,7 @@ from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
 from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -139,9 +140,10 @@ def test_a_chart_is_read_with_a_picture_an_undo_and_an_interruption(tmp_path):
     assert code == 0, err
     assert not rest.problems and rest.finished and "--reference" in out
     assert "patch 4 of 24, chart-04-foliage" in err
-    reflectances = measured_chart(tmp_path / "spectra" / "chart.csv", FINE_GRID, CLASSIC)
-    assert reflectances.shape == (24, 301)
+    with pytest.raises(CheckError, match="another chart"):
+        measured_chart(tmp_path / "spectra" / "chart.csv", FINE_GRID, CLASSIC)
     _, names, values = table(tmp_path / "spectra" / "chart.csv")
+    assert len(names) == 25 and values.shape == (31, 25)
     assert names[1:3] == ["01-dark-skin", "02-light-skin"]
     # the third was read again: it is the fourth of the recording
     fourth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[3], "")).readings[0]

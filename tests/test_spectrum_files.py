@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.chart import CLASSIC
+from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances
 from spectrabox.radiometry.charts.references import measured_chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
@@ -149,13 +149,13 @@ def test_a_coarse_grid_and_steps_outside_the_visible_are_no_holes(nm):
 @pytest.mark.parametrize("unit, factor", [("1", 1.0), ("percent", 100.0)])
 def test_a_chart_of_one_s_own_is_read_in_the_unit_that_its_file_states(tmp_path, unit, factor):
     nm = np.arange(400.0, 701.0, 5.0)
-    reflectances = np.random.default_rng(2).uniform(0.03, 0.9, (24, 1)) * np.ones(nm.size)
+    reflectances = 0.9 * chart_reflectances(AFTER_2014, grid_from_nm(nm))   # a copy that is darker
     text = table_text(nm, {f"patch {i}": factor * row for i, row in enumerate(reflectances)},
                       quantity=Quantity.REFLECTANCE, source="chart")
     found = measured_chart(write(tmp_path, text.replace("# unit: 1", f"# unit: {unit}")),
                            visible_grid(), CLASSIC)
     # Nine significant digits are written.
-    np.testing.assert_allclose(found, reflectances[:, :1] * np.ones(301), rtol=1e-8)
+    np.testing.assert_allclose(found[:, ::5], reflectances, rtol=1e-8)
 
 
 def test_a_chart_in_percent_that_does_not_say_so_is_refused(tmp_path):
