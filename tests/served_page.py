@@ -14,6 +14,9 @@ from spectrabox.session.page.session_page import SessionPage
 
 TOKEN = "a-token-of-the-tests"
 MAX_WAIT_MS = 120_000
+# what a browser says of a request that met the end of the server
+ENDED = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE",
+         "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONTENT_LENGTH_MISMATCH")
 
 
 @contextlib.contextmanager
@@ -78,7 +81,7 @@ def opened_in(browser, photo=True, **options):
     page, said, wanted = context.new_page(), [], []
     page.on("console", lambda line: said.append(line.text)
             if line.type in ("error", "warning") and "409" not in line.text
-            and "CONNECTION_REFUSED" not in line.text else None)     # the server has ended
+            and not any(word in line.text for word in ENDED) else None)
     page.on("pageerror", lambda error: said.append(str(error)))
     page.on("request", lambda request: wanted.append(request.url))
 

@@ -197,6 +197,7 @@ def test_a_grey_card_is_clicked_in_both_photos(captured, opened):
             for at in card:
                 page.mouse.click(*on_screen(page, *at))
             page.wait_for_selector("#marks >> text=reference")
+        page.wait_for_load_state("networkidle")
     drift = session_of(captured)["drift"]
     for photo in ("object", "chart"):
         np.testing.assert_allclose(drift[f"{photo}_px"], [card], atol=1)
