@@ -84,7 +84,8 @@ def test_the_level_of_a_dark_white_is_found_within_its_error():
     assert "low" in chart_copy_notes(copy, CLASSIC.names)[0]
     bluer = dataclasses.replace(copy, tint=np.full(24, 0.2))
     under = chart_copy_notes(bluer, CLASSIC.names, "CIE A")
-    assert "the light is not CIE A, as was stated, or it is of another edition" in under[0]
+    assert "the light may not be the stated one (CIE A), or the chart is of another edition" \
+        in under[0]
 
 
 def test_what_is_said_of_copies_holds_as_often_as_it_says():

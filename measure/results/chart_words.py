@@ -104,7 +104,7 @@ def chart_copy_notes(copy: ChartCopy, names: Sequence[str],
                  f"{words[int(size[patch] > 0)]}" for patch in named.tolist()]
     if not said:
         return ()
-    by_light = f"the light is not {light}, as was stated, or it is of " \
+    by_light = f"the light may not be the stated one ({light}), or the chart is of " \
         if light and any(" in the blue" in one for one in said) else ""
     return (f"this chart is not as copies of its edition are: {'; '.join(said)}: {by_light}another "
             "edition, worn or dirty; measure it (chart.reference) or replace it",)
