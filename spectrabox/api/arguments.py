@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.api.array_arguments import as_samples
 from spectrabox.api.known_camera import KnownCamera
 from spectrabox.measure.captured import LitChart
 from spectrabox.measure.options import Sampling
@@ -85,100 +86,6 @@ def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments
         with threadpool_limits(1, user_api="blas"):
             return function(*args, **kwargs)
     return limited
-
-
-def as_samples(given: object, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths (Q,) and values (Q,) or (K, Q) of arrays, or of a spectrum of colour-science.
-
-    Parameters
-    ----------
-    given : (nm, values), SpectralDistribution or MultiSpectralDistributions
-    name : str
-        What it is of, for the message.
-
-    Raises
-    ------
-    InputError
-        If it is none of these, or its shapes do not go together.
-    """
-    if hasattr(given, "wavelengths") and hasattr(given, "values"):
-        parts: Any = (given.wavelengths, np.asarray(given.values).T)
-    else:
-        parts = given
-    try:
-        nm, values = (np.asarray(part, dtype=float) for part in parts)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: {type(given).__name__} is no spectrum; give a file, "
-                         "wavelengths and values (nm, values), or a SpectralDistribution of "
-                         "colour-science") from None
-    if nm.ndim != 1 or values.shape[-1:] != nm.shape or nm.size < 2 or np.any(np.diff(nm) <= 0):
-        raise InputError(f"{name}: wavelengths of shape {nm.shape} and values of shape "
-                         f"{values.shape} were given; wavelengths rise, and each has one value")
-    return nm, values
-
-
-def as_numbers(given: ArrayLike, name: str) -> np.ndarray:
-    """An array of numbers.
-
-    Parameters
-    ----------
-    given : array
-    name : str
-        What it is, for the message.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    try:
-        if np.iscomplexobj(given):
-            raise TypeError
-        return np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        shown = repr(given) if isinstance(given, str) else type(given).__name__
-        raise InputError(f"{name}: {shown} is no array of numbers") from None
-
-
-def as_number(given: float, name: str) -> float:
-    """A number.
-
-    Parameters
-    ----------
-    given : float
-    name : str
-        What it is, for the message.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    number = as_numbers(given, name)
-    if number.ndim:
-        raise InputError(f"{name}: {given!r} is no number")
-    return float(number)
-
-
-def as_wavelengths(nm: ArrayLike, name: str) -> np.ndarray:
-    """Wavelengths (Q,) in nm.
-
-    Parameters
-    ----------
-    nm : (Q,) array
-    name : str
-        Of the argument.
-
-    Raises
-    ------
-    InputError
-        If it is no list of two wavelengths or more.
-    """
-    wavelengths = as_numbers(nm, name)
-    if wavelengths.ndim != 1 or wavelengths.size < 2 or not np.all(wavelengths > 0):
-        raise InputError(f"{name} of shape {wavelengths.shape} was given; give wavelengths (Q,) in "
-                         "nm")
-    return wavelengths
 
 
 def as_light(light: LightLike) -> Spectrum | UnknownLight:
@@ -433,24 +340,6 @@ def as_corners(corners: ArrayLike | None) -> np.ndarray | None:
         raise InputError(f"corners= is four points [(x, y), ...] in pixels of the photo; {corners} "
                          "was given")
     return points.astype(float)
-
-
-def require_mapping(given: object, argument: str, form: str) -> None:
-    """Refuse what is no mapping, such as a list or a name by itself.
-
-    Parameters
-    ----------
-    given : object
-        None where it was left out.
-    argument, form : str
-        What it is called, and what it should be.
-
-    Raises
-    ------
-    InputError
-    """
-    if given is not None and not isinstance(given, Mapping):
-        raise InputError(f"{argument}= is a mapping, {form}; {type(given).__name__} was given")
 
 
 def sampling_of(**stated: Any) -> Sampling:

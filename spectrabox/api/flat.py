@@ -20,10 +20,10 @@ from spectrabox.api.arguments import (
     families_of,
     folder_for_pictures,
     one_blas_thread,
-    require_mapping,
     sampling_of,
     surfaces_of,
 )
+from spectrabox.api.array_arguments import require_mapping
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.estimates.measured_spectra import (

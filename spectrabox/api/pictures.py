@@ -10,13 +10,12 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
-    as_number,
-    as_numbers,
     as_prior,
     families_of,
     one_blas_thread,
     relative_response,
 )
+from spectrabox.api.array_arguments import as_number, as_numbers
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.signals import OBSERVER

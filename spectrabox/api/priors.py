@@ -10,13 +10,11 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
-    as_number,
-    as_numbers,
     as_prior,
-    as_wavelengths,
     families_of,
     relative_response,
 )
+from spectrabox.api.array_arguments import as_number, as_numbers, as_wavelengths
 from spectrabox.measure.signals.options import JudgeOptions
 from spectrabox.measure.signals.picture_judgement import (
     PictureJudgement,

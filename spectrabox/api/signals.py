@@ -13,8 +13,6 @@ from spectrabox.api.arguments import (
     CameraLike,
     KnownSpectrum,
     LightLike,
-    as_number,
-    as_numbers,
     as_prior,
     as_reflectance,
     band_names,
@@ -23,6 +21,7 @@ from spectrabox.api.arguments import (
     one_blas_thread,
     relative_response,
 )
+from spectrabox.api.array_arguments import as_number, as_numbers
 from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
 from spectrabox.measure.advice.advise import advice_on_estimate
