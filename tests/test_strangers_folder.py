@@ -1,17 +1,23 @@
-"""A folder from a stranger, entered and worked in: nothing that lies in it is run, and what it holds
-of too much is refused before memory is taken for it.
+"""A folder from a stranger: nothing that lies in it is run, and what it holds of too much is
+refused before memory is taken for it.
 """
 import contextlib
 import os
 import shutil
 import subprocess
 import sys
+import tomllib
+import tracemalloc
 import urllib.parse
 from pathlib import Path
 
 import pytest
 from batch_sessions import write_session
-from served_page import asked, wait_for
+from served_page import asked, served, wait_for
+
+from spectrabox.radiometry import checked_tables
+from spectrabox.radiometry.errors import InputError
+from spectrabox.session.config.session_file import try_read_session
 
 COMMAND = Path(sys.executable).parent / "spectrabox"
 # of ours, of others', of Python's own: whatever a child may ask for first
@@ -118,7 +124,7 @@ def test_opening_a_folder_runs_nothing_of_it(typed, tmp_path):
     folder = plant(write_session(tmp_path / "s"))
     with open_page(folder) as (address, token):
         # the page begins to calibrate by itself
-        wait_for(lambda: asked(address + "/api/state", None, token)[1]["live"]["ready"], 120)
+        wait_for(lambda: asked(address + "/api/state", None, token)[1]["live"]["ready"], 240)
 
 
 @contextlib.contextmanager
@@ -132,3 +138,64 @@ def open_page(folder):
             yield f"http://{parts.netloc}", urllib.parse.parse_qs(parts.query)["token"][0]
         finally:
             process.terminate()
+
+
+# ---- TOML that is larger or nested deeper than people write
+
+DEEP = {"a dotted key": ".".join("a" * 30_000) + " = 1",
+        "a header": "[" + ".".join("a" * 30_000) + "]",
+        "quoted parts": ".".join(["'a'", '"b"'] * 15_000) + " = 1",
+        "parts with spaces": " . ".join("a" * 30_000) + " = 1",
+        "a key in a table": "x = {" + ".".join("a" * 30_000) + " = 1}",
+        "lists": "x = " + "[" * 30_000 + "]" * 30_000,
+        "tables": "x = " + "{a = " * 15_000 + "1" + "}" * 15_000,
+        "behind a string of five quotes": 'x = ["""a""""", ' + "[" * 30_000,
+        "behind a string with a quote": "x = ['''a'''', " + "[" * 30_000,
+        "behind brackets that close": "]" * 40_000 + "\nx = " + "[" * 30_000}
+BIG = {"a comment": "# " + "x" * 1_100_000, "many keys": "a.b.c = 1\n" * 120_000}
+
+
+@pytest.mark.parametrize("kind", [*DEEP, *BIG])
+def test_toml_of_a_stranger_takes_no_memory_and_one_sentence(tmp_path, kind):
+    text = {**DEEP, **BIG}[kind]
+    (tmp_path / "session.toml").write_text(text)
+    tracemalloc.start()
+    config, problems = try_read_session(tmp_path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert config is None and len(problems) == 1 and "limit" in problems[0], problems
+    assert peak < 30e6      # a list of all its brackets and parts; parsed it takes gigabytes
+    with pytest.raises(InputError, match="limit") as refused:
+        checked_tables.read_toml(tmp_path / "session.toml", "give another")
+    assert str(refused.value) == problems[0]
+
+
+def test_depth_is_judged_where_the_parser_would_go():
+    """What looks deep and is text, or is as deep as is read, is parsed as before."""
+    depth = checked_tables.MAX_TOML_DEPTH
+    text = "\n".join([
+        "# a.b" + ".c" * 100 + "[" * 100, "'" + "a." * 100 + "' = 1",
+        'b = "' + "[" * 100 + '\\" # [[["  # ]', "c = '''\n" + "[a.b]\n" * 100 + "'''",
+        'd = """' + '\\""' * 100 + "{" * 100 + '"""""', "e = [" + "1.5, 2.5, " * 1000 + "]",
+        "f = " + "[" * depth + "]" * depth, ".".join("g" * depth) + " = 1",
+        "h = 1979-05-27T07:32:00.999"])
+    checked_tables.require_plain_toml(text, "x.toml")
+    assert set(tomllib.loads(text)) == {"a." * 100, *"bcdefgh"}
+    for more in ("f = [" + "[" * depth + "]" * depth + "]", ".".join("g" * (depth + 1)) + " = 1"):
+        with pytest.raises(InputError, match=rf"x\.toml has {depth + 1}"):
+            checked_tables.require_plain_toml(more, "x.toml")
+
+
+def test_a_page_answers_at_once_while_its_session_is_nested_too_deep(calibrated_flat):
+    file = calibrated_flat / "session.toml"
+    with served(calibrated_flat) as (address, _):
+        good = file.read_text(encoding="utf-8")
+        file.write_text(good + "\n[views]\n" + DEEP["a dotted key"])
+        tracemalloc.start()
+        state = asked(address + "/api/state")[1]
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert len(state["problems"]) == 1 and "30000 parts in a key" in state["problems"][0]
+        assert peak < 100e6     # of the page, which may open its photo meanwhile
+        file.write_text(good)
+        assert not asked(address + "/api/state")[1]["problems"]

@@ -315,5 +315,5 @@ def _read(node: ET.Element) -> Refinement | None:
         return None
     try:
         return Refinement.model_validate(json.loads(text.removeprefix(MARK)))
-    except (ValueError, ValidationError):
+    except (ValueError, ValidationError, RecursionError):
         return None
