@@ -4,17 +4,23 @@ refused before memory is taken for it.
 import contextlib
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import tomllib
 import tracemalloc
 import urllib.parse
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from batch_sessions import write_session
 from served_page import asked, served, wait_for
+from session_runs import call
 
+from spectrabox.capture.photo import linear
+from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import try_read_session
@@ -199,3 +205,103 @@ def test_a_page_answers_at_once_while_its_session_is_nested_too_deep(calibrated_
         assert peak < 100e6     # of the page, which may open its photo meanwhile
         file.write_text(good)
         assert not asked(address + "/api/state")[1]["problems"]
+
+
+# ---- pictures that are small as files
+
+BOMB = 20_000, 16_000       # width and height: 16 GB as three bands that are worked with
+READ = """
+import resource, sys
+from spectrabox.capture.photo import image_files, image_rows, linear
+from spectrabox.capture.develop.developed import open_any
+from spectrabox.radiometry.errors import InputError
+path = sys.argv[1]
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+for read in (linear.open_photo, image_files.read_linear_file, image_files.read_encoded_file,
+             image_files.read_encoded_values, image_files.read_plane, image_rows.open_rows,
+             image_rows.open_encoded, image_rows.open_channels,
+             lambda path: open_any(path, not_linear=True)):
+    try:
+        read(image_rows.Path(path))
+        print("READ")
+    except InputError as error:
+        print(error)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+def png_chunk(kind, content):
+    return struct.pack(">I", len(content)) + kind + content \
+        + struct.pack(">I", zlib.crc32(kind + content))
+
+
+def write_png_bomb(path):
+    """Black, of three bands of 8 bits."""
+    width, height = BOMB
+    packing, row = zlib.compressobj(9), bytes(1 + 3 * width)
+    packed = b"".join([packing.compress(row * 16) for _ in range(height // 16)]) + packing.flush()
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + png_chunk(b"IHDR", struct.pack(
+        ">IIBBBBB", width, height, 8, 2, 0, 0, 0)) + png_chunk(b"IDAT", packed)
+        + png_chunk(b"IEND", b""))
+
+
+def write_tiff_bomb(path):
+    """Black, of three bands of 16 bits, all its strips one and the same."""
+    width, height = BOMB
+    strip = zlib.compress(bytes(6 * width), 9)
+    head, entries, beyond = 8, 10, b""
+    after = head + 2 + 12 * entries + 4
+
+    def placed(content):
+        nonlocal beyond
+        beyond += content
+        return after + len(beyond) - len(content)
+    offset = placed(strip)
+    fields = [(256, 4, 1, width), (257, 4, 1, height),
+              (258, 3, 3, placed(struct.pack("<3H", 16, 16, 16))), (259, 3, 1, 8), (262, 3, 1, 2),
+              (273, 4, height, placed(struct.pack("<I", offset) * height)), (277, 3, 1, 3),
+              (278, 4, 1, 1), (279, 4, height, placed(struct.pack("<I", len(strip)) * height)),
+              (284, 3, 1, 1)]
+    path.write_bytes(b"II*\0" + struct.pack("<IH", head, entries)
+                     + b"".join(struct.pack("<HHII", *field) for field in fields)
+                     + bytes(4) + beyond + bytes(1_800_000))    # or no library would believe it
+
+
+BOMBS = {"png": write_png_bomb, "tif": write_tiff_bomb}
+
+
+@pytest.fixture(scope="module", params=BOMBS)
+def bomb(request, tmp_path_factory):
+    """A photo of 2 MB or less that states 20,000 x 16,000 pixels, and holds them."""
+    path = tmp_path_factory.mktemp("bomb") / f"photo.{request.param}"
+    BOMBS[request.param](path)
+    assert path.stat().st_size < 2_000_000
+    return path
+
+
+def test_a_picture_that_unpacks_to_gigabytes_is_refused_by_its_header(bomb):
+    done = subprocess.run([sys.executable, "-c", READ, bomb], capture_output=True, text=True,
+                          check=True)
+    *sentences, grown_kb = done.stdout.splitlines()
+    by_size = [each for each in sentences if "GB of memory to decode; 6 GB is the limit" in each]
+    assert len(sentences) == 9 and len(by_size) >= 4
+    assert all("set the variable SPECTRABOX_PHOTO_GB to" in each for each in by_size)
+    # a TIFF may be opened, of which a few rows are read at a time
+    assert sentences.count("READ") == (2 if bomb.suffix == ".tif" else 0)
+    assert int(grown_kb) < 100_000
+
+
+def test_a_command_says_so_of_a_photo(bomb, tmp_path):
+    outcome = call("flat", bomb, "--session", tmp_path / "s", "--not-linear")
+    assert outcome.exit_code == 3 and "states 20000 x 16000 pixels" in outcome.output
+
+
+def test_the_limit_of_decoding_is_that_of_the_environment(tmp_path, monkeypatch):
+    write_dng(tmp_path / "a.dng", np.full((200, 300), 3000, np.uint16))
+    linear.open_photo(tmp_path / "a.dng")
+    monkeypatch.setenv("SPECTRABOX_PHOTO_GB", "0.0001")
+    with pytest.raises(InputError, match=r"states 300 x 200 pixels.*; 0\.0001 GB is the limit"):
+        linear.open_photo(tmp_path / "a.dng")
+    monkeypatch.setenv("SPECTRABOX_PHOTO_GB", "much")
+    with pytest.raises(InputError, match="a number of gigabytes is needed"):
+        linear.open_photo(tmp_path / "a.dng")
