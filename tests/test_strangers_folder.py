@@ -2,21 +2,26 @@
 refused before memory is taken for it.
 """
 import contextlib
+import json
 import os
 import shutil
+import socket
 import struct
 import subprocess
 import sys
+import time
 import tomllib
 import tracemalloc
+import urllib.error
 import urllib.parse
+import urllib.request
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from batch_sessions import write_session
-from served_page import asked, served, wait_for
+from served_page import TOKEN, asked, served, wait_for
 from session_runs import call
 
 from spectrabox.capture.photo import linear
@@ -24,6 +29,7 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import try_read_session
+from spectrabox.session.page import access, answers, connections
 
 COMMAND = Path(sys.executable).parent / "spectrabox"
 # of ours, of others', of Python's own: whatever a child may ask for first
@@ -305,3 +311,148 @@ def test_the_limit_of_decoding_is_that_of_the_environment(tmp_path, monkeypatch)
     monkeypatch.setenv("SPECTRABOX_PHOTO_GB", "much")
     with pytest.raises(InputError, match="a number of gigabytes is needed"):
         linear.open_photo(tmp_path / "a.dng")
+
+
+# ---- a report that came with the folder
+
+TRYING = """<!doctype html><title>A report</title><style>h1 { color: rgb(1, 2, 3) }</style>
+<h1>begun</h1><script>
+const token = "%s", seen = [];
+const tries = {
+  "address": () => location.href, "referrer": () => document.referrer,
+  "parent": () => parent.document.documentElement.outerHTML, "top": () => top.location.href,
+  "stored": () => sessionStorage.getItem("token"), "parent's": () => parent.sessionStorage.token,
+  "cookie": () => document.cookie, "name": () => window.name,
+  "moved": () => { top.location = "/?stolen"; }, "opened": () => open("/page").document.title };
+for (const [name, attempt] of Object.entries(tries))
+  try { const got = attempt(); if (String(got).includes(token)) seen.push(name); } catch { }
+addEventListener("message", ({ data }) => { if (String(data).includes(token)) seen.push("told"); });
+Promise.allSettled([fetch("/api/state"), fetch(`/api/state?token=${token}`),
+                    fetch("/api/run", { method: "POST", body: "{}" })]).then((answers) => {
+  document.querySelector("h1").textContent = "tried";
+  document.body.dataset.seen = JSON.stringify(
+    [...seen, ...answers.filter(({ status }) => status === "fulfilled")]);
+  document.body.dataset.origin = origin;
+});
+</script>"""
+
+
+def test_a_strangers_report_learns_no_token_and_asks_nothing(browser, calibrated_flat):
+    (calibrated_flat / "report.html").write_text(TRYING % TOKEN)
+    with served(calibrated_flat) as (address, page_of_it), browser.new_context() as context:
+        page, wanted = context.new_page(), []
+        page.on("request", lambda request: wanted.append(request.url))
+        page.goto(f"{address}/?token={TOKEN}")
+        frame = page.frame_locator("#report-frame")
+        frame.locator("h1:has-text('tried')").wait_for(state="attached", timeout=60_000)
+        body = frame.locator("body")
+        assert body.get_attribute("data-seen") == "[]"
+        assert body.get_attribute("data-origin") == "null"
+        # its own script and style work
+        assert frame.locator("h1").evaluate("one => getComputedStyle(one).color") == "rgb(1, 2, 3)"
+        assert [url for url in wanted if TOKEN in url] == [f"{address}/?token={TOKEN}"]
+        assert page.url == f"{address}/page" and len(context.pages) == 1
+        assert not page_of_it.run.running or page_of_it.run.until       # its own calibration alone
+
+
+def test_a_report_is_not_served_to_an_address_with_the_token(calibrated_flat):
+    (calibrated_flat / "report.html").write_text("<h1>report</h1>")
+    with served(calibrated_flat) as (address, _):
+        assert asked(f"{address}/report?token={TOKEN}", token=None)[0] == 403
+        assert asked(f"{address}/api/state?token={TOKEN}", token=None)[0] == 403
+        assert asked(f"{address}/report")[1] == b"<h1>report</h1>"
+
+
+# ---- any program of this machine can connect to a page
+
+@pytest.fixture
+def sockets():
+    """A function that connects to a page and sends something; all are closed at the end."""
+    with contextlib.ExitStack() as open_ones:
+        def connect(address, sent=b""):
+            parts = urllib.parse.urlsplit(address)
+            connected = open_ones.enter_context(
+                socket.create_connection((parts.hostname, parts.port), timeout=20))
+            connected.sendall(sent)
+            return connected
+        yield connect
+
+
+def ended(connected):
+    """What comes until the other side closes the connection."""
+    content = b""
+    with contextlib.suppress(ConnectionResetError):
+        while part := connected.recv(65536):
+            content += part
+    return content
+
+
+def head_of(address, path, more=""):
+    return (f"POST {path} HTTP/1.1\r\nHost: {urllib.parse.urlsplit(address).netloc}\r\n"
+            f"Authorization: Bearer {TOKEN}\r\n{more}").encode()
+
+
+def test_a_connection_that_sends_no_whole_request_is_closed(calibrated_flat, sockets, monkeypatch):
+    monkeypatch.setattr(connections, "HEAD_S", 0.5)
+    with served(calibrated_flat) as (address, _):
+        silent, half = sockets(address), sockets(address, b"GET /page HTTP/1.1\r\nHo")
+        dribbling = sockets(address)
+        # a refusal, after which more of a body that nobody waits for dribbles in
+        refused = sockets(address, b"POST /api/run HTTP/1.1\r\nHost: localhost\r\n"
+                                   b"Content-Length: 100000\r\n\r\n")
+        end = time.monotonic() + 20
+        with contextlib.suppress(ConnectionError):
+            while True:
+                for each in (dribbling, refused):
+                    each.sendall(b"x")
+                time.sleep(0.05)
+                assert time.monotonic() < end
+        assert ended(silent) == b"" and ended(half) == b""
+        assert b"403" in ended(refused).split(b"\r\n")[0]
+        ended(dribbling)
+        assert asked(address + "/api/state")[0] == 200
+
+
+def test_a_body_that_stops_coming_is_given_up_and_leaves_no_file(calibrated_flat, sockets,
+                                                                 monkeypatch):
+    monkeypatch.setattr(access, "PART_S", 0.5)
+    before = {*calibrated_flat.rglob("*")}
+    with served(calibrated_flat) as (address, _):
+        for path in ("/api/mark", "/api/file?name=a.tif"):
+            stalled = sockets(address, head_of(address, path, "Content-Length: 99\r\n\r\n") + b"[")
+            assert b"400" in ended(stalled).split(b"\r\n")[0]
+        time.sleep(1.0)
+        # an answer that takes longer is none that stopped
+        assert asked(address + "/api/state")[0] == 200
+    assert not [path for path in {*calibrated_flat.rglob("*")} - before if "a.tif" in path.name
+                or path.name.startswith(".spectrabox-")]
+
+
+def test_a_page_answers_however_many_connections_stand_open(calibrated_flat, sockets, monkeypatch):
+    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 10)
+    with served(calibrated_flat) as (address, _):
+        waiting = [sockets(address, b"GET /") for _ in range(30)]
+        for _ in range(5):
+            assert asked(address + "/api/state")[0] == 200
+        for each in waiting[:15]:       # those that had waited longest
+            assert ended(each) == b""
+
+
+def test_all_that_a_page_is_given_has_a_limit(calibrated_flat, monkeypatch):
+    monkeypatch.setattr(answers, "MAX_RECEIVED", 2500)
+
+    def give(address, name, size):
+        request = urllib.request.Request(f"{address}/api/file?name={name}", bytes(size),
+                                         {"Authorization": f"Bearer {TOKEN}"})
+        try:
+            with urllib.request.urlopen(request, timeout=30) as answer:
+                return answer.status
+        except urllib.error.HTTPError as error:
+            assert "was given" in json.loads(error.read())["error"]
+            return error.code
+    with served(calibrated_flat) as (address, _):
+        # what is refused counts for nothing
+        assert [give(address, f"{number}.tif", size) for number, size in enumerate(
+            (1000, 2000, 1000, 600, 500, 1))] == [200, 409, 200, 409, 200, 409]
+    names = sorted(path.name for path in (calibrated_flat / "photos").glob("?.tif"))
+    assert names == ["0.tif", "2.tif", "4.tif"]

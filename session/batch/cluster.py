@@ -17,7 +17,8 @@ from spectrabox.session.batch.executors import Capacity, Workers, memory_for_wor
 LOCAL = "local"
 # Scheduler and workers: whoever reaches them and is let in can run code as this user.
 LOOPBACK = "127.0.0.1"
-NO_PAGES = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+NO_PAGES: dict[str, list[str]] = {"distributed.scheduler.http.routes": [],
+                                  "distributed.worker.http.routes": []}
 DASHBOARD_PORT = 8787   # Dask takes a free one where this one is taken
 CONNECTING_S = 20.0
 RETRIES = 1             # of a task whose worker died

@@ -161,6 +161,9 @@ def open_page(
         metavar="DIR", show_default=False, help="Judge each new photo that comes into this folder, "
         "as when shooting tethered.")] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 0,
+    meter_port: Annotated[tuple[str, ...], typer.Option(
+        "--meter-port", metavar="PORT", show_default=False, help="Port of an instrument that the "
+        "page may open besides those that this computer lists; may be repeated.")] = (),
     browser: Annotated[bool, typer.Option(
         "--browser/--no-browser", help="Open it in the browser.")] = True,
     allow_outside: Outside = False,
@@ -184,8 +187,8 @@ def open_page(
         print(address, flush=True)
         tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
              "session from this machine.")
-    page: SessionPage | StartPage = StartPage(Path()) if run is None else SessionPage(
-        run.folder, watch, allow_outside, run)
+    page: SessionPage | StartPage = StartPage(Path(), meter_port) if run is None \
+        else SessionPage(run.folder, watch, allow_outside, run, meter_port)
     serve(page, port, say, webbrowser.open if browser else None)
 
 

@@ -20,7 +20,6 @@ from spectrabox.session.page.start_page import StartPage
 
 HOST = "127.0.0.1"
 PIECES = HERE.parent.parent / "pieces"      # parts that the report has too
-GRACE_S = 1             # for answers under way when the page ends
 
 
 def page_app(page: SessionPage | StartPage, token: str,
@@ -76,6 +75,8 @@ def serve(page: SessionPage | StartPage, port: int, say: Callable[[str], None],
     """
     import uvicorn
 
+    from spectrabox.session.page.connections import page_config
+
     class Server(uvicorn.Server):
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
             page.stop()         # a run ends while answers under way do
@@ -101,5 +102,4 @@ def serve(page: SessionPage | StartPage, port: int, say: Callable[[str], None],
             app = page_app(page, token, redirect.discard)
             # some browsers return when they are closed
             threading.Thread(target=browse, args=(redirect.path.as_uri(),), daemon=True).start()
-        Server(uvicorn.Config(app, log_level="critical", access_log=False,
-                              timeout_graceful_shutdown=GRACE_S)).run(sockets=[listening])
+        Server(page_config(app)).run(sockets=[listening])
