@@ -132,6 +132,24 @@ def test_the_commands_script_takes_no_module_from_the_folder_that_it_lies_in(typ
     typed(Path.home(), "doctor", command=(tmp_path / "spectrabox",))
 
 
+def test_a_picture_is_drawn_by_no_program_of_the_folders_settings(typed, tmp_path, monkeypatch):
+    """A matplotlibrc may have every word set by LaTeX, which reads files that it is told to."""
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\ntext.latex.preamble: stranger\n")
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    for name in ("latex", "dvipng", "kpsewhich"):
+        (programs / name).write_text(f'#!/bin/sh\necho {name} >> "$MARK"; exit 1\n')
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
+    write_session(tmp_path / "s")
+    typed(tmp_path, "sample", "--sensitivity", "CIE 1931 2 Degree Standard Observer", "--light",
+          "D65", "--signal", "0.3,0.4,0.2", "--noise", "0.01,0.01,0.01", "--samples", "1000",
+          "--plot", "plot.png")
+    typed(tmp_path, "flat", "s/photos/sample.dng")
+    assert (tmp_path / "plot.png").exists()
+    assert (tmp_path / "s" / "photos" / "sample-pixels.png").exists()
+
+
 def test_opening_a_folder_runs_nothing_of_it(typed, tmp_path):
     folder = plant(write_session(tmp_path / "s"))
     with open_page(folder) as (address, token):
