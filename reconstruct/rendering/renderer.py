@@ -55,11 +55,6 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
         resolver.clear()
         resolver.append(str(Path(mi.__file__).resolve().parent))
         mi.set_variant(variant)
-        # its plug-ins, which are libraries of code, it would look for in the working folder first
-        own_plugins = str(Path(mi.__file__).parent)
-        searched: Any = mi.file_resolver()  # type: ignore[operator]
-        if str(searched[0]) != own_plugins:
-            searched.prepend(own_plugins)
         mi.set_log_level(mi.LogLevel.Error)
         if variant == CPU_VARIANT:
             # with more, gradients are added in the order in which threads end: not reproducible
