@@ -6,6 +6,7 @@ all are weighed, and pairs of the best gels.
 """
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -65,6 +66,7 @@ from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.signals.signal_estimate import SignalEstimate
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.error_model import PHOTO_NOISE
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.spectra import (
     Outcome,
@@ -172,7 +174,13 @@ def _of_flat_sample(sample: FlatPhotos, surface: _Surface) -> list[Advice]:
                                                       with_lamp_moved(sample, name))
     if surface.stated is None and surface.matt > LIKELY:
         forecasts[MATT] = lambda: outlook_stated(unknown, stated_matt(sample, name))
-    return [surface.advice(action, forecast()) for action, forecast in forecasts.items()]
+    advised = []
+    for action, forecast in forecasts.items():
+        # with smaller errors than now, a known region may contradict the chart: nobody is told to
+        # do what would end in a refusal
+        with contextlib.suppress(CheckError):
+            advised.append(surface.advice(action, forecast()))
+    return advised
 
 
 def _of_reading(surface: _Surface) -> Advice:

@@ -220,9 +220,13 @@ def report(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Rebuild report.html and report.json from stored results."""
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
     config, finished, stale = finished_session(folder, allow_outside)
-    facts = rewritten_outputs(config, finished, ["spectrabox", "report"],
-                              "stored results").facts
-    return Answer({"report": facts["report"], "stale": stale}, f"wrote {facts['report']}")
+    outputs = rewritten_outputs(config, finished, ["spectrabox", "report"], "stored results")
+    report = outputs.facts["report"]
+    return Answer({"report": report, "stale": stale,
+                   "failed_extras": outputs.facts["failed_extras"]},
+                  "\n".join([f"wrote {report}",
+                             *(f"note: {one.sentence}" for one in outputs.failed)]),
+                  failed=outputs.failed)
 
 
 @Command
@@ -294,7 +298,7 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
                            "run without --only and --until for the report"]))
         finished = load_finished(config) if only is not None else finished
         outputs = outputs_of_run(config, finished, words, device, progress)
-    return Answer(outputs.facts, outputs.text)
+    return Answer(outputs.facts, outputs.text, failed=outputs.failed)
 
 
 def _finished_run(config: SessionConfig, wanted: Sequence[str | None], before: str | None,
