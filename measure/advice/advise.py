@@ -89,7 +89,8 @@ from spectrabox.sampling.summary import next_measurement_nm
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LIKELY = 0.1                # probability of matt from which stating it is worth a thought
 PAIRED = 4                  # best gels at hand, of which every pair is tried
-SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR)       # draws that reproduce the signal
+# draws that reproduce the signal
+SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.BEYOND_LEARNT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +149,8 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
     name = signals.names[0]
     spectrum: SurfaceSpectrum = records.sample.spectra[name]
     samples, stated = spectrum.samples, capture.surfaces[name]
-    prior = of_families(load_prior(), stated.families) if samples.outcome is Outcome.FAMILIAR \
-        else smoothness_prior()
+    prior = smoothness_prior() if samples.outcome is Outcome.BEYOND_LEARNT \
+        else of_families(load_prior(), stated.families)
     variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
     unknown = Unknown(prior, spectrum.summary.level, signals, samples.spectra.mean(axis=0),
                       variables)

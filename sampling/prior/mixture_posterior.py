@@ -42,6 +42,7 @@ HERMITE_WEIGHTS = _VECTORS[0]**2
 # of the prior's limit of surprise: the share of curves within it, and the bands it was found with
 FAMILIAR, CALIBRATED_BANDS = 0.995, 3
 NORMAL_95 = NormalDist().inv_cdf(0.975)
+UNMOVED = 0.5               # novelty up to which bands are as wide as the families' factors say
 USUAL_WIDTH = 0.12          # mean of a 95 % band before calibration
 LEVEL = 0.95                # whose calibrated factor enlarges draws and their moments
 
@@ -61,6 +62,7 @@ class MixturePosterior(Record):
     surprise: Annotated[np.ndarray, "T"]
     # of the signals under the mixture, in nats; a misfit is judged by the noise alone
     log_evidence: Annotated[np.ndarray, "T"]
+    growth: Annotated[np.ndarray, "T"]  # of the calibrated bands, for novelty (`tail_growth`)
     # of the components' marginal distributions (quantiles.py); None for normal ones
     skews: Annotated[np.ndarray, "C T P"] | None = None
 
@@ -141,8 +143,10 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     largest = plain.max(axis=0)             # kept apart: exponentials of evidences underflow
     log_evidence = largest + np.log(np.exp(plain - largest).sum(axis=0)) \
         - signals.shape[1] / 2 * np.log(2 * np.pi)
+    least = surprise.min(axis=0)
     return MixturePosterior(weights.T, logits, variances, shift.T, stretch.T,
-                            (weights * misfit).sum(axis=0), surprise.min(axis=0), log_evidence)
+                            (weights * misfit).sum(axis=0), least, log_evidence,
+                            tail_growth(prior.tail, least / surprise_limit(prior, noise.shape[-1])))
 
 
 def _components_of_signals(relative_response: np.ndarray, signals: np.ndarray, noise: np.ndarray,
@@ -360,7 +364,7 @@ def calibrated_bands(prior: LogitMixture, mixture: MixturePosterior, levels: tup
         Probabilities of the bands.
     """
     mean, spread = mean_and_spread(mixture)
-    width = width_factors(prior, spread)
+    width = width_factors(prior, spread) * mixture.growth[:, None]
     return mean, [widened(mean, *central_band(mixture, level),
                           width * prior.band_factor(level, mixture.weights)) for level in levels]
 
@@ -384,7 +388,7 @@ def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
 
 def novelty(prior: LogitMixture, mixture: MixturePosterior,
             covariance: np.ndarray) -> np.ndarray:
-    """Novelty (T,) of signals: beyond 1 the prior does not explain them.
+    """Novelty (T,) of signals: beyond 1 they are unlike what the prior was learnt from.
 
     Parameters
     ----------
@@ -399,7 +403,7 @@ def novelty(prior: LogitMixture, mixture: MixturePosterior,
 
 
 def surprise_limit(prior: LogitMixture, bands: int) -> float:
-    """Surprise of a signal beyond which a prior does not explain it.
+    """Surprise of a signal beyond which it is unlike what a prior was learnt from.
 
     The prior's own limit was found with signals of three bands. What further bands have besides is
     noise and detail that the components expect, one degree of chi-square each.
@@ -415,7 +419,7 @@ def surprise_limit(prior: LogitMixture, bands: int) -> float:
 
 
 def allowed_misfit(covariance: np.ndarray) -> np.ndarray:
-    """Distance of signal and fit beyond which a prior does not explain the signal: 0.5 % of white,
+    """Distance of signal and fit beyond which a prior does not reach the signal: 0.5 % of white,
     or 4 sigma of the noise (..., K, K).
 
     Parameters
@@ -428,7 +432,8 @@ def allowed_misfit(covariance: np.ndarray) -> np.ndarray:
 
 
 def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -> np.ndarray:
-    """Factors (T, P) by which central bands are widened: the families', by share, for the width.
+    """Factors (T, P) by which central bands are widened: the families', by share, for the width,
+    and for how unlikely the signal is.
 
     Parameters
     ----------
@@ -438,8 +443,25 @@ def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -
     level : float
         Probability of the band, 0 to 1.
     """
-    return width_factors(prior, mean_and_spread(mixture)[1]) \
+    return width_factors(prior, mean_and_spread(mixture)[1]) * mixture.growth[:, None] \
         * prior.band_factor(level, mixture.weights)
+
+
+def tail_growth(tail: float, novelty: np.ndarray) -> np.ndarray:
+    """Factors (T,) by which bands grow with the novelty (T,) of signals, as far as the surprise
+    goes: the bands of components with tails as of Student's t.
+
+    Given a part of it, the rest of a t variable of n degrees of freedom spreads as sqrt(n + d), d
+    the chi-square of the part. Signals half as surprising as the limit are left as they are, since
+    the factors of families were found with all signals.
+
+    Parameters
+    ----------
+    tail : float
+        The limit of surprise over n; 0 for normal components, of which no band grows.
+    novelty : (T,) array
+    """
+    return np.sqrt(np.maximum((1 + tail * novelty) / (1 + tail * UNMOVED), 1))
 
 
 def width_factors(prior: LogitMixture, spread: np.ndarray) -> np.ndarray:

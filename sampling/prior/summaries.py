@@ -31,8 +31,8 @@ BATCH = 250         # signals: those of one batch are carried with as many compo
 
 @dataclass(frozen=True)
 class PriorSummaries:
-    """Of T signals. The outcomes are FAMILIAR, UNFAMILIAR, or TOO_ROUGH for those that no spectrum
-    of the priors gives, whose numbers are then of no use.
+    """Of T signals. The outcomes are FAMILIAR, UNFAMILIAR, BEYOND_LEARNT, or TOO_ROUGH for those
+    that no spectrum of the priors gives, whose numbers are then of no use.
     """
 
     mean: np.ndarray                    # (T, 61)
@@ -81,18 +81,19 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     noise = np.sum(list(causes.values()), axis=0)
     mixture = posterior(prior, relative_response, signals, noise)
     allowed = allowed_misfit(noise)
-    unfamiliar = novelty(prior, mixture, noise) > 1
+    beyond = mixture.misfit > allowed
     summary = _of_mixture(prior, relative_response, signals, causes, mixture, level)
-    if not unfamiliar.any():
+    summary.outcome[novelty(prior, mixture, noise) > 1] = Outcome.UNFAMILIAR
+    if not beyond.any():
         return summary
     smooth = smoothness_prior()
-    wider = posterior(smooth, relative_response, signals[unfamiliar], noise[unfamiliar])
-    wider_summary = _of_mixture(smooth, relative_response, signals[unfamiliar], {
-        name: covariance[unfamiliar] for name, covariance in causes.items()}, wider, level)
+    wider = posterior(smooth, relative_response, signals[beyond], noise[beyond])
+    wider_summary = _of_mixture(smooth, relative_response, signals[beyond], {
+        name: covariance[beyond] for name, covariance in causes.items()}, wider, level)
     for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm", "budget"):
-        getattr(summary, name)[unfamiliar] = getattr(wider_summary, name)
-    summary.outcome[unfamiliar] = Outcome.UNFAMILIAR
-    too_rough = np.flatnonzero(unfamiliar)[wider.misfit > allowed[unfamiliar]]
+        getattr(summary, name)[beyond] = getattr(wider_summary, name)
+    summary.outcome[beyond] = Outcome.BEYOND_LEARNT
+    too_rough = np.flatnonzero(beyond)[wider.misfit > allowed[beyond]]
     summary.outcome[too_rough] = Outcome.TOO_ROUGH
     return summary
 
