@@ -9,8 +9,7 @@ import urllib.request
 
 import uvicorn
 
-from spectrabox.session.page.connections import page_config
-from spectrabox.session.page.server import page_app
+from spectrabox.session.page.server import page_app, page_config
 from spectrabox.session.page.session_page import SessionPage
 
 TOKEN = "a-token-of-the-tests"

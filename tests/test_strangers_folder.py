@@ -29,7 +29,7 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.page import access, answers, connections
+from spectrabox.session.page import access, answers, server
 
 COMMAND = Path(sys.executable).parent / "spectrabox"
 # of ours, of others', of Python's own: whatever a child may ask for first
@@ -411,7 +411,7 @@ def head_of(address, path, more=""):
 
 
 def test_a_connection_that_sends_no_whole_request_is_closed(calibrated_flat, sockets, monkeypatch):
-    monkeypatch.setattr(connections, "HEAD_S", 0.5)
+    monkeypatch.setattr(server, "HEAD_S", 0.5)
     with served(calibrated_flat) as (address, _):
         silent, half = sockets(address), sockets(address, b"GET /page HTTP/1.1\r\nHo")
         dribbling = sockets(address)
@@ -447,7 +447,7 @@ def test_a_body_that_stops_coming_is_given_up_and_leaves_no_file(calibrated_flat
 
 
 def test_a_page_answers_however_many_connections_stand_open(calibrated_flat, sockets, monkeypatch):
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 10)
+    monkeypatch.setattr(server, "MAX_CONNECTIONS", 10)
     with served(calibrated_flat) as (address, _):
         waiting = [sockets(address, b"GET /") for _ in range(30)]
         for _ in range(5):
