@@ -3,21 +3,24 @@
 Cases are small synthetic captures, each drawn from a seed of its own: charts of several layouts, 3
 to 8 bands of Gaussian cameras, one to three photos (the same lamp, moved, another, through stated,
 unknown and nearly opaque filters), a light stated by file with and without errors, by name, kind
-and temperature, or not at all; damaged and excluded patches; regions that are tiny, clipped, black,
-brighter than white, known, swatches, of stated families and surfaces; other methods of sampling.
+and temperature, or not at all, some of them dark at some wavelengths; damaged and excluded patches;
+regions that are tiny, clipped, black, brighter than white, known, of stated families and surfaces;
+other methods of sampling. Each calibration is used for several sets of regions. Signals by
+themselves have 1 to 31 bands and any noise, impossible ones among them. ``--scene DIR`` takes the
+reconstruction of a finished session of a scene, and states other things of its materials.
 
 A capture that is refused has no answer, and is counted by its error; an extra that fails on an
-answer that is there is printed with its traceback. ``--plant`` makes each extra raise instead and
-looks whether the answer stands. Exit code 1 where any answer was lost or any extra failed.
+answer that is there is printed with its traceback. Exit code 1 where any extra failed.
 """
 from __future__ import annotations
 
 import argparse
 import collections
 import itertools
+import json
 import tempfile
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +28,10 @@ from typing import Any
 import numpy as np
 
 from spectrabox.api.arguments import as_light
+from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.flat import FlatSpectra
+from spectrabox.api.scene import SceneSpectra
+from spectrabox.api.signals import sample
 from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.fixtures.chart_scene import card_scene
@@ -37,10 +43,13 @@ from spectrabox.measure.captured import (
     LitChart,
     PhotoFiles,
     Region,
+    SceneCapture,
     View,
 )
 from spectrabox.measure.chart_edition import edition_in_photo
+from spectrabox.measure.extras import FailedExtra
 from spectrabox.measure.options import Sampling
+from spectrabox.measure.records import KeptRecord
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart, chart_reflectances
 from spectrabox.radiometry.charts.layouts import chart_layout
@@ -50,8 +59,11 @@ from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.filters import stated_filter, unknown_filter
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
+from spectrabox.session.config.session_file import read_session
+from spectrabox.session.kept_stages import FinishedRun, load_finished
 from spectrabox.session.outputs.session_results import SessionResults
 from spectrabox.session.report.page import render_report
+from spectrabox.session.terminal.json_values import to_json
 
 SIZE = (180, 270)           # rows, columns
 NOISE = 0.003               # of full scale, in a pixel
@@ -71,6 +83,7 @@ class Case:
 
     capture: FlatCapture
     words: str
+    surfaces: np.ndarray        # (9, 301) on the places
 
 
 def drawn_case(seed: int) -> Case:
@@ -91,6 +104,9 @@ def drawn_case(seed: int) -> Case:
     lamp = named_light(str(rng.choice(LAMPS)), FINE_GRID)
     photos = [_photo(rng, chart, own, surfaces, curves * lamp, "first")]
     light, words = _stated(rng, lamp)
+    if isinstance(light, Spectrum) and rng.random() < 0.3:      # as a meter reads a dim lamp
+        values = np.where(light.values < 0.03 * light.values.max(), 0, light.values)
+        light, words = replace(light, values=values), f"{words}, dark in part"
     views = [View("", photos[0], photos[0], light, words)]
     for number in range(int(rng.choice((0, 0, 0, 1, 1, 2)))):
         views.append(_further(rng, f"view{number}", views[0], chart, own, surfaces, curves, lamp))
@@ -107,12 +123,16 @@ def drawn_case(seed: int) -> Case:
     said = [f"seed {seed}", chart.name, f"{bands} bands", f"light {words}",
             *(f"{view.name}: {view.filter_words or view.light_words}"
               f"{' moved' if view.moved else ''}" for view in views[1:]),
-            *(f"{name}{' ' + region.surface if region.surface else ''}"
-              f"{' known' if region.given is not None else ''}"
-              f"{' ' + '/'.join(region.families) if region.families else ''}"
-              for name, region in regions.items()), method,
-            f"{int(excluded.sum())} excluded"]
-    return Case(capture, "; ".join(said))
+            _words(regions), method, f"{int(excluded.sum())} excluded"]
+    return Case(capture, "; ".join(said), surfaces)
+
+
+def _words(regions: Mapping[str, Region]) -> str:
+    """What is stated of regions."""
+    return ", ".join(f"{name}{' ' + region.surface if region.surface else ''}"
+                     f"{' known' if region.given is not None else ''}"
+                     f"{' ' + '/'.join(region.families) if region.families else ''}"
+                     for name, region in regions.items())
 
 
 def _curves(rng: np.random.Generator, bands: int) -> np.ndarray:
@@ -224,31 +244,109 @@ def _regions(rng: np.random.Generator, surfaces: np.ndarray) -> dict[str, Region
     return regions
 
 
-def extras_of(spectra: FlatSpectra, folder: Path) -> Iterator[tuple[str, Callable[[], Any]]]:
+def answers_of(case: Case, sets: int) -> Iterator[tuple[str, FlatSpectra | SpectraboxError]]:
+    """Answers of one calibration, or why there is none: for the regions of a case, and for as many
+    other sets of regions.
+
+    Parameters
+    ----------
+    case : Case
+    sets : int
+    """
+    kept: dict[str, KeptRecord] = {}
+    for number in range(sets + 1):
+        regions, words = case.capture.regions, case.words
+        if number:
+            regions = _regions(np.random.default_rng([case.capture.seed, number]), case.surfaces)
+            words = f"{case.words}; now {_words(regions)}"
+        capture = replace(case.capture, regions=regions)
+        keeper = MemoryKeeper(kept=dict(kept))
+        try:
+            yield words, FlatSpectra(capture, measure(capture, keeper))
+        except SpectraboxError as error:
+            yield words, error
+        kept = {name: keeper.kept[name] for name in ("chart", "calibrate") if name in keeper.kept}
+        if len(kept) < 2:
+            return
+
+
+def scene_answer(finished: FinishedRun, seed: int) -> tuple[str, SceneSpectra]:
+    """The answer of a scene whose photos are inverted, something else being stated of it."""
+    rng = np.random.default_rng(seed)
+    capture = finished.capture
+    assert isinstance(capture, SceneCapture)
+    materials = {name: replace(
+        material, families=(str(rng.choice(FAMILIES)),) if rng.random() < 0.4 else (),
+        surface=str(rng.choice(("matt", "satin", "glossy"))) if rng.random() < 0.4 else None)
+        for name, material in capture.materials.items()}
+    sampling = Sampling(method=str(rng.choice(("prior", "prior", "uniform", "paper"))), draws=1000,
+                        level=float(rng.choice((0.5, 0.9, 0.95))))
+    capture = replace(capture, materials=materials, sampling=sampling, seed=seed)
+    keeper = MemoryKeeper(kept={name: stage for name, stage in finished.stored.items()
+                                if name != "sample"})
+    words = f"scene {seed}; {sampling.method}; " + ", ".join(
+        f"{name} {one.surface or ''} {'/'.join(one.families)}" for name, one in materials.items())
+    return words, SceneSpectra(capture, measure(capture, keeper))
+
+
+def signal_answer(seed: int) -> tuple[str, SpectrumEstimate]:
+    """The estimate of a signal that is given as numbers."""
+    rng = np.random.default_rng(seed)
+    bands = int(rng.choice((1, 2, 3, 3, 4, 6, 8, 12, 31)))
+    curves, lamp = _curves(rng, bands), named_light(str(rng.choice(LAMPS)), FINE_GRID)
+    response = curves * lamp * FINE_GRID.weights_nm
+    signal = response @ _surfaces(rng)[0] / response.sum(axis=1)
+    kind = str(rng.choice(("true", "true", "off", "any", "dark")))
+    signal = {"true": signal, "off": signal * np.exp(0.2 * rng.standard_normal(bands)),
+              "any": rng.uniform(0, 1.2, bands), "dark": np.full(bands, 1e-6)}[kind]
+    noise = float(rng.choice((1e-4, 0.003, 0.03, 0.3)))
+    estimate = sample(signal, camera=(FINE_GRID.nm, curves), light=(FINE_GRID.nm, lamp),
+                      noise=noise, draws=1000, seed=seed,
+                      families=(str(rng.choice(FAMILIES)),) if rng.random() < 0.3 else ())
+    assert isinstance(estimate, SpectrumEstimate)
+    return f"signal {seed}; {bands} bands, {kind}, noise {noise}", estimate
+
+
+def extras_of(spectra: FlatSpectra | SceneSpectra,
+              folder: Path) -> Iterator[tuple[str, Callable[[], Any]]]:
     """Every extra of an answer by its name.
 
     Parameters
     ----------
-    spectra : FlatSpectra
+    spectra : FlatSpectra or SceneSpectra
     folder : Path
         For pictures.
     """
     capture, records = spectra.found.advise.args
-    yield "advice", lambda: spectra.found.advise()
-    yield "facts", spectra.facts
+    yield "facts and advice", lambda: _whole(spectra)
     yield "text", spectra.text
     yield "repr", lambda: repr(spectra) + spectra._repr_html_()
     yield "methods", lambda: spectra.methods
-    chart = records.chart.charts[""]
-    image = capture.views[0].photo[ONE_PHOTO][0].opened
-    yield "edition", lambda: edition_in_photo(image, capture.layout, chart.samples)
+    if "" in records.chart.charts:
+        chart = records.chart.charts[""]
+        yield "edition", lambda: _raised(edition_in_photo(chart.thumbnail, capture.layout,
+                                                          chart.samples).failed)
     names = [name for name, one in spectra.items() if one.given is None]
     for pair in itertools.islice(itertools.combinations(names, 2), 2):
         yield "comparison", lambda pair=pair: _compared(spectra, pair)
-    yield "report", lambda: render_report(_session(spectra, folder))
+    yield "report", lambda: [_raised(one) for one in render_report(_session(spectra,
+                                                                            folder)).failed]
 
 
-def _compared(spectra: FlatSpectra, pair: tuple[str, str]) -> Any:
+def _whole(spectra: FlatSpectra | SceneSpectra) -> None:
+    """Everything as JSON, in which nothing failed."""
+    facts = spectra.facts()
+    json.dumps(facts, default=to_json, allow_nan=False)
+    for one in spectra.failed_extras:
+        _raised(one)
+
+
+def _raised(failed: FailedExtra | None) -> None:
+    if failed is not None:
+        raise AssertionError(f"{failed.why}\n{failed.traceback}")
+
+
+def _compared(spectra: FlatSpectra | SceneSpectra, pair: tuple[str, str]) -> Any:
     """A comparison with its colours, or None where it is refused."""
     try:
         both = spectra.compare(*pair)
@@ -260,7 +358,7 @@ def _compared(spectra: FlatSpectra, pair: tuple[str, str]) -> Any:
     return repr(both)
 
 
-def _session(spectra: FlatSpectra, folder: Path) -> SessionResults:
+def _session(spectra: FlatSpectra | SceneSpectra, folder: Path) -> SessionResults:
     """The answer as a report takes it."""
     capture, records = spectra.found.advise.args
     previews = {}
@@ -273,48 +371,73 @@ def _session(spectra: FlatSpectra, folder: Path) -> SessionResults:
         chart_overlay=previews[""], provenance={})
 
 
-def answer_of(case: Case) -> FlatSpectra:
-    """The answer that a capture gets.
+class Tally:
+    """What was tried, refused and failed."""
 
-    Raises
-    ------
-    SpectraboxError
-        If it is refused.
-    """
-    return FlatSpectra(case.capture, measure(case.capture, MemoryKeeper()))
+    def __init__(self) -> None:
+        self.answers = 0
+        self.refused: collections.Counter[str] = collections.Counter()
+        self.failed: collections.Counter[str] = collections.Counter()
+
+    def attempt(self, name: str, words: str, make: Callable[[], Any]) -> Any:
+        """What is made, or None with the failure printed."""
+        try:
+            return make()
+        except Exception:       # noqa: BLE001 - printed and counted
+            self.failed[name] += 1
+            print(f"{name.upper()} {words}\n{traceback.format_exc()}", flush=True)
+            return None
+
+    def answer(self, words: str, answer: FlatSpectra | SceneSpectra | SpectraboxError) -> None:
+        """Every extra of an answer."""
+        if isinstance(answer, SpectraboxError):
+            self.refused[f"{type(answer).__name__}: {str(answer)[:70]}"] += 1
+            return
+        self.answers += 1
+        with tempfile.TemporaryDirectory() as folder:
+            for name, extra in extras_of(answer, Path(folder)):
+                self.attempt(name, words, extra)
+
+    def signal(self, seed: int) -> None:
+        """The advice on a signal."""
+        try:
+            words, estimate = signal_answer(seed)
+        except SpectraboxError as error:
+            self.refused[f"{type(error).__name__}: {str(error)[:70]}"] += 1
+            return
+        self.answers += 1
+        self.attempt("advice on a signal", words, estimate.advise)
 
 
 def main() -> int:
     """Print what fails."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=300)
+    parser.add_argument("--cases", type=int, default=60, help="calibrations of flat samples")
+    parser.add_argument("--sets", type=int, default=4, help="of regions more, of each")
+    parser.add_argument("--signals", type=int, default=300)
+    parser.add_argument("--scene", type=Path, help="a finished session of a scene")
+    parser.add_argument("--scenes", type=int, default=30, help="statements about it")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    refused: collections.Counter[str] = collections.Counter()
-    failed: collections.Counter[str] = collections.Counter()
+    tally = Tally()
+    for seed in range(asked.seed, asked.seed + asked.signals):
+        tally.signal(seed)
     for seed in range(asked.seed, asked.seed + asked.cases):
-        case = drawn_case(seed)
-        try:
-            spectra = answer_of(case)
-        except SpectraboxError as error:
-            refused[f"{type(error).__name__}: {str(error)[:90]}"] += 1
-            continue
-        except Exception:       # noqa: BLE001 - a fault of the answer: printed and counted
-            failed["answer"] += 1
-            print(f"ANSWER {case.words}\n{traceback.format_exc()}", flush=True)
-            continue
-        with tempfile.TemporaryDirectory() as folder:
-            for name, extra in extras_of(spectra, Path(folder)):
-                try:
-                    extra()
-                except Exception:       # noqa: BLE001 - printed and counted
-                    failed[name] += 1
-                    print(f"{name.upper()} {case.words}\n{traceback.format_exc()}", flush=True)
-    print(f"{asked.cases} cases, refused {sum(refused.values())}, failed {dict(failed)}")
-    for sentence, count in refused.most_common(15):
+        for words, answer in answers_of(drawn_case(seed), asked.sets):
+            tally.answer(words, answer)
+    if asked.scene is not None:
+        finished = load_finished(read_session(asked.scene))
+        for seed in range(asked.seed, asked.seed + asked.scenes):
+            try:
+                tally.answer(*scene_answer(finished, seed))
+            except SpectraboxError as error:
+                tally.answer(f"scene {seed}", error)
+    print(f"{tally.answers} answers, {sum(tally.refused.values())} refused, "
+          f"failed {dict(tally.failed)}")
+    for sentence, count in tally.refused.most_common(15):
         print(f"  {count:4d} {sentence}")
-    return 1 if failed else 0
+    return 1 if tally.failed else 0
 
 
 if __name__ == "__main__":

@@ -4,19 +4,27 @@ answer.
 """
 import json
 import shutil
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from flat_example import rect_of, write_flat
 from inline_workers import inline_workers
 from session_runs import call
 
 import spectrabox as sb
+from spectrabox.measure.advice.flat_actions import flat_photos_of, with_lamp_moved, with_level
+from spectrabox.measure.advice.forecast import Unknown, outlook_after
 from spectrabox.measure.extras import attempt
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.spectrum_files import read_table
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.manifest import program_of_batch
 from spectrabox.session.batch.overview import batch_facts, batch_text, write_page
 from spectrabox.session.batch.tasks import Order
+
+from benchmarks.bench_extras import Tally, answers_of, drawn_case
 
 WHY = "planted: zero-size array"
 # functions without which an extra cannot be made, and what the extra is called
@@ -201,3 +209,44 @@ def test_errors_are_said_in_a_line(error, said):
     value, failed = attempt("advice", failing, 7)
     assert value == 7 and failed.error == said
     assert attempt("advice", lambda: 5, None) == (5, None)
+
+
+@pytest.mark.parametrize("seed", (7, 9, 12, 14))
+def test_every_extra_of_captures_that_nobody_planned_works(seed):
+    """Two sets of regions on each of a few calibrations; more by benchmarks/bench_extras.py."""
+    tally = Tally()
+    for words, answer in answers_of(drawn_case(seed), 1):
+        tally.answer(words, answer)
+    assert not tally.failed
+
+
+def test_signals_that_nobody_planned_get_advice():
+    tally = Tally()
+    for seed in range(30):
+        tally.signal(seed)
+    assert tally.answers > 15 and not tally.failed
+
+
+def test_a_light_that_is_dark_at_some_wavelengths_gets_advice(measured, tmp_path):
+    """As a meter reads a dim lamp: a forecast under another lamp divided by it."""
+    folder, _ = measured
+    table = read_table(folder / "spectra" / "light.csv")
+    light = np.where(table.values[0] < 0.03 * table.values[0].max(), 0, table.values[0])
+    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")},
+                     light=(table.nm, light), progress=False)
+    assert {"gel", "second-lamp"} & {one.action for one in result.advice}
+    assert not result.failed_extras
+
+
+def test_a_black_surface_gets_advice(measured):
+    """The level of the light changes nothing of it."""
+    folder, _ = measured
+    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")}, progress=False)
+    capture, records = result.found.advise.args
+    signals = records.signals
+    black = replace(signals, signal=-1e-4 * np.ones_like(signals.signal))
+    states = records.sample.spectra["cube"].states
+    unknown = Unknown(load_prior(), 0.95, black, np.full(PRIOR_GRID.nm.size, 0.01), states.mean)
+    assert with_level(unknown) is unknown
+    after = with_lamp_moved(flat_photos_of(capture, records), "cube")
+    assert np.isfinite(outlook_after(with_level(unknown), after).width)
