@@ -76,15 +76,19 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: n
     signals : (T, K) array
         Relative to white.
     mixture : MixturePosterior
-        Of the signals, with all errors.
+        Of the signals, with all errors; the modes without them are sought from its own, unless it
+        has several states.
     grown : mapping to (T, P) arrays
         From `grown_by_causes`.
     """
     variance = mean_and_spread(mixture)[1]**2
-    perfect = posterior(prior, relative_response, signals, np.zeros((signals.shape[1],) * 2))
-    left = np.minimum(mean_and_spread(perfect)[1]**2, variance)
     total = np.sum(list(grown.values()), axis=0)
-    left = np.where(total > 0, left, variance)
+    left = variance
+    if np.any(total > 0):
+        start = mixture if len(mixture.logits) == len(prior.means) else None
+        perfect = posterior(prior, relative_response, signals, np.zeros((signals.shape[1],) * 2),
+                            start)
+        left = np.where(total > 0, np.minimum(mean_and_spread(perfect)[1]**2, variance), variance)
     return {METAMERISM: left} | {name: (variance - left) * each / np.where(total > 0, total, 1.0)
                                  for name, each in grown.items()}
 

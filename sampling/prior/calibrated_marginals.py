@@ -35,6 +35,7 @@ from spectrabox.sampling.summary import READING_ERROR
 
 NEWTON_STEPS = 3            # of a centre to its signal; it begins near
 MAX_STEP = 2.0              # logits
+SIGNALS = 32                # at a time, with some twenty components each: as well
 PAIRS = 64                  # of component and signal at a time: their covariances fit the cache
 # Covariances are smooth: their squares are integrated over every third wavelength.
 COARSE = slice(0, None, 3)
@@ -75,6 +76,15 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
     mixture : MixturePosterior
         Of these signals.
     """
+    if len(signals) > SIGNALS:
+        blocks = [slice(start, start + SIGNALS) for start in range(0, len(signals), SIGNALS)]
+        parts, covariances = zip(*(
+            marginal_moments(prior, relative_response, signals[rows], covariance[rows],
+                             mixture.rows(rows)) for rows in blocks), strict=True)
+        logits, variances, skews = (np.concatenate([getattr(part, name) for part in parts], axis=1)
+                                    for name in ("logits", "variances", "skews"))
+        return (replace(mixture, logits=logits, variances=variances, skews=skews),
+                np.concatenate(covariances))
     pairs = _pairs(prior, relative_response, signals, covariance, mixture)
     p = reflectance(pairs.centre)
     slope = p * (1 - p)

@@ -13,14 +13,14 @@ signal, and weighs nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Annotated, Any
 
 import numpy as np
 from scipy.special import chdtri
 
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.shaped import Record, array_fields
 from spectrabox.sampling.prior.level import Tilt, tilt, with_stretch
 from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance
 from spectrabox.sampling.prior.quantiles import quantiles, stretched
@@ -65,6 +65,15 @@ class MixturePosterior(Record):
     growth: Annotated[np.ndarray, "T"]  # of the calibrated bands, for novelty (`tail_growth`)
     # of the components' marginal distributions (quantiles.py); None for normal ones
     skews: Annotated[np.ndarray, "C T P"] | None = None
+
+    def rows(self, rows: slice) -> MixturePosterior:
+        """That of some of the signals."""
+        some: dict[str, Any] = {
+            name: values[tuple(rows if letter == "T" else slice(None)
+                               for letter in letters.split())]
+            for name, letters in array_fields(MixturePosterior).items()
+            if (values := getattr(self, name)) is not None}
+        return replace(self, **some)
 
 
 @dataclass(frozen=True)
