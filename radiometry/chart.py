@@ -40,8 +40,9 @@ REFERENCES = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta")
 # The Classic as it is made since, of which its maker publishes colours alone.
 AFTER_2014 = "ColorChecker after November 2014"
 
-# What a copy of either edition is like: geometric means of published tables and measured copies,
-# each with its weight, the first one's level. The copy of which no edition is stated is in both.
+# What a copy of either edition is like. Its colours: geometric means of published tables and
+# measured copies, each with its weight, beside their greys. The copy of which no edition is stated
+# is in both.
 COPIES_SINCE_2014 = "ColorChecker copies since November 2014"
 COPIES_BEFORE_2014 = "ColorChecker copies before November 2014"
 MEANS_OF_COPIES = {
@@ -50,6 +51,12 @@ MEANS_OF_COPIES = {
     COPIES_BEFORE_2014: {"BabelColor Average": 2, "used copy": 1, "ColorChecker N Ohta": 1}}
 GREYS = slice(19, 23)       # neutral 8 to 3.5: copies are compared at their level, from 430 nm on
 GREYS_FROM_NM = 430.0
+# The level of its greys: the mean of all tables but the one whose instrument read a fifth too much
+# of everything. How light white, each grey, black and the coloured patches together are beside the
+# greys: the mean of these tables, of copies made since of all, among which it goes with no edition.
+LEVELLED = ("BabelColor Average", "ColorChecker N Ohta", AFTER_2014, "used copy")
+GREY_SCALE_OF = {COPIES_SINCE_2014: (*LEVELLED, "copy of August 2016"),
+                 COPIES_BEFORE_2014: ("BabelColor Average", "ColorChecker N Ohta", "used copy")}
 
 # Peak and standard deviation (nm) of the bands of an ordinary colour camera, to know a chart when
 # one is seen.
@@ -197,14 +204,40 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
                          f"{nearest_words(reference, chart.references)}; known are "
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")
     if reference in MEANS_OF_COPIES:
-        tables, weights = zip(*MEANS_OF_COPIES[reference].items(), strict=True)
-        logs = np.log([table_of_classic(table, grid) for table in tables])
-        greys = logs[:, GREYS, grid.nm >= GREYS_FROM_NM].mean(axis=(1, 2))
-        level = greys - greys[0]
-        return np.asarray(np.exp(np.average(logs - level[:, None, None], axis=0, weights=weights)))
+        return _mean_of_copies(reference, grid)
     if reference in published_names(TRADE):
         return on_grid(*published_curves(TRADE, reference), grid, reference)
     return table_of_classic(reference, grid)
+
+
+def _mean_of_copies(reference: str, grid: WavelengthGrid) -> np.ndarray:
+    """Reflectances (24, P) of the mean of copies, on a grid from 430 nm or less."""
+    names, weights = zip(*MEANS_OF_COPIES[reference].items(), strict=True)
+    logs = np.log([table_of_classic(name, grid) for name in names])
+    levels, greys = levels_of_classic(logs, grid)
+    _, all_greys = levels_of_classic(np.log([table_of_classic(name, grid) for name in LEVELLED]),
+                                     grid)
+    scale, _ = levels_of_classic(np.log([table_of_classic(name, grid)
+                                         for name in GREY_SCALE_OF[reference]]), grid)
+    lighter = scale.mean(axis=0) - np.average(levels, axis=0, weights=weights)
+    lighter[:GREYS.start - 1] = lighter[:GREYS.start - 1].mean()    # coloured patches together
+    mean = np.average(logs - greys[:, None, None], axis=0, weights=weights)
+    return np.asarray(np.exp(mean + lighter[:, None] + all_greys.mean()))
+
+
+def levels_of_classic(logs: np.ndarray, grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Levels (N, 24) of the patches of N copies beside their greys, and of the greys (N,): means of
+    logarithms from 430 nm on.
+
+    Parameters
+    ----------
+    logs : (N, 24, P) array
+        Of reflectance.
+    grid : WavelengthGrid
+    """
+    levels = logs[:, :, grid.nm >= GREYS_FROM_NM].mean(axis=2)
+    greys = levels[:, GREYS].mean(axis=1)
+    return levels - greys[:, None], greys
 
 
 def table_of_classic(name: str, grid: WavelengthGrid) -> np.ndarray:
