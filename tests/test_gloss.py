@@ -18,6 +18,7 @@ from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.sampling.prior.state_posteriors import state_shares
 
 from tests.sampling_cameras import curves
 
@@ -68,11 +69,27 @@ def judged(signals, truth):
 @pytest.mark.parametrize("photos", [1, 2, 3])
 def test_bands_of_an_unstated_sample_hold_at_three_per_cent_of_gloss(photos):
     holds, width = judged(photographed(SURFACES, photos, 0.03, None), SURFACES)
+    matt, _ = judged(photographed(SURFACES, photos, 0.0, None), SURFACES)
     before, narrow = judged(photographed(SURFACES, photos, 0.03, ERROR), SURFACES)
-    # 50 surfaces know a share of .93 to .01
-    assert holds > 0.93 - 0.01 and width < 1.1 * narrow
+    # of these colours, which the prior knows least, bands hold .925 without gloss; 50 surfaces know
+    # a share to .01
+    assert holds > min(matt, 0.93) - 0.02 and width < 1.1 * narrow
     # what a symmetric error says of light that only adds
     assert before < 0.8
+
+
+@pytest.mark.parametrize("level", [0.02, 0.05, 0.1, 0.2])
+def test_an_unstated_grey_is_estimated_as_matt_and_its_band_reaches_down_to_gloss(level):
+    """What "PASS if matt" says: 3 % of gloss on a darker grey gives the same signal."""
+    truth = np.full((8, NM.size), level)
+    signals = photographed(truth, 1, 0.0, None)
+    found = [solve_posterior(load_prior(), measurement(signals, index))
+             for index in range(len(truth))]
+    # of white: L* 1 of a grey of .05; the noise of the mean of 8 is 1 % of the level
+    assert np.mean([each.mean.mean() for each in found]) - level == pytest.approx(
+        0, abs=0.004 + 0.02 * level)
+    darker = max(level - 0.03, 0.0)
+    assert np.mean([each.band(0.95)[0].mean() for each in found]) < max(darker, 0.3 * level)
 
 
 @pytest.mark.parametrize("photos", [1, 3])
@@ -99,6 +116,20 @@ def test_dark_greys_whose_gloss_is_what_is_stated_have_no_bias_by_it(stated, lev
         errors.append(found.states.standard_deviation[0])
     # a third of what the gloss makes uncertain, and what 40 greys tell of a mean at 3 sigma
     assert abs(np.mean(off)) < np.mean(errors) / 3 + 3 * np.std(off) / len(off)**0.5 / 2
+
+
+def test_a_state_gains_nothing_by_how_usual_its_spectra_are_and_loses_by_what_none_explains():
+    beforehand = np.log([[0.8], [0.2]])
+    for nats in (-1.5, 0.0, 1.5):
+        shares, whole = state_shares(beforehand, np.array([[3.0], [3.0 + nats]]))
+        assert shares[:, 0] == pytest.approx([0.8, 0.2])
+        # the signal's own evidence is whole
+        assert whole[0] == pytest.approx(3 + np.log(0.8 + 0.2 * np.exp(nats)))
+    shares, _ = state_shares(beforehand, np.array([[3.0], [-27.0]]))
+    assert shares[:, 0] == pytest.approx([1, 0])
+    # what photos differ by stands with what is known beforehand
+    shares, _ = state_shares(beforehand + np.array([[0.0], [5.0]]), np.zeros((2, 1)))
+    assert shares[1, 0] == pytest.approx(0.2 * np.exp(5) / (0.8 + 0.2 * np.exp(5)))
 
 
 def test_a_gloss_of_one_place_of_the_lamp_is_one_and_of_two_places_two_alike():

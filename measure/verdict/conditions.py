@@ -34,6 +34,7 @@ from spectrabox.radiometry.error_model import (
     SURFACE_REFLECTION,
     WHITE,
 )
+from spectrabox.radiometry.gloss import SURFACE_WORDS, USUAL
 from spectrabox.radiometry.records.calibration import ChartCopy
 
 if TYPE_CHECKING:
@@ -239,7 +240,9 @@ def _plane(found: FlatResult) -> Condition:
 
 def _gloss(found: CaptureResult, holds: str) -> Condition:
     stated, surfaces = found.stated, found.surfaces
-    standing, known_by = Standing.ASSUMED, "nothing stated"
+    # what is assumed is what the estimate is of: the band reaches to what gloss would make of it
+    standing, known_by = Standing.ASSUMED, \
+        f"nothing stated: taken as matt to {percent(USUAL[SURFACE_WORDS[0]], 0)}"
     if stated.lamp_moved:
         standing, known_by = Standing.MEASURED, "the photo with the lamp moved"
     elif stated.surfaces:
