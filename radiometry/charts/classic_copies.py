@@ -3,8 +3,8 @@
 Editions and measured copies of the ColorChecker Classic differ from their mean by .012 to .017 of
 reflectance, relative to their greys: in the level of a patch by 2 to 3 %, of a white by 3 %; in
 where edges lie and how deep absorptions are, within some 25 nm; by a yellowing that white and
-light greys share; and by 1 % each in the level of the whole chart, and of its coloured patches
-beside its greys. Logarithms are what varies, each term an independent unit normal.
+light greys share; and in the level of the whole chart by 1 %. Logarithms are what varies, each term
+an independent unit normal.
 ``benchmarks/bench_chart_copies.py`` puts copies so drawn beside tables and measured ones.
 """
 from __future__ import annotations
@@ -32,8 +32,8 @@ LEVEL, WHITE_LEVEL, GREY_LEVEL = 0.025, 0.026, 0.013
 SHAPE, SHAPE_NM, NEUTRAL_SHAPE, NEUTRAL_SHAPE_NM = 0.032, 25.0, 0.01, 60.0
 DARK, DARK_NEUTRAL = 0.003, 0.001
 # in common: a yellowing of neutrals, in proportion to their reflectance, at 400 nm, and the
-# wavelengths over which it fades; the level of a whole chart, and of all its coloured patches
-YELLOWING, YELLOWING_NM, CHART_LEVEL, COLOURED_LEVEL = 0.05, 80.0, 0.013, 0.009
+# wavelengths over which it fades; the level of a whole chart
+YELLOWING, YELLOWING_NM, CHART_LEVEL = 0.05, 80.0, 0.01
 # The least that a fit takes for the error of a patch's own level, as a share of the above; of
 # white, which dirt and yellowing darken first, all. How far levels of this chart scatter beyond
 # that, its photo tells, as the error that a fit finds common to the bands of a patch: taken for
@@ -99,8 +99,7 @@ def copies_of(name: str, mean: np.ndarray, neutrals: tuple[int, ...], grid: Wave
     shapes = shape[:, :, None] * np.where(is_neutral[:, :, None], broad, smooth)
     own = np.concatenate([np.broadcast_to(level[:, None, None], (*mean.shape, 1)), shapes], axis=2)
     yellow = YELLOWING * np.exp((grid.nm[0] - grid.nm) / YELLOWING_NM) * mean * is_neutral
-    common = np.stack([yellow, np.full(mean.shape, CHART_LEVEL),
-                       np.where(is_neutral, 0.0, np.full(mean.shape, COLOURED_LEVEL))], axis=2)
+    common = np.stack([yellow, np.full(mean.shape, CHART_LEVEL)], axis=2)
     least = np.full(len(mean), LEAST_LEVEL)
     least[list(neutrals[:1])] = 1.0
     return ChartCopies(name, mean, larger * own, larger * common, least, share)
