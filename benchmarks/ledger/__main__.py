@@ -1,0 +1,122 @@
+"""Measure the ledger, compare it with what is recorded, print it and write docs/results/ledger.md.
+
+    python -m benchmarks.ledger [--data FOLDER] [--only NAME ...]
+    python -m benchmarks.ledger --record NAME ... --reason "why the values are other ones"
+
+Ends in 4 where a row is worse than recorded by more than its error, was never recorded, or lacks
+an answer that is recorded; else in 0. ``--record`` takes rows by name, or patterns such as
+"simulated/greys*" and "*"; a row that is worse is recorded with its reason, which is to stand in
+CHANGELOG.md as well. Measured data are found by --data or SPECTRABOX_DATA; rows that need them stay
+as recorded where there are none. No row needs a network.
+"""
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import os
+import sys
+import time
+from pathlib import Path
+
+from benchmarks.ledger import (
+    boxes,
+    real,
+    recorded,
+    rows,
+    signals,
+    simulated,
+    speed,
+    table,
+    task,
+)
+
+GROUPS = ("real", "simulated", "signals", "speed")
+FILES = (real, boxes, simulated, signals, speed)      # the longest tasks first
+
+
+def main() -> int:
+    """Measure, compare, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=os.environ.get("SPECTRABOX_DATA") or None,
+                        help="folder of measured data; SPECTRABOX_DATA by default")
+    parser.add_argument("--only", nargs="+", metavar="NAME", default=[],
+                        help="groups, blocks or rows; the table is not written then")
+    parser.add_argument("--record", nargs="+", metavar="NAME", default=[],
+                        help="record what these rows measure now")
+    parser.add_argument("--reason", help="why; needed with --record")
+    parser.add_argument("--workers", type=int, default=task.WORKERS)
+    asked = parser.parse_args()
+    if asked.record and not asked.reason:
+        parser.error("--record needs --reason: why are the values other ones?")
+    data = None if asked.data is None else Path(asked.data)
+    if data is not None and not data.is_dir():
+        parser.error(f"{data} is no folder of measured data")
+    started = time.perf_counter()
+    every = [one for file in FILES for one in file.tasks(data)]
+    wanted = [one for one in every
+              if not asked.only or any(_within(one.block, name) for name in asked.only)]
+    if not wanted:
+        parser.error(f"nothing is named {', '.join(asked.only)}; there are "
+                     f"{', '.join(dict.fromkeys(one.block for one in every))}")
+    done = task.measure_all(wanted, asked.workers)
+    known, commit = recorded.read_recorded(), recorded.commit_now()
+    blocks = {one.block for one in wanted}
+    for group in GROUPS:
+        whole = [one for one in every if one.group == group]
+        if whole and set(whole) <= set(wanted):
+            blocks.add(f"{group}/all")
+            done.rows[f"{group}/all/answered"] = {
+                f"{one.block.split('/')[1]} {one.case}":
+                float((one.block, one.case) not in done.faults) for one in whole}
+    judgements = {name: judged_row(name, done, known, blocks)
+                  for name in dict.fromkeys([*done.rows, *known])}
+    for name in [name for name in done.rows
+                 if any(fnmatch.fnmatch(name, pattern) for pattern in asked.record)]:
+        if judgements[name].word == "incomplete":
+            print(f"{name} is not recorded: {judgements[name].says}", file=sys.stderr)
+            continue
+        known = recorded.record(known, name, done.rows[name], commit, asked.reason,
+                                judgements[name])
+        judgements[name] = rows.Judgement("recorded")
+    lines = table.lines_of(done.rows, known, judgements)
+    if asked.record:
+        recorded.write_recorded({name: known[name] for name in sorted(known, key=_order)})
+    if not asked.only:
+        table.write(lines, commit, data is not None)
+    print(table.text(lines))
+    failed = {name: judgement for name, judgement in judgements.items() if judgement.fails}
+    print(f"\n{len(done.rows)} rows of {len(wanted)} cases in "
+          f"{time.perf_counter() - started:.0f} s, {sum(done.seconds.values()):.0f} s of processor")
+    if data is None:
+        print("real: skipped, no measured data; name their folder with --data or SPECTRABOX_DATA")
+    for (block, case), fault in done.faults.items():
+        print(f"no answer: {block}, case {case}: {fault}")
+    for name, judgement in failed.items():
+        print(f"{judgement.word}: {name}: {judgement.says or table.change_of(name, judgement)}")
+    if failed:
+        print('mend it, or record it: python -m benchmarks.ledger --record NAME --reason "WHY", '
+              "with the reason in CHANGELOG.md too")
+    return 4 if failed else 0
+
+
+def judged_row(name: str, done: task.Measured, known: dict[str, recorded.Recorded],
+               blocks: set[str]) -> rows.Judgement:
+    """What one row came to; a recorded one of a block that was measured must be there."""
+    before = known[name].cases if name in known else None
+    block = name.rsplit("/", 1)[0]
+    found = done.rows.get(name, {} if block in blocks else None)
+    return rows.judged(rows.kind_of(name), found, before)
+
+
+def _within(block: str, name: str) -> bool:
+    """Whether a block is named, by itself, its group or one of its rows."""
+    return block == name or block.startswith(f"{name}/") or name.startswith(f"{block}/")
+
+
+def _order(name: str) -> int:
+    return GROUPS.index(name.split("/", 1)[0])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,107 @@
+"""What is measured in one go, and several of these at a time."""
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from concurrent import futures
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+WORKERS = 2
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case of a block, and the function that measures it.
+
+    Attributes
+    ----------
+    block : str
+        ``group/block``, the first parts of its rows' names.
+    case : str
+        Which case of these rows.
+    measure : function
+        Returns a number for each kind of row, by its name.
+    arguments : tuple
+    """
+
+    block: str
+    case: str
+    measure: Callable[..., dict[str, float]]
+    arguments: tuple[Any, ...] = ()
+
+    @property
+    def group(self) -> str:
+        """First part of the block's name."""
+        return self.block.split("/", 1)[0]
+
+
+@dataclass
+class Measured:
+    """What came of tasks.
+
+    Attributes
+    ----------
+    rows : dict
+        Numbers by row and case.
+    faults : dict
+        What a task without an answer ended in, by (block, case).
+    seconds : dict
+        Of processor, by block.
+    """
+
+    rows: dict[str, dict[str, float]] = field(default_factory=dict)
+    faults: dict[tuple[str, str], str] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def measure_all(tasks: Iterable[Task], workers: int = WORKERS) -> Measured:
+    """Measure tasks in processes of their own, with a word on every one to standard error."""
+    # one thread for small algebra, so that results repeat; before the workers load it
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"
+    tasks, done = list(tasks), Measured()
+    with futures.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        waiting = {pool.submit(_tried, task): task for task in tasks}
+        for count, future in enumerate(futures.as_completed(waiting), 1):
+            task = waiting[future]
+            try:
+                numbers, fault, seconds = future.result()
+            except futures.process.BrokenProcessPool:
+                numbers, fault, seconds = {}, "the process was ended", 0.0
+            for kind, number in numbers.items():
+                done.rows.setdefault(f"{task.block}/{kind}", {})[task.case] = number
+            if fault:
+                done.faults[task.block, task.case] = fault
+            done.seconds[task.block] = done.seconds.get(task.block, 0.0) + seconds
+            print(f"{count}/{len(tasks)} {task.block} {task.case} {seconds:.1f} s"
+                  + f": {fault}" * bool(fault), file=sys.stderr, flush=True)
+    # as the tasks came, whichever ended first
+    return Measured(dict(_ordered(done, tasks)), done.faults, done.seconds)
+
+
+def _ordered(done: Measured, tasks: list[Task]) -> Iterator[tuple[str, dict[str, float]]]:
+    blocks = list(dict.fromkeys(task.block for task in tasks))
+    for block in blocks:
+        cases = [task.case for task in tasks if task.block == block]
+        for row, numbers in done.rows.items():
+            if row.rsplit("/", 1)[0] == block:
+                yield row, {case: numbers[case] for case in cases if case in numbers}
+
+
+def _tried(task: Task) -> tuple[dict[str, float], str, float]:
+    """Numbers, why there are none, and processor seconds."""
+    start = time.process_time()
+    try:
+        numbers, fault = task.measure(*task.arguments), ""
+    except Exception as error:      # noqa: BLE001 - the others go on, and the row fails
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        said = (str(error).splitlines() or [""])[0]
+        numbers, fault = {}, (f"{type(error).__name__}: {said} ({Path(place.filename).name}, "
+                              f"{place.name})")
+    return numbers, fault, time.process_time() - start
