@@ -2,6 +2,7 @@
 # make test   runs the tests, and ends by saying what was not tried. As root, where there is no browser, it first installs
 #             Debian's chromium on the whole system; BROWSER=0 leaves that out
 # make bench  prints one table of times, whole commands first (BEFORE=FOLDER: beside another checkout); quarter of an hour
+# make ledger measures whole captures and compares each row with the recorded one (DATA=FOLDER or SPECTRABOX_DATA: real ones too)
 # make figures  prints every measured figure (DATA=FOLDER for those that need measured data); takes the better part of an hour
 # make paper  prints the table of every figure of docs/results/paper.md and what data are missing; pictures go to build/paper
 # make wheel-check  builds sdist and wheel, installs the wheel elsewhere and makes a report with it (PLATFORMS=1: resolves for others)
@@ -18,7 +19,7 @@ PIP    := $(PY) -m pip --disable-pip-version-check install --no-compile
 
 export PYTHONDONTWRITEBYTECODE =    # or every command would compile every module anew
 
-.PHONY: setup demo test lint bench figures paper wheel-check clean
+.PHONY: setup demo test lint bench ledger figures paper wheel-check clean
 .DELETE_ON_ERROR:
 
 setup: $(STAMP)
@@ -66,7 +67,11 @@ lint: $(TESTS)
 bench: $(TESTS)
 	@$(PY) -m benchmarks.bench_front_door $(if $(BEFORE),--before "$(BEFORE)")
 
+ledger: $(TESTS)
+	@$(PY) -m benchmarks.ledger $(if $(DATA),--data "$(DATA)")
+
 figures: $(TESTS)
+	@$(PY) -m benchmarks.table_ages
 	@for script in benchmarks/bench_*.py; do echo "== $$script"; \
 	  if ! grep -q '"--data"' $$script; then $(PY) -m benchmarks.$$(basename $$script .py) || exit 1; \
 	  elif [ -n "$(DATA)" ]; then $(PY) -m benchmarks.$$(basename $$script .py) --data "$(DATA)" || exit 1; \

@@ -209,15 +209,18 @@ def exponents(found: Reconstruction) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("data", type=Path, help="the folder yale_box")
+    parser.add_argument("--data", type=Path, required=True,
+                        help="the folder yale_box, or one that holds it")
     parser.add_argument("--steps", type=int, default=200, help="of the paper's gradient descent")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     arguments = parser.parse_args()
-    if not (arguments.data / "materials.csv").exists():
-        print(f"{arguments.data} holds no materials.csv: nothing to compare with, skipped")
+    folder = arguments.data / "yale_box" if (arguments.data / "yale_box").is_dir() \
+        else arguments.data
+    if not (folder / "materials.csv").exists():
+        print(f"{folder} holds no materials.csv: nothing to compare with, skipped")
         return
     start_mitsuba("cpu")
-    boxes = [read_box(arguments.data, which) for which in PHOTOS]
+    boxes = [read_box(folder, which) for which in PHOTOS]
     chosen, result, contradictions = methods(arguments.steps), [], {}
     for method, settings in chosen.items():
         for view, truth in boxes:

@@ -34,8 +34,8 @@ GROUPS = ("real", "simulated", "signals", "speed")
 FILES = (real, boxes, simulated, signals, speed)      # the longest tasks first
 
 
-def main() -> int:
-    """Measure, compare, print, write."""
+def main(words: list[str] | None = None) -> int:
+    """Measure, compare, print, write; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=os.environ.get("SPECTRABOX_DATA") or None,
@@ -46,7 +46,7 @@ def main() -> int:
                         help="record what these rows measure now")
     parser.add_argument("--reason", help="why; needed with --record")
     parser.add_argument("--workers", type=int, default=task.WORKERS)
-    asked = parser.parse_args()
+    asked = parser.parse_args(words)
     if asked.record and not asked.reason:
         parser.error("--record needs --reason: why are the values other ones?")
     data = None if asked.data is None else Path(asked.data)
@@ -59,8 +59,9 @@ def main() -> int:
     if not wanted:
         parser.error(f"nothing is named {', '.join(asked.only)}; there are "
                      f"{', '.join(dict.fromkeys(one.block for one in every))}")
+    commit = recorded.commit_now()
     done = task.measure_all(wanted, asked.workers)
-    known, commit = recorded.read_recorded(), recorded.commit_now()
+    known = recorded.read_recorded(recorded.FILE)
     blocks = {one.block for one in wanted}
     for group in GROUPS:
         whole = [one for one in every if one.group == group]
@@ -81,7 +82,8 @@ def main() -> int:
         judgements[name] = rows.Judgement("recorded")
     lines = table.lines_of(done.rows, known, judgements)
     if asked.record:
-        recorded.write_recorded({name: known[name] for name in sorted(known, key=_order)})
+        recorded.write_recorded({name: known[name] for name in sorted(known, key=_order)},
+                                recorded.FILE)
     if not asked.only:
         table.write(lines, commit, data is not None)
     print(table.text(lines))

@@ -41,7 +41,7 @@ class Recorded:
         return value_of(self.cases)[0]
 
 
-def read_recorded(path: Path = FILE) -> dict[str, Recorded]:
+def read_recorded(path: Path) -> dict[str, Recorded]:
     """Every recorded row by name; none where there is no file."""
     if not path.exists():
         return {}
@@ -50,7 +50,7 @@ def read_recorded(path: Path = FILE) -> dict[str, Recorded]:
                 for name, table in tomllib.load(file).items()}
 
 
-def write_recorded(rows: Mapping[str, Recorded], path: Path = FILE) -> None:
+def write_recorded(rows: Mapping[str, Recorded], path: Path) -> None:
     """Write all rows, whole or not at all."""
     write_text_whole(path, HEAD + "".join(_table(name, rows[name]) for name in rows))
 
