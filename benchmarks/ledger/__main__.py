@@ -41,7 +41,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, default=os.environ.get("SPECTRABOX_DATA") or None,
                         help="folder of measured data; SPECTRABOX_DATA by default")
     parser.add_argument("--only", nargs="+", metavar="NAME", default=[],
-                        help="groups, blocks or rows; the table is not written then")
+                        help="groups, blocks or rows; the page is written only with --record then")
     parser.add_argument("--record", nargs="+", metavar="NAME", default=[],
                         help="record what these rows measure now")
     parser.add_argument("--reason", help="why; needed with --record")
@@ -84,7 +84,7 @@ def main(words: list[str] | None = None) -> int:
     if asked.record:
         recorded.write_recorded({name: known[name] for name in sorted(known, key=_order)},
                                 recorded.FILE)
-    if not asked.only:
+    if asked.record or not asked.only:
         table.write(lines, commit, data is not None)
     print(table.text(lines))
     failed = {name: judgement for name, judgement in judgements.items() if judgement.fails}

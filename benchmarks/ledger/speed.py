@@ -20,8 +20,8 @@ from benchmarks.ledger.recorded import ROOT
 from benchmarks.ledger.task import Task
 
 ROUNDS = 2
-ROOMS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "measure", "session",
-         "spectrabox/api")
+ROOMS = {room: room for room in ("radiometry", "capture", "calibrate", "reconstruct", "sampling",
+                                 "measure", "session")} | {"api": "spectrabox/api"}
 UNIT = [sys.executable, "-c", "import numpy, scipy.optimize"]
 FLAT_SIZE = (400, 600)
 COMMANDS = {
@@ -108,8 +108,8 @@ def spent(words: list[str]) -> tuple[float, float]:
 def code() -> dict[str, float]:
     """Lines of code of every room."""
     return {f"lines, {room}": float(sum(lines_of(path.read_text(encoding="utf-8"))
-                                        for path in (ROOT / room).rglob("*.py")))
-            for room in ROOMS}
+                                        for path in (ROOT / folder).rglob("*.py")))
+            for room, folder in ROOMS.items()}
 
 
 def lines_of(source: str) -> int:

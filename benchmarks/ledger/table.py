@@ -95,7 +95,7 @@ def markdown(lines: Sequence[Line]) -> str:
     for group in dict.fromkeys(line.name.split("/", 1)[0] for line in lines):
         shown += [f"\n## {group}\n", "| row | value | recorded | at | change | goal |",
                   "|--|--|--|--|--|--|"]
-        shown += [f"| {line.name.split('/', 1)[1]} | {line.value} | {line.recorded} | "
+        shown += [f"| {line.name.split('/', 1)[1]} | {line.value or '-'} | {line.recorded} | "
                   f"{line.commit} | {_bold(line)} | {line.goal} |"
                   for line in lines if line.name.startswith(f"{group}/")]
     return "\n".join(shown) + "\n"
@@ -110,6 +110,8 @@ def write(lines: Sequence[Line], commit: str, with_data: bool) -> None:
 
 
 def _bold(line: Line) -> str:
+    if line.word in ("recorded", "printed"):
+        return ""
     if line.word in ("worse", "incomplete", "not recorded"):
         return f"**{line.word}** {line.change}".strip()
     return line.change if line.word == "same" else f"{line.word} {line.change}".strip()
