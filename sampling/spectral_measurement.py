@@ -10,12 +10,14 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import is_covariance, symmetric
+from spectrabox.radiometry.error_model import Errors, proportional_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 RANK = 1e-10            # relative: directions of a noise of less variance have none
+ROUND_OFF = 1e-12       # of white, squared: of what is left once what multiplies is taken off
 SAME = 1e-9             # of white: responses closer than this are one
 PROJECTION_STEPS = 300      # of the accelerated projected gradient; 1e-7 of the optimum at N = 31
 
@@ -58,8 +60,8 @@ def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> Meas
 
 def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
     """The measurement with what the states of its capture add as one Gaussian error, for what knows
-    no states: the signal less its mean, the noise with its covariance; bands that several photos
-    repeat are estimated as one.
+    no states: the signal less its mean, the noise with its covariance, all of which adds; bands
+    that several photos repeat are estimated as one.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
         gain = gain_of_different(noise, repeated)
         signal, noise = gain @ signal, symmetric(gain @ noise @ gain.T)
     return replace(measurement, relative_response=measurement.relative_response[different],
-                   signal=signal, noise_covariance=noise, states=None)
+                   signal=signal, noise_covariance=noise, states=None, relative_covariance=None)
 
 
 def different_bands(relative_response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -107,6 +109,35 @@ def gain_of_different(noise: np.ndarray, repeated: np.ndarray) -> np.ndarray:
         return np.eye(len(repeated))
     weighted = np.linalg.solve(with_rank(noise), repeated)
     return np.asarray(np.linalg.solve(repeated.T @ weighted, weighted.T))
+
+
+def reduced_errors(gain: np.ndarray, repeated: np.ndarray, signal: np.ndarray, noise: np.ndarray,
+                   relative: np.ndarray | None
+                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """The signals (r,) of different bands, the covariance (r, r) of their errors, and that of what
+    multiplies them.
+
+    What multiplies bands that repeat each other is averaged as their signals are, as much of it as
+    their covariance then holds; the rest adds.
+
+    Parameters
+    ----------
+    gain : (r, K) array
+    repeated : (K, r) array
+    signal : (K,) array
+    noise : (K, K) array
+        Of all errors, about the signal.
+    relative : (K, K) array or None
+        Of those that multiply it.
+    """
+    own, whole = gain @ signal, symmetric(gain @ noise @ gain.T)
+    if relative is None or not relative.any() or len(gain) == len(signal):
+        return own, whole, relative
+    shares = gain * repeated.T
+    averaged = symmetric(shares @ relative @ shares.T)
+    held = with_rank((gain * signal) @ relative @ (gain * signal).T)
+    excess = np.linalg.eigvals(np.linalg.solve(held, proportional_covariance(own, averaged)))
+    return own, whole, averaged / max(1.0, float(excess.real.max()))
 
 
 def with_rank(noise: np.ndarray) -> np.ndarray:
@@ -222,6 +253,11 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
             raise InputError(f"the {name} of the measurement holds numbers that are not finite; "
                              "measure it again")
     check_noise(measurement.noise_covariance)
+    if measurement.relative_covariance is not None:
+        check_noise(measurement.relative_covariance)
+        check_noise(Errors.of_total(measurement.noise_covariance, measurement.signal,
+                                    measurement.relative_covariance).absolute
+                    + ROUND_OFF * np.eye(measurement.signal.size))
     response = measurement.relative_response
     check_bands(response if measurement.states is None
                 else response[different_bands(response)[0]])

@@ -87,7 +87,8 @@ from spectrabox.sampling.summary import next_measurement_nm
 TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LIKELY = 0.1                # probability of matt from which stating it is worth a thought
 PAIRED = 4                  # best gels at hand, of which every pair is tried
-SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR)       # draws that reproduce the signal
+# draws that reproduce the signal
+SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.UNSAID)
 
 
 @dataclass(frozen=True, eq=False)

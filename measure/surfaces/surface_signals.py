@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.measure.surfaces.independent_bands import independent_bands
-from spectrabox.radiometry.covariance import symmetric, symmetric_root
+from spectrabox.radiometry.covariance import common_variance, symmetric, symmetric_root
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     LIGHT_SPECTRUM,
@@ -19,13 +19,18 @@ from spectrabox.radiometry.error_model import (
     proportional_covariance,
     scale_covariances,
     sensitivity_covariance,
+    split_errors,
 )
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
 from spectrabox.radiometry.records.states import CaptureStates, added_by_cause
-from spectrabox.sampling.spectral_measurement import different_bands, gain_of_different
+from spectrabox.sampling.spectral_measurement import (
+    different_bands,
+    gain_of_different,
+    reduced_errors,
+)
 
 FEW_BANDS = 12      # whose signals draws reach one by one
 # correlation of the light scales of photos between which a lamp was moved: chart and card are the
@@ -156,11 +161,21 @@ def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
         Of the surface.
     """
     seen, chosen, gain = _independent(signals, index)
-    total = np.sum(list(errors_by_cause(signals, index).values()), axis=0)
-    states = _states_in_bands(signals, index)
-    return SpectralMeasurement(signals.grid, signals.response[seen][chosen],
-                               gain @ signals.signal[index][seen], symmetric(total),
-                               None if states is None else states.through(gain))
+    causes, states = _errors_in_bands(signals, index), _states_in_bands(signals, index)
+    signal, total = signals.signal[index][seen], np.sum(list(causes.values()), axis=0)
+    relative = split_errors(signal, causes).relative
+    different, repeated = different_bands(signals.response[seen])
+    if np.array_equal(chosen, different):
+        reduced, noise, multiplies = reduced_errors(gain, repeated, signal, total, relative)
+    else:
+        # of sums of bands only what all have in common multiplies them
+        reduced, noise = gain @ signal, symmetric(gain @ total @ gain.T)
+        common = common_variance(relative, np.ones(seen.size)) if relative.any() else 0.0
+        multiplies = np.full_like(noise, common)
+    return SpectralMeasurement(
+        signals.grid, signals.response[seen][chosen], reduced, noise,
+        None if states is None else states.through(gain),
+        multiplies if multiplies is not None and multiplies.any() else None)
 
 
 def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -15,6 +15,10 @@ C of dx: with H = -(C o C) (M p'')', o by element,
     mean K E(a),    variance K (-1/2 M p'' H) K',    third cumulant 3 K_p. H_p.
 
 They make a skewed marginal distribution (quantiles.py) at each wavelength.
+
+Where errors multiply, n is normal in the logit of the signal (posterior_draws.py), which bends as
+well: with w the signal and q = (1 - 2 w) / (w (1 - w)), q (J dx)^2 is taken off sum M p'' dx^2
+throughout.
 """
 from __future__ import annotations
 
@@ -28,8 +32,9 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflecta
 from spectrabox.sampling.prior.mixture_posterior import (
     LEVEL,
     MixturePosterior,
+    RelativeErrors,
     band_factors,
-    with_floor,
+    seen_by,
 )
 from spectrabox.sampling.summary import READING_ERROR
 
@@ -41,6 +46,7 @@ COARSE = slice(0, None, 3)
 BETWEEN = interpolation_matrix(PRIOR_GRID.nm[COARSE], PRIOR_GRID.nm)
 MIN_SKEW, MAX_SKEW = 1e-6, 0.5      # the least is none
 MIN_VARIANCE = 1e-8
+INSIDE = 1e-4               # of white: signals nearer to black or white have a linear noise
 
 
 @dataclass(frozen=True)
@@ -60,8 +66,9 @@ class _Pairs:
 
 
 def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-             covariance: np.ndarray,
-             mixture: MixturePosterior) -> tuple[MixturePosterior, np.ndarray]:
+                     covariance: np.ndarray, mixture: MixturePosterior,
+                     relative: RelativeErrors | None = None
+                     ) -> tuple[MixturePosterior, np.ndarray]:
     """The mixture of skewed components that draws follow, and the covariance (T, P, P') of their
     reflectances, linearised, between all wavelengths and every third, `COARSE`.
 
@@ -74,8 +81,10 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
         Of the signals' noise.
     mixture : MixturePosterior
         Of these signals.
+    relative : RelativeErrors, optional
+        With which it was solved.
     """
-    pairs = _pairs(prior, relative_response, signals, covariance, mixture)
+    pairs = _pairs(prior, relative_response, signals, covariance, mixture, relative)
     p = reflectance(pairs.centre)
     slope = p * (1 - p)
     # the pairs of a signal follow one another, and every signal has some
@@ -100,10 +109,27 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
         C += aways[rows, :, None] * aways[rows, None, COARSE]
         at = np.flatnonzero(np.diff(pairs.signal[rows], prepend=-1))
         together[pairs.signal[rows][at]] += np.add.reduceat(C, at, axis=0)
-    mean = pairs.centre + (gain @ (-0.5 * (bend @ own[..., None])))[..., 0]
-    variance = own + np.sum((gain @ (-0.5 * (coarse_bend @ H[:, COARSE]))) * gain, axis=2)
+    moved = -0.5 * (bend @ own[..., None])[..., 0]
+    turned = -0.5 * (coarse_bend @ H[:, COARSE])
+    if relative is not None:
+        # J C, J being the signal's slope, is K N: what dz moves of a signal is taken back
+        q, along = bend_of_noise(p @ relative_response.T), gain @ pairs.noise
+        moved += 0.5 * q * np.diagonal(pairs.noise, axis1=1, axis2=2)
+        both = coarse_bend @ np.square(along[:, COARSE])                            # (n, K, K)
+        turned += 0.5 * (q[:, :, None] * q[:, None, :] * pairs.noise**2
+                         - both * q[:, None, :] - both.transpose(0, 2, 1) * q[:, :, None])
+        H += q[:, None, :] * along**2
+    mean = pairs.centre + (gain @ moved[..., None])[..., 0]
+    variance = own + np.sum((gain @ turned) * gain, axis=2)
     third = 3 * np.sum(gain * H, axis=2)
     return _skewed(mixture, pairs, mean, np.maximum(variance, MIN_VARIANCE), third), together
+
+
+def bend_of_noise(signals: np.ndarray) -> np.ndarray:
+    """q of the noise of signals (n, K), where errors multiply; 0 of one outside black and white."""
+    inside = (signals > INSIDE) & (signals < 1 - INSIDE)
+    signals = np.where(inside, signals, 0.5)
+    return np.asarray((1 - 2 * signals) / (signals * (1 - signals)))
 
 
 def next_readings_nm(covariance: np.ndarray, standard_deviation: np.ndarray) -> np.ndarray:
@@ -139,9 +165,11 @@ def _skewed(mixture: MixturePosterior, pairs: _Pairs, mean: np.ndarray, variance
 
 
 def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-           covariance: np.ndarray, mixture: MixturePosterior) -> _Pairs:
+           covariance: np.ndarray, mixture: MixturePosterior,
+           relative: RelativeErrors | None) -> _Pairs:
     signal, component = np.nonzero(mixture.weights)
-    R = covariance[signal]
+    seen, R, floored = seen_by(component, signal, mixture, relative_response, signals, covariance,
+                               relative)
     mode = mixture.logits[component, signal]
     p = reflectance(mode)
     slope = p * (1 - p)
@@ -155,11 +183,10 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     base = with_stretch(base, jacobian, with_level, stretch)
     means = prior.means[component] + mixture.shift[signal, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
-    residual = signals[signal] - p @ relative_response.T \
-        + (slope * (mode - means)) @ relative_response.T
+    residual = seen - p @ relative_response.T + (slope * (mode - means)) @ relative_response.T
     # As `posterior_draws._component` has them.
     shrink = R @ np.linalg.inv(of_signal + R + 1e-12 * np.eye(R.shape[1]))
-    wanted = signals[signal] - (shrink @ residual[..., None])[..., 0]
+    wanted = seen - (shrink @ residual[..., None])[..., 0]
     factor = band_factors(prior, mixture, LEVEL)[signal]
     middle = np.einsum("tc,ctp->tp", mixture.weights, mixture.logits)[signal]
     centre = middle + factor * (mode - middle)
@@ -171,8 +198,7 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
         length = np.abs(step).max(axis=1, keepdims=True)
         centre += step * np.minimum(1, MAX_STEP / np.maximum(length, MAX_STEP))
     return _Pairs(signal, component, mixture.weights[signal, component], with_level, stretch,
-                  factor, base, np.linalg.solve(of_signal + with_floor(R), base), R - shrink @ R,
-                  centre)
+                  factor, base, np.linalg.solve(of_signal + floored, base), R - shrink @ R, centre)
 
 
 def _moved(prior: LogitMixture, relative_response: np.ndarray, pairs: _Pairs,
