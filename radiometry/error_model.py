@@ -27,7 +27,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spectrabox.radiometry.covariance import block_diagonal, error_patterns
+from spectrabox.radiometry.covariance import (
+    block_diagonal,
+    common_variance,
+    error_patterns,
+    largest_share,
+)
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -146,10 +151,33 @@ class Errors(NamedTuple):
     @classmethod
     def of_total(cls, total: np.ndarray, signals: np.ndarray,
                  relative: np.ndarray | None) -> Errors:
-        """Of a covariance (..., K, K) about measured signals (..., K), the relative part known."""
-        if relative is None:
+        """Of a covariance (..., K, K) about measured signals (..., K): as much of what multiplies
+        them as it holds, and the rest.
+        """
+        if relative is None or not relative.any():
             return cls(np.zeros_like(total), total)
+        share = largest_share(total, proportional_covariance(signals, relative))
+        relative = share[..., None, None] * relative
         return cls(relative, total - proportional_covariance(signals, relative))
+
+    def total(self, signals: np.ndarray) -> np.ndarray:
+        """Covariance (..., K, K) about signals (..., K)."""
+        return np.asarray(self.absolute + proportional_covariance(signals, self.relative))
+
+    def rows(self, index: np.ndarray | slice) -> Errors:
+        """Those of some of many signals."""
+        return Errors(self.relative[index], self.absolute[index])
+
+    def of_sums(self, gain: np.ndarray, signals: np.ndarray) -> Errors:
+        """Errors of sums of bands, by a gain (r, K) and the signals (..., K): what multiplies all
+        bands alike does so with the sums, the rest adds to them.
+        """
+        total = gain @ self.total(signals) @ gain.T
+        if not self.relative.any():
+            return Errors(np.zeros_like(total), total)
+        common = common_variance(self.relative, np.ones(gain.shape[1]))
+        return Errors.of_total(total, signals @ gain.T,
+                               common[..., None, None] * np.ones((len(gain),) * 2))
 
 
 def split_errors(signals: np.ndarray, causes: Mapping[str, np.ndarray]) -> Errors:

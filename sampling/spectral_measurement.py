@@ -9,15 +9,14 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.covariance import is_covariance, symmetric
-from spectrabox.radiometry.error_model import Errors, proportional_covariance
+from spectrabox.radiometry.covariance import is_covariance, symmetric, with_rank
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 RANK = 1e-10            # relative: directions of a noise of less variance have none
-ROUND_OFF = 1e-12       # of white, squared: of what is left once what multiplies is taken off
 SAME = 1e-9             # of white: responses closer than this are one
 PROJECTION_STEPS = 300      # of the accelerated projected gradient; 1e-7 of the optimum at N = 31
 
@@ -107,7 +106,7 @@ def gain_of_different(noise: np.ndarray, repeated: np.ndarray) -> np.ndarray:
     """
     if repeated.shape[0] == repeated.shape[1]:
         return np.eye(len(repeated))
-    weighted = np.linalg.solve(with_rank(noise), repeated)
+    weighted = np.linalg.solve(with_rank(noise, RANK), repeated)
     return np.asarray(np.linalg.solve(repeated.T @ weighted, weighted.T))
 
 
@@ -134,15 +133,7 @@ def reduced_errors(gain: np.ndarray, repeated: np.ndarray, signal: np.ndarray, n
     if relative is None or not relative.any() or len(gain) == len(signal):
         return own, whole, relative
     shares = gain * repeated.T
-    averaged = symmetric(shares @ relative @ shares.T)
-    held = with_rank((gain * signal) @ relative @ (gain * signal).T)
-    excess = np.linalg.eigvals(np.linalg.solve(held, proportional_covariance(own, averaged)))
-    return own, whole, averaged / max(1.0, float(excess.real.max()))
-
-
-def with_rank(noise: np.ndarray) -> np.ndarray:
-    """A covariance (K, K) with some variance in every direction."""
-    return noise + np.eye(len(noise)) * (RANK * np.trace(noise) + np.finfo(float).tiny)
+    return own, whole, Errors.of_total(whole, own, shares @ relative @ shares.T).relative
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -255,9 +246,6 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
     check_noise(measurement.noise_covariance)
     if measurement.relative_covariance is not None:
         check_noise(measurement.relative_covariance)
-        check_noise(Errors.of_total(measurement.noise_covariance, measurement.signal,
-                                    measurement.relative_covariance).absolute
-                    + ROUND_OFF * np.eye(measurement.signal.size))
     response = measurement.relative_response
     check_bands(response if measurement.states is None
                 else response[different_bands(response)[0]])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.measure.surfaces.independent_bands import independent_bands
-from spectrabox.radiometry.covariance import common_variance, symmetric, symmetric_root
+from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     LIGHT_SPECTRUM,
@@ -163,15 +163,11 @@ def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
     seen, chosen, gain = _independent(signals, index)
     causes, states = _errors_in_bands(signals, index), _states_in_bands(signals, index)
     signal, total = signals.signal[index][seen], np.sum(list(causes.values()), axis=0)
-    relative = split_errors(signal, causes).relative
+    errors = split_errors(signal, causes)
     different, repeated = different_bands(signals.response[seen])
-    if np.array_equal(chosen, different):
-        reduced, noise, multiplies = reduced_errors(gain, repeated, signal, total, relative)
-    else:
-        # of sums of bands only what all have in common multiplies them
-        reduced, noise = gain @ signal, symmetric(gain @ total @ gain.T)
-        common = common_variance(relative, np.ones(seen.size)) if relative.any() else 0.0
-        multiplies = np.full_like(noise, common)
+    reduced, noise, multiplies = reduced_errors(gain, repeated, signal, total, errors.relative) \
+        if np.array_equal(chosen, different) else (
+            gain @ signal, symmetric(gain @ total @ gain.T), errors.of_sums(gain, signal).relative)
     return SpectralMeasurement(
         signals.grid, signals.response[seen][chosen], reduced, noise,
         None if states is None else states.through(gain),

@@ -16,9 +16,9 @@ C of dx: with H = -(C o C) (M p'')', o by element,
 
 They make a skewed marginal distribution (quantiles.py) at each wavelength.
 
-Where errors multiply, n is normal in the logit of the signal (posterior_draws.py), which bends as
-well: with w the signal and q = (1 - 2 w) / (w (1 - w)), q (J dx)^2 is taken off sum M p'' dx^2
-throughout.
+Where errors multiply, n bends the signal as a normal K n in the logit does (posterior_draws.py), so
+that this part of dx, of covariance C' = K N K', takes nothing back: C o C less C' o C' is what
+stands for C o C.
 """
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ from spectrabox.sampling.prior.mixture_posterior import (
 )
 from spectrabox.sampling.summary import READING_ERROR
 
-NEWTON_STEPS = 3            # of a centre to its signal; it begins near
+# of a centre to its signal; it begins near, but where errors multiply
+NEWTON_STEPS, MORE_STEPS = 3, 6
 MAX_STEP = 2.0              # logits
 PAIRS = 64                  # of component and signal at a time: their covariances fit the cache
 # Covariances are smooth: their squares are integrated over every third wavelength.
@@ -46,7 +47,6 @@ COARSE = slice(0, None, 3)
 BETWEEN = interpolation_matrix(PRIOR_GRID.nm[COARSE], PRIOR_GRID.nm)
 MIN_SKEW, MAX_SKEW = 1e-6, 0.5      # the least is none
 MIN_VARIANCE = 1e-8
-INSIDE = 1e-4               # of white: signals nearer to black or white have a linear noise
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,8 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
     bend = relative_response * (slope * (1 - 2 * p))[:, None, :]                    # M p''
     coarse_bend = (relative_response @ BETWEEN) * (slope * (1 - 2 * p))[:, None, COARSE]
     H = np.empty_like(gain)
+    along = gain @ pairs.noise
+    of_noise = np.zeros_like(own) if relative is None else np.sum(along * gain, axis=2)
     together = np.zeros((len(signals), PRIOR_GRID.nm.size, BETWEEN.shape[1]))
     # What follows is of single precision: with doubles it takes twice as long.
     coarse = prior.covariances[:, :, COARSE].astype(np.float32)
@@ -104,32 +106,19 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
         rows = slice(start, start + PAIRS)
         C = _covariances(coarse[pairs.component[rows]], pairs, half, gain, rows)
         H[rows] = -np.square(C) @ turned_bend[rows]
+        if relative is not None:
+            own_part = along[rows].astype(np.float32) @ gain[rows, COARSE].astype(
+                np.float32).transpose(0, 2, 1)
+            H[rows] += np.square(own_part) @ turned_bend[rows]
         C *= slopes[rows, :, None]
         C *= slopes[rows, None, COARSE]
         C += aways[rows, :, None] * aways[rows, None, COARSE]
         at = np.flatnonzero(np.diff(pairs.signal[rows], prepend=-1))
         together[pairs.signal[rows][at]] += np.add.reduceat(C, at, axis=0)
-    moved = -0.5 * (bend @ own[..., None])[..., 0]
-    turned = -0.5 * (coarse_bend @ H[:, COARSE])
-    if relative is not None:
-        # J C, J being the signal's slope, is K N: what dz moves of a signal is taken back
-        q, along = bend_of_noise(p @ relative_response.T), gain @ pairs.noise
-        moved += 0.5 * q * np.diagonal(pairs.noise, axis1=1, axis2=2)
-        both = coarse_bend @ np.square(along[:, COARSE])                            # (n, K, K)
-        turned += 0.5 * (q[:, :, None] * q[:, None, :] * pairs.noise**2
-                         - both * q[:, None, :] - both.transpose(0, 2, 1) * q[:, :, None])
-        H += q[:, None, :] * along**2
-    mean = pairs.centre + (gain @ moved[..., None])[..., 0]
-    variance = own + np.sum((gain @ turned) * gain, axis=2)
+    mean = pairs.centre + (gain @ (-0.5 * (bend @ (own - of_noise)[..., None])))[..., 0]
+    variance = own + np.sum((gain @ (-0.5 * (coarse_bend @ H[:, COARSE]))) * gain, axis=2)
     third = 3 * np.sum(gain * H, axis=2)
     return _skewed(mixture, pairs, mean, np.maximum(variance, MIN_VARIANCE), third), together
-
-
-def bend_of_noise(signals: np.ndarray) -> np.ndarray:
-    """q of the noise of signals (n, K), where errors multiply; 0 of one outside black and white."""
-    inside = (signals > INSIDE) & (signals < 1 - INSIDE)
-    signals = np.where(inside, signals, 0.5)
-    return np.asarray((1 - 2 * signals) / (signals * (1 - signals)))
 
 
 def next_readings_nm(covariance: np.ndarray, standard_deviation: np.ndarray) -> np.ndarray:
@@ -190,7 +179,7 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     factor = band_factors(prior, mixture, LEVEL)[signal]
     middle = np.einsum("tc,ctp->tp", mixture.weights, mixture.logits)[signal]
     centre = middle + factor * (mode - middle)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(NEWTON_STEPS if relative is None else MORE_STEPS):
         p = reflectance(centre)
         slopes = (relative_response * (p * (1 - p))[:, None, :]) @ base.transpose(0, 2, 1)
         missing = (wanted - p @ relative_response.T)[..., None]

@@ -558,13 +558,13 @@ def novelty(prior: LogitMixture, mixture: MixturePosterior,
     covariance : (T, K, K) or (K, K) array
         Of the signals' noise.
     """
-    share = 0.0 if mixture.noise_share is None else mixture.noise_share
-    return np.maximum(mixture.surprise / surprise_limit(prior, covariance.shape[-1], share),
+    return np.maximum(mixture.surprise / surprise_limit(prior, covariance.shape[-1],
+                                                        mixture.noise_share),
                       mixture.misfit / allowed_misfit(covariance))
 
 
 def surprise_limit(prior: LogitMixture, bands: int,
-                   noise_share: np.ndarray | float = 0.0) -> np.ndarray:
+                   noise_share: np.ndarray | None = None) -> np.ndarray:
     """Surprise (T,) of a signal beyond which a prior does not explain it.
 
     The prior's own limit was found with signals of three bands. What further bands have besides is
@@ -575,14 +575,15 @@ def surprise_limit(prior: LogitMixture, bands: int,
     prior : LogitMixture
     bands : int
         Of the signal.
-    noise_share : (T,) array or float
+    noise_share : (T,) array, optional
         Of the noise in the variance of signals: what of a surprise is that of the noise is
-        chi-square, whatever the prior.
+        chi-square, whatever the prior. None by default.
     """
     chi_square = float(chdtri(bands, 1 - FAMILIAR))
     limit = prior.familiar_surprise \
         + max(chi_square - float(chdtri(CALIBRATED_BANDS, 1 - FAMILIAR)), 0.0)
-    return np.asarray(limit + noise_share * max(chi_square - limit, 0.0))
+    return np.asarray(limit + (0.0 if noise_share is None else noise_share)
+                      * max(chi_square - limit, 0.0))
 
 
 def allowed_misfit(covariance: np.ndarray) -> np.ndarray:
@@ -642,9 +643,10 @@ def needed_errors(given: np.ndarray, signals: np.ndarray, covariance: np.ndarray
     return np.asarray(np.einsum("tk,tk->t", off, solved))
 
 
-def says(relative_response: np.ndarray, mean: np.ndarray, signals: np.ndarray,
-         covariance: np.ndarray, relative: RelativeErrors | None = None) -> np.ndarray:
-    """Whether mean reflectances (T, P) give their signals within the stated errors (T,) bool.
+def unsaid(relative_response: np.ndarray, mean: np.ndarray, signals: np.ndarray,
+           covariance: np.ndarray, relative: RelativeErrors | None = None) -> np.ndarray:
+    """How far mean reflectances (T, P) are from giving their signals (T,): beyond 1 not within the
+    stated errors.
 
     Parameters
     ----------
@@ -653,8 +655,8 @@ def says(relative_response: np.ndarray, mean: np.ndarray, signals: np.ndarray,
     signals, covariance, relative
         As of `needed_errors`.
     """
-    return np.asarray(needed_errors(mean @ relative_response.T, signals, covariance, relative)
-                      <= chdtri(signals.shape[1], UNSAID))
+    return needed_errors(mean @ relative_response.T, signals, covariance, relative) \
+        / chdtri(signals.shape[1], UNSAID)
 
 
 def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -> np.ndarray:

@@ -6,9 +6,9 @@ wide as the calibrated band. Each draw then gets a noise n from its posterior N(
 R), and Newton steps along S J' take it to the signal y - n to 1e-10. Noise-free signals (R = 0) are
 reproduced to that accuracy; no draw leaves (0, 1).
 
-Where errors multiply, a component has a signal w - n of its own, of noise N (`seen_by`), and n is
-normal in the logit of the signal, with the deviation of N over w (1 - w): an error so wide would
-else reach below black. Of w outside 0 to 1 it is normal itself.
+Where errors multiply, a component has a signal w and a noise n of its own (`seen_by`), and a draw
+goes to the signal of the logits c - K n: c are those of its centre, moved to w, and J K = 1 there.
+To first order that is w - n, and never beyond black and white, where so wide an error would reach.
 
 The projection moves a draw across the directions that the camera sees, where the posterior is
 narrow; along the directions that it does not see the draw stays where it is. Within a component the
@@ -22,7 +22,6 @@ import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.sampling.polytope.tilted_rejection import noise_columns
-from spectrabox.sampling.prior.calibrated_marginals import INSIDE
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     LEVEL,
@@ -34,6 +33,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
 
 SIGNAL_ATOL = 1e-10             # of white
 NEWTON_STEPS = 12
+CENTRE_STEPS, SINGULAR = 30, 1e12       # of a centre to its signal; where no step is to be found
 MAX_STEP = 3.0                  # logits
 BLOCK = 2048
 # Maximum number of redraws of what did not reach its signal: where the noise reaches far beyond
@@ -50,16 +50,17 @@ class _Component:
     gain: np.ndarray            # (P, K)
     wanted: np.ndarray          # (K,) signal less the mean of its noise
     noise_root: np.ndarray      # (K, r)
-    in_logit: np.ndarray        # (K,) bool: noise is normal in the logit of the signal
+    # (P,) logits that give it, and (P, r) by which the noise moves them; None: it is taken off
+    bent: tuple[np.ndarray, np.ndarray] | None
 
-    def signals(self, draws: int, rng: np.random.Generator) -> np.ndarray:
+    def signals(self, relative_response: np.ndarray, draws: int,
+                rng: np.random.Generator) -> np.ndarray:
         """Signals (n, K) that draws go to."""
-        noise = rng.standard_normal((draws, self.noise_root.shape[1])) @ self.noise_root.T
-        if not self.in_logit.any():
-            return self.wanted - noise
-        inside = np.where(self.in_logit, self.wanted, 0.5)
-        of_logit = np.log(inside / (1 - inside)) - noise / (inside * (1 - inside))
-        return np.where(self.in_logit, reflectance(of_logit), self.wanted - noise)
+        noise = rng.standard_normal((draws, self.noise_root.shape[1]))
+        if self.bent is None:
+            return np.asarray(self.wanted - noise @ self.noise_root.T)
+        logits, root = self.bent
+        return np.asarray(reflectance(logits - noise @ root.T) @ relative_response.T)
 
 
 def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
@@ -140,10 +141,28 @@ def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response
     root = factor[:, None] * vectors * np.sqrt(np.maximum(values, 0))
     shrink = R @ np.linalg.inv(prior_of_signal + R + 1e-12 * np.eye(len(R)))
     wanted = signal - shrink @ residual
-    return _Component(middle + factor * (centre - middle), root,
-                      base @ np.linalg.inv(prior_of_signal), wanted,
-                      noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2),
-                      (wanted > INSIDE) & (wanted < 1 - INSIDE) & bent)
+    start = middle + factor * (centre - middle)
+    noise_root = noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2)
+    return _Component(start, root, base @ np.linalg.inv(prior_of_signal), wanted, noise_root,
+                      _bent(relative_response, start, base, wanted, noise_root) if bent else None)
+
+
+def _bent(relative_response: np.ndarray, logits: np.ndarray, base: np.ndarray, wanted: np.ndarray,
+          noise_root: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Logits (P,) near to some that give a signal (K,), along base (P, K), and by how much noise
+    (K, r) moves them (P, r); None where they cannot.
+    """
+    for _ in range(CENTRE_STEPS):
+        p = reflectance(logits)
+        slope = (relative_response * (p * (1 - p))) @ base
+        missing = wanted - relative_response @ p
+        if np.linalg.cond(slope) > SINGULAR:
+            return None
+        if np.abs(missing).max() < SIGNAL_ATOL:
+            return logits, base @ np.linalg.solve(slope, noise_root)
+        step = base @ np.linalg.solve(slope, missing)
+        logits = logits + step * min(1.0, MAX_STEP / max(float(np.abs(step).max()), 1e-12))
+    return None
 
 
 def _of_component(component: _Component, relative_response: np.ndarray, draws: int,
@@ -151,7 +170,7 @@ def _of_component(component: _Component, relative_response: np.ndarray, draws: i
     """Reflectances (n, P) of one component at their own signals, and which of them got there."""
     M, bands = relative_response, len(component.wanted)
     x = rng.standard_normal((draws, component.root.shape[1])) @ component.root.T + component.centre
-    wanted = component.signals(draws, rng)
+    wanted = component.signals(M, draws, rng)
     # d(signal)/d(step) of every draw is the sum over wavelengths of p (1 - p) times these products.
     products = (M[:, None, :] * component.gain.T).reshape(bands * bands, -1).T
     for _ in range(NEWTON_STEPS):

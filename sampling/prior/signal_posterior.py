@@ -27,7 +27,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     allowed_misfit,
     central_band,
     mean_and_spread,
-    says,
+    unsaid,
 )
 from spectrabox.sampling.prior.posterior_draws import draw_reflectances
 from spectrabox.sampling.prior.state_posteriors import (
@@ -138,11 +138,12 @@ class SignalPosterior:
         """Mean reflectance (61,)."""
         return np.asarray(self._mean_and_deviation[0][0])
 
-    @property
-    def says_signal(self) -> bool:
-        """Whether the mean gives the signal within the stated errors, in some state."""
-        return any(says(part.relative_response, self.mean[None], part.signal[None],
-                        part.noise[None], part.relative)[0] for part in self.parts)
+    def says(self, mean: np.ndarray) -> bool:
+        """Whether a mean reflectance (61,) gives the signal within the stated errors, in some
+        state.
+        """
+        return any(unsaid(part.relative_response, mean[None], part.signal[None],
+                          part.noise[None], part.relative)[0] <= 1 for part in self.parts)
 
     @property
     def standard_deviation(self) -> np.ndarray:
@@ -310,12 +311,12 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     learnt, evidence, novelty = solve_in_states(prior, response, measurement)
     familiar = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
                                Outcome.FAMILIAR)
-    if novelty <= 1 and familiar.says_signal:
+    if novelty <= 1 and familiar.says(familiar.mean):
         return familiar
     smooth = smoothness_prior()
     wider, _, _ = solve_in_states(smooth, response, measurement)
     widened = replace(familiar, prior=smooth, parts=wider)
-    outcome = Outcome.UNFAMILIAR if novelty > 1 and widened.says_signal else Outcome.UNSAID
+    outcome = Outcome.UNFAMILIAR if novelty > 1 and widened.says(widened.mean) else Outcome.UNSAID
     if all(part.mixture.misfit[0] > allowed_misfit(part.noise) for part in wider):
         outcome = Outcome.TOO_ROUGH if any(
             is_reachable(MeasurementOperator(part.relative_response, part.signal,

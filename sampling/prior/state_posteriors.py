@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from spectrabox.radiometry.covariance import symmetric_root
+from spectrabox.radiometry.covariance import symmetric_root, with_rank
 from spectrabox.radiometry.error_model import Errors, proportional_covariance
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
@@ -39,7 +39,6 @@ from spectrabox.sampling.spectral_measurement import (
     gain_of_different,
     reduced_errors,
     response_on,
-    with_rank,
 )
 
 MAX_REDRAWS = 50        # of a variable that is less than it can be; it then is what it least can be
@@ -216,7 +215,7 @@ def _different(signal: np.ndarray, noise: np.ndarray,
     if bands == count:
         return np.eye(bands), 0.0
     contrasts = np.linalg.svd(repeated.T)[2][count:]            # (K - r, K), of no different bands
-    spread, off = contrasts @ with_rank(noise) @ contrasts.T, contrasts @ signal
+    spread, off = contrasts @ with_rank(noise, RANK) @ contrasts.T, contrasts @ signal
     return gain_of_different(noise, repeated), float(
         -(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
           + off.size * np.log(2 * np.pi)) / 2)

@@ -30,7 +30,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     multiplying,
     novelty,
     posterior,
-    says,
+    unsaid,
 )
 from spectrabox.sampling.spectral_measurement import check_bands
 
@@ -91,13 +91,13 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     mixture = posterior(prior, relative_response, signals, errors.absolute, relative=relative)
     allowed = allowed_misfit(errors.absolute)
     summary = _of_mixture(prior, relative_response, signals, causes, mixture, level)
-    unsaid = ~says(relative_response, summary.mean, signals, errors.absolute, relative)
+    doubtful = unsaid(relative_response, summary.mean, signals, errors.absolute, relative) > 1
     unfamiliar = novelty(prior, mixture, errors.absolute) > 1
-    if not (unfamiliar | unsaid).any():
+    if not (unfamiliar | doubtful).any():
         return summary
-    summary.outcome[unsaid] = Outcome.UNSAID
+    summary.outcome[doubtful] = Outcome.UNSAID
     summary.outcome[unfamiliar] = Outcome.UNFAMILIAR
-    some = np.flatnonzero(unfamiliar | unsaid)
+    some = np.flatnonzero(unfamiliar | doubtful)
     smooth = smoothness_prior()
     wider = posterior(smooth, relative_response, signals[some], errors.absolute[some],
                       relative=None if relative is None else relative.rows(some))
@@ -105,8 +105,8 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
         name: covariance[some] for name, covariance in causes.items()}, wider, level)
     for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm", "budget"):
         getattr(summary, name)[some] = getattr(wider_summary, name)
-    unsaid = ~says(relative_response, summary.mean, signals, errors.absolute, relative)
-    summary.outcome[unsaid] = Outcome.UNSAID
+    summary.outcome[unsaid(relative_response, summary.mean, signals, errors.absolute,
+                           relative) > 1] = Outcome.UNSAID
     summary.outcome[some[wider.misfit > allowed[some]]] = Outcome.TOO_ROUGH
     return summary
 
