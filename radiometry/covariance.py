@@ -44,8 +44,10 @@ def largest_share(covariance: np.ndarray, part: np.ndarray) -> np.ndarray:
     ----------
     covariance, part : (..., K, K) arrays
     """
-    root = np.linalg.inv(np.linalg.cholesky(with_rank(covariance, ROUND_OFF)))
-    ratios = np.linalg.eigvalsh(root @ part @ np.swapaxes(root, -1, -2))
+    values, vectors = np.linalg.eigh(covariance)
+    least = ROUND_OFF * values[..., -1:] + np.finfo(float).tiny
+    root = vectors / np.sqrt(np.maximum(values, least))[..., None, :]
+    ratios = np.linalg.eigvalsh(np.swapaxes(root, -1, -2) @ part @ root)
     return np.asarray(1 / np.maximum(ratios[..., -1], 1))
 
 
