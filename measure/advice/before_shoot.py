@@ -41,6 +41,7 @@ from spectrabox.radiometry.error_model import (
     SAMPLE_PLANE,
     SENSITIVITIES,
     WHITE,
+    Errors,
     proportional_covariance,
     sensitivity_covariance,
     split_errors,
@@ -71,6 +72,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     calibrated_bands,
     central_band,
     mean_and_spread,
+    multiplying,
     posterior,
 )
 from spectrabox.sampling.prior.state_posteriors import posteriors_in_states
@@ -342,13 +344,12 @@ def _errors_after(shoot: Shoot, photo: _Photo, signals: SurfaceSignals, truth: n
     surfaces = [Surface(signals, index, photo.calibration, shoot.reflectances,
                         photo.fit.patch_error.own)
                 for index in some] if len(white) <= FEW_BANDS else None
-    response, covariances = joined_errors(measured, truth[some] @ TO_FINE.T, photos, white,
-                                          surfaces)
+    response, _, errors = joined_errors(measured, truth[some] @ TO_FINE.T, photos, white, surfaces)
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        return _simulated_errors(prior, response, covariances, truth[some])
+        return _simulated_errors(prior, response, errors, truth[some])
 
 
-def _simulated_errors(prior: LogitMixture, response: np.ndarray, covariance: np.ndarray,
+def _simulated_errors(prior: LogitMixture, response: np.ndarray, errors: Errors,
                       spectra: np.ndarray) -> tuple[float, float]:
     """Mean width of the bands of spectra (T, 61) from simulated signals, and root mean square
     CIEDE2000 of their means.
@@ -358,17 +359,19 @@ def _simulated_errors(prior: LogitMixture, response: np.ndarray, covariance: np.
     prior : LogitMixture
     response : (J, 301) array
         Of the bands to reflectances; rows sum to 1.
-    covariance : (T, J, J) array
-        Of the signals.
+    errors : Errors
+        Of T signals.
     spectra : (T, 61) array
     """
     coarse = response @ TO_FINE
-    values, vectors = np.linalg.eigh(covariance)
+    signals = spectra @ coarse.T
+    values, vectors = np.linalg.eigh(errors.total(signals))
     # of all roots the symmetric one: like covariances give like errors, whatever their eigenvectors
     root = (vectors * np.sqrt(np.maximum(values, 0))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     normal = np.random.default_rng(SEED).standard_normal((len(spectra), len(coarse)))
     off = (root @ normal[..., None])[..., 0]
     mean, ((lower, upper),) = calibrated_bands(prior, posterior(
-        prior, coarse, spectra @ coarse.T + off, covariance), (LEVEL,))
+        prior, coarse, signals + off, errors.absolute, relative=multiplying(errors.relative)),
+        (LEVEL,))
     colours = [reflectance_to_lab(PRIOR_GRID.nm, each) for each in (mean, spectra)]
     return float(np.mean(upper - lower)), float(np.sqrt(np.mean(ciede2000(*colours)**2)))
