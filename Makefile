@@ -1,5 +1,6 @@
 # make demo   writes a synthetic capture session with known truth and runs it, as an operator would
-# make test   runs the tests; installs Debian's chromium first where it may (root), and ends by saying what was not tried
+# make test   runs the tests, and ends by saying what was not tried. As root, where there is no browser, it first installs
+#             Debian's chromium on the whole system; BROWSER=0 leaves that out
 # make bench  prints one table of times, whole commands first (BEFORE=FOLDER: beside another checkout); quarter of an hour
 # make figures  prints every measured figure (DATA=FOLDER for those that need measured data); takes the better part of an hour
 # make paper  prints the table of every figure of docs/results/paper.md and what data are missing; pictures go to build/paper
@@ -26,7 +27,8 @@ $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "spectrabox needs Python 3.11 or newer; name one with: make PYTHON=python3.12" >&2; exit 7; }
 	@$(PYTHON) -m venv $(VENV) >/dev/null 2>&1 \
-	  || { rm -rf $(VENV) && $(PYTHON) -m pip install -q --target .virtualenv virtualenv >/dev/null 2>&1 \
+	  || { rm -rf $(VENV) && $(PYTHON) -m pip install -q --target .virtualenv --require-hashes --only-binary :all: \
+	         -r requirements-virtualenv.lock >/dev/null \
 	       && PYTHONPATH=.virtualenv $(PYTHON) -m virtualenv -q $(VENV); }; \
 	  status=$$?; rm -rf .virtualenv; [ $$status = 0 ] \
 	  || { rm -rf $(VENV); echo "cannot make a virtual environment: apt install python3-venv, then run make again" >&2; exit 7; }
@@ -48,12 +50,13 @@ demo: $(STAMP)
 
 # The tests of page and report want a browser. Without one, or without a network to get it from, they are skipped.
 test: $(TESTS)
-	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null \
-	  || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
-	  || { echo "installing chromium, for the tests of page and report"; \
+	@[ "$(BROWSER)" = 0 ] || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
+	  || command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null \
+	  || { echo "installing, with apt-get and for the whole system: chromium and the packages that it needs, about 400 MB,"; \
+	       echo "for the tests of page and report; to leave it out: make test BROWSER=0"; \
 	       apt="apt-get -qq -o Acquire::Retries=0 -o Acquire::http::Timeout=20 -o DPkg::Lock::Timeout=60"; \
-	       { $$apt update; DEBIAN_FRONTEND=noninteractive $$apt install -y --no-install-recommends chromium; } >/dev/null 2>&1; \
-	     } || echo "chromium could not be installed"
+	       { $$apt update; DEBIAN_FRONTEND=noninteractive $$apt install -y --no-install-recommends chromium; } >/dev/null; \
+	     } || echo "chromium could not be installed, for the reasons above: the tests that need it will be skipped" >&2
 	@$(PY) -m pytest -q -n auto --dist loadfile
 
 lint: $(TESTS)

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.special import logsumexp
 
 from spectrabox.radiometry.charts.classic_copies import ChartCopies
@@ -100,6 +99,8 @@ def _seen(signal: np.ndarray, clipped: np.ndarray, reflectances: np.ndarray,
     """Signals (I, K) that patches themselves give, and the share (I, K, P) of each wavelength, by
     bands without negative parts that explain the chart.
     """
+    from scipy.optimize import nnls  # slow to import, and a report fits nothing
+
     nodes = np.append(np.arange(grid.nm[0], grid.nm[-1], NODES_NM), grid.nm[-1])
     basis = interpolation_matrix(nodes, grid.nm)
     design = np.column_stack([(reflectances * weights_nm) @ basis, np.zeros(len(signal))])

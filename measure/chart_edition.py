@@ -5,10 +5,12 @@ them is how much better that one explains it, with the differences that copies h
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.measure.extras import FailedExtra, attempt
 from spectrabox.measure.results.chart_words import (
     BEFORE,
     edition_told,
@@ -35,11 +37,19 @@ class ChartEdition:
         Nats for the edition since over the one before; None where nothing was compared.
     says : str
         The same in a sentence, or why it cannot be told.
+    failed : FailedExtra or None
+        Where telling it failed.
     """
 
     edition: str | None
     evidence: float | None
     says: str
+    failed: FailedExtra | None = None
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"edition": self.edition, "evidence": self.evidence, "says": self.says}
 
 
 def edition_in_photo(image: LinearImage, chart: Chart, samples: PatchSamples) -> ChartEdition:
@@ -51,6 +61,14 @@ def edition_in_photo(image: LinearImage, chart: Chart, samples: PatchSamples) ->
     chart : Chart
     samples : PatchSamples
     """
+    edition, failed = attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
+    if failed is not None:
+        return replace(_not_told(failed.error), failed=failed)
+    assert edition is not None
+    return edition
+
+
+def _edition(image: LinearImage, chart: Chart, samples: PatchSamples) -> ChartEdition:
     if COPIES_SINCE_2014 not in chart.references:
         return _not_told(f"of the {chart.name} no two editions are published" if chart.references
                          else f"nothing is published of the reflectances of the {chart.name}")

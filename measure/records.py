@@ -149,7 +149,7 @@ class PictureRecords(Record):
     size_px: tuple[int, ...]                    # width and height
     masked: float                               # without a spectrum
     beyond_white: float                         # brighter than white for certain
-    novel: float                                # that the prior does not explain
+    novel: float                                # unlike what the prior was learnt from
     flag_shares: Annotated[np.ndarray, "F"]     # by measure.pictures.pixel_flags
     standard_deviation: float                   # mean over wavelengths and pixels
     # largest relative change of the light in each round in which light and spectra converged

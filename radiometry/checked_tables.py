@@ -5,6 +5,7 @@ and the key in it, all at once; an unknown key is answered with the nearest know
 """
 from __future__ import annotations
 
+import re
 import tomllib
 import types
 import typing
@@ -21,7 +22,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_text
+from spectrabox.radiometry.files import read_text, too_large
 from spectrabox.radiometry.system.known_names import nearest_names
 from spectrabox.radiometry.system.words import shortened
 
@@ -37,7 +38,45 @@ SomeTable = TypeVar("SomeTable", bound=Table)
 ListOf = Annotated[tuple[Item, ...], Field(strict=False)]  # TOML and JSON know lists alone
 TYPE_NAMES = {"string_type": "str", "int_type": "a whole number", "float_type": "a number",
               "bool_type": "true or false", "tuple_type": "list", "dict_type": "table"}
+MAX_TOML_BYTES = 1_000_000      # ten thousand outlined regions; the worst takes 0.4 GB to parse
+MAX_TOML_DEPTH = 10             # of lists and tables, and of the parts of a key: 5 are in use
+# As the standard has them up to the first fault, where every parser stops; one that does not end
+# goes on to the end, so that the text is gone through once whatever it holds.
+STRING_OR_COMMENT = re.compile(
+    r'''"""(?:\\.|[^\\])*?(?:"{3,5}|\\?\Z)|'{3}.*?(?:'{3,5}|\Z)'''
+    r'''|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|#[^\n]*''', re.DOTALL)
+BRACKET, BETWEEN_KEYS = re.compile(r"[\[\]{}]"), re.compile(r"[=,\[\]{}\n]")
 Fault = Mapping[str, Any]   # as pydantic describes one
+
+
+def require_plain_toml(text: str, name: str) -> None:
+    """Refuse a TOML text before it is parsed if it is larger or nested deeper than people write.
+
+    A parser makes a table of every part of a dotted key and remembers each of its beginnings: a
+    key of 30,000 parts would take gigabytes, and end in the interpreter's own limit.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        Of the file, which begins the sentence.
+
+    Raises
+    ------
+    InputError
+    """
+    if len(text) > MAX_TOML_BYTES:
+        raise InputError(too_large(name, MAX_TOML_BYTES))
+    bare = STRING_OR_COMMENT.sub("s", text)
+    depth = deepest = 0
+    for bracket in BRACKET.findall(bare):
+        depth = depth + 1 if bracket in "[{" else max(depth - 1, 0)
+        deepest = max(deepest, depth)
+    parts = 1 + max(part.count(".") for part in BETWEEN_KEYS.split(bare))
+    if max(parts, deepest) > MAX_TOML_DEPTH:
+        what = "lists or tables within each other" if deepest >= parts else "parts in a key"
+        raise InputError(f"{name} has {max(parts, deepest)} {what}; {MAX_TOML_DEPTH} are the limit "
+                         "of what is read")
 
 
 def read_toml(path: Path, advice: str) -> dict[str, Any]:
@@ -51,10 +90,13 @@ def read_toml(path: Path, advice: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it cannot be read or is not TOML; ``advice`` says what to give instead.
+        If it cannot be read, is not TOML, or larger or nested deeper than people write; ``advice``
+        says what to give instead.
     """
     try:
-        return tomllib.loads(read_text(path))
+        text = read_text(path, limit_bytes=MAX_TOML_BYTES)
+        require_plain_toml(text, path.name)
+        return tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
     except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting

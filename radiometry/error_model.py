@@ -421,7 +421,7 @@ def _filter_with(filter: FittedFilter, variances: np.ndarray,
     """Errors (E, C) of the filter that come with one standard deviation of the curves along each
     of their principal directions.
     """
-    certain = variances > DARK * variances.max()
+    certain = variances > DARK * variances.max(initial=0.0)     # none of curves that are certain
     return np.asarray(filter.with_curves @ directions
                       * np.where(certain, 1 / np.sqrt(np.where(certain, variances, 1)), 0))
 

@@ -52,3 +52,17 @@ class EnvironmentProblem(SpectraboxError):
     """This machine lacks something: LLVM, a GPU that was asked for, a writable folder."""
 
     exit_code = 7
+
+
+def interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """The interrupt that an error began as: Dr.Jit wraps a Ctrl-C that falls into the tracing of a
+    loop in an error of its own.
+    """
+    causes: list[BaseException] = []
+    cause: BaseException | None = error
+    while cause is not None and cause not in causes:
+        if isinstance(cause, KeyboardInterrupt):
+            return cause
+        causes.append(cause)
+        cause = cause.__cause__ or cause.__context__
+    return None

@@ -78,13 +78,15 @@ def require_utf8_name(path: Path) -> None:
                          "can be opened or written; rename it") from None
 
 
-def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
+def read_text(path: Path, encoding: str = "utf-8-sig",
+              limit_bytes: int = MAX_TEXT_BYTES) -> str:
     """The text of a file, its lines ended by a line feed each.
 
     Parameters
     ----------
     path : Path
     encoding : str
+    limit_bytes : int
 
     Raises
     ------
@@ -93,7 +95,8 @@ def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
     UnicodeDecodeError
         If it is in another encoding.
     """
-    return io.StringIO(read_bytes_of_text(path).decode(encoding), newline=None).read()
+    content = read_bytes_of_text(path, limit_bytes)
+    return io.StringIO(content.decode(encoding), newline=None).read()
 
 
 def csv_rows(path: Path, what: str) -> list[list[str]]:
@@ -114,7 +117,7 @@ def csv_rows(path: Path, what: str) -> list[list[str]]:
     return [row for row in csv.reader(lines) if any(map(str.strip, row))]
 
 
-def read_bytes_of_text(path: Path) -> bytes:
+def read_bytes_of_text(path: Path, limit_bytes: int = MAX_TEXT_BYTES) -> bytes:
     """What a text file holds, whose size is one that texts have.
 
     Not ``Path.read_bytes``, which reads whatever there is: a disk image, or /dev/zero for ever.
@@ -123,11 +126,13 @@ def read_bytes_of_text(path: Path) -> bytes:
     ----------
     path : Path
         A file, a pipe or a device.
+    limit_bytes : int
+        That such a text has at most.
 
     Raises
     ------
     InputError
-        If it holds zero bytes, as no text does, or more than 200 MB.
+        If it holds zero bytes, as no text does, or more than its limit.
     OSError
         If it cannot be read.
     """
@@ -138,10 +143,15 @@ def read_bytes_of_text(path: Path) -> bytes:
             if 0 in part:
                 raise InputError(f"{path.name} is not a text file: it holds zero bytes; give a "
                                  "text file")
-            if len(content) > MAX_TEXT_BYTES:
-                raise InputError(f"{path.name} is larger than {MAX_TEXT_BYTES // 1_000_000} MB, "
-                                 "which no text file is that is read here")
+            if len(content) > limit_bytes:
+                raise InputError(too_large(path.name, limit_bytes))
     return bytes(content)
+
+
+def too_large(name: str, limit_bytes: int) -> str:
+    """What is said of a text file beyond its limit."""
+    return (f"{name} is larger than {limit_bytes // 1_000_000} MB, the limit of such a file: take "
+            "out what does not belong into it")
 
 
 @dataclass(frozen=True)

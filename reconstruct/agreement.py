@@ -169,6 +169,7 @@ class SceneErrors:
     brightness: float       # of a surface, the same in all bands
     colour: float           # of a surface, independent in each band
     block: float            # of a block of pixels, as if the errors of blocks were independent
+    pattern: float          # of brightness within a surface, the median of the surfaces
 
 
 def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
@@ -200,7 +201,8 @@ def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
     return SceneErrors(float(np.sqrt(np.sum(grey**2) / freedom)),
                        float(np.sqrt(np.sum((deviation - grey) ** 2)
                                      / (freedom * max(bands - 1, 1)))),
-                       within * within_to_block(regions, len(deviation)))
+                       within * within_to_block(regions, len(deviation)),
+                       float(np.median(np.sqrt(np.mean(agreement.spread**2, axis=1)))))
 
 
 def within_to_block(regions: int, surfaces: int) -> float:
@@ -211,13 +213,14 @@ def within_to_block(regions: int, surfaces: int) -> float:
 
 
 def model_covariance(agreement: SurfaceAgreement, material: str, known: frozenset[str],
-                     stated_error: float) -> np.ndarray:
+                     stated_error: float,
+                     taken: np.ndarray | float = 1.0) -> np.ndarray:
     """Relative covariance (K, K) of one material's signal by which photo and model disagree.
 
     Three parts: the scatter between the scene's surfaces, divided by the number of this material's;
-    the second moment of its own mean log(photo / rendering), which a fit could not absorb; and the
-    scatter within its surfaces, which is not divided by the number of pixels, since the errors of
-    neighbours are correlated.
+    the second moment of its own mean log(photo / rendering), which its signal does not absorb; and
+    the scatter within its surfaces, which is not divided by the number of pixels, since the errors
+    of neighbours are correlated.
 
     Parameters
     ----------
@@ -227,12 +230,15 @@ def model_covariance(agreement: SurfaceAgreement, material: str, known: frozense
     known : names of the materials whose spectrum was given
     stated_error : float
         Standard deviation of a surface's log brightness in each band, before any is seen.
+    taken : (K,) array, optional
+        The signal that is taken for the material over that of the rendering: a rendering of the
+        most probable spectrum is off by what the prior on spectra pulls, which is no disagreement.
     """
     own = [index for index, name in enumerate(agreement.materials) if name == material]
     if not own:
         return np.zeros((agreement.ratio.shape[1],) * 2)
     weight = agreement.pixels[own] / agreement.pixels[own].sum()
-    mean = weight @ np.log(agreement.ratio[own])
+    mean = weight @ np.log(agreement.ratio[own]) - np.log(taken)
     within = np.einsum("s,sk,sl->kl", weight, agreement.spread[own], agreement.spread[own])
     between = surface_covariance(agreement, known, stated_error)
     return between / len(own) + np.outer(mean, mean) + within

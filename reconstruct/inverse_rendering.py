@@ -247,16 +247,19 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
     unknown = [material.reflectance is None for material in view.scene_materials]
     covariance = np.zeros((len(unknown), len(white), len(white)))
     coefficients = np.full((len(unknown), settings.coefficients), np.nan)
+    rendered_signal = signal.copy()
     signal[unknown], covariance[unknown] = solution.signals, solution.signal_covariance
     coefficients[unknown] = solution.coefficients
     known = frozenset(view.known)
+    taken = np.maximum(signal, REDUNDANT) / np.maximum(rendered_signal, REDUNDANT)
     return Reconstruction(
         materials=tuple(material.name for material in view.scene_materials),
         known=tuple(not is_unknown for is_unknown in unknown), grid=view.grid, basis=basis,
         coefficients=coefficients, spectra=spectra, white_signal=white, signal=signal,
         signal_covariance=covariance,
-        model_covariance=np.array([model_covariance(agreement, material.name, known, stated_error)
-                                   for material in view.scene_materials]),
+        model_covariance=np.array([
+            model_covariance(agreement, material.name, known, stated_error, factor)
+            for material, factor in zip(view.scene_materials, taken, strict=True)]),
         measured=view.measured, rendered=rendered, used=view.used,
         surface=np.array([*numbers, -1])[view.surface],     # -1, no surface, is the last
         agreement=agreement, light_scale=scale, loss_history=solution.loss_history,

@@ -30,6 +30,10 @@ LAMP_COLOUR_ERROR = 0.02
 # Of a change of the light's colour, what one factor for a band leaves of it: within its band a
 # filament's light changes by a third of what it changes between bands, and half of that counts.
 COLOUR_LEFT = 0.25
+# The level of a surface is off by this much more than the parts of one are among themselves: 1.5
+# under a moved lamp, a narrow beam, an encoded photo (benchmarks/bench_known_level.py).
+LEVEL_OF_PATTERN = 1.5
+HUBER, ROUNDS = 1.345, 50       # errors, from which a known surface's pull grows no more
 
 
 def tie_to_known(view: PhotoView, rendered: np.ndarray,
@@ -59,10 +63,12 @@ def tie_to_known(view: PhotoView, rendered: np.ndarray,
     bands = logs.shape[1]
     by_surface = logs.mean(axis=1)
     tints = logs - by_surface[:, None]
-    # medians: of several known surfaces one may be shaded, or lit by more than the scene says
-    seen, colour = float(np.median(by_surface)), np.median(tints, axis=0)
+    brightness, tint, pattern = (0.0, 0.0, 0.0) if errors is None else (
+        errors.brightness, errors.colour, errors.pattern)
+    # of several known surfaces one may be shaded, or lit by more than the scene says
+    seen = middle(by_surface, LEVEL_OF_PATTERN * float(np.hypot(KNOWN_LEVEL_ERROR, pattern)))
+    colour = np.median(tints, axis=0)
     colour = colour - colour.mean()
-    brightness, tint = (0.0, 0.0) if errors is None else (errors.brightness, errors.colour)
     seen_error = float(_of_middle(by_surface, np.hypot(KNOWN_LEVEL_ERROR, brightness)))
     colour_error = _of_middle(tints, np.hypot(KNOWN_COLOUR_ERROR, tint))
 
@@ -96,6 +102,27 @@ def in_chart_light(photo: LinearImage, light: KnownLight) -> LinearImage:
     """
     return replace(photo, signal=(photo.signal / light.colour).astype(photo.signal.dtype),
                    variance=(photo.variance / light.colour**2).astype(photo.variance.dtype))
+
+
+def middle(values: np.ndarray, error: float) -> float:
+    """Huber's mean of values (S,): one that lies farther off than the errors pulls no more than if
+    it were just as far.
+
+    Where all of a scene's surfaces are uneven, the one that lies apart tells of the light as the
+    others do, and their mean is nearest; in a scene that is otherwise right it is shaded, and the
+    middle of the others is.
+
+    Parameters
+    ----------
+    values : (S,) array
+    error : float
+        Standard deviation of one of them, above 0.
+    """
+    at = float(np.median(values))
+    for _ in range(ROUNDS):
+        weight = np.minimum(1.0, HUBER * error / np.maximum(np.abs(values - at), 1e-12))
+        at = float(weight @ values / weight.sum())
+    return at
 
 
 def _of_middle(values: np.ndarray, stated: float) -> np.ndarray:

@@ -74,6 +74,9 @@ def with_only(name: str) -> typer.Typer:
 
 def main() -> None:
     """Entry point of the ``spectrabox`` command."""
+    # No process that this one starts (workers, runs of the page) takes a module from the working
+    # folder, which may be a stranger's session.
+    os.environ["PYTHONSAFEPATH"] = "1"
     # Pydantic looks for plugins in every installed package; none may change what a file says.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # BLAS splits its sums by the cores: on one thread the bits are the same on any machine, and the

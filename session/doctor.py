@@ -40,9 +40,9 @@ def examine(device: str = "auto") -> dict[str, Any]:
 
 def _probe_variant(device: str, problems: list[str]) -> str | None:
     try:
-        outcome = subprocess.run([sys.executable, "-c", PROBE, device], capture_output=True,
-                                 text=True,
-                                 timeout=120, check=False)
+        # -P: no module comes from the working folder
+        outcome = subprocess.run([sys.executable, "-P", "-c", PROBE, device],
+                                 capture_output=True, text=True, timeout=120, check=False)
     except subprocess.TimeoutExpired:
         problems.append("the renderer did not start within two minutes; close other programs and "
                         "try again")

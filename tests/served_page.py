@@ -9,7 +9,7 @@ import urllib.request
 
 import uvicorn
 
-from spectrabox.session.page.server import page_app
+from spectrabox.session.page.server import page_app, page_config
 from spectrabox.session.page.session_page import SessionPage
 
 TOKEN = "a-token-of-the-tests"
@@ -20,9 +20,9 @@ ENDED = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE",
 
 
 @contextlib.contextmanager
-def served(folder, watched=None):
+def served(folder, watched=None, meter_ports=()):
     """Address of the page, and the page."""
-    page = SessionPage(folder, watched)
+    page = SessionPage(folder, watched, meter_ports=meter_ports)
     with served_by(page) as address:
         yield address, page
 
@@ -33,8 +33,7 @@ def served_by(page):
     with socket.socket() as listening:
         listening.bind(("127.0.0.1", 0))
         listening.listen()
-        server = uvicorn.Server(uvicorn.Config(page_app(page, TOKEN), log_level="error",
-                                               access_log=False))
+        server = uvicorn.Server(page_config(page_app(page, TOKEN)))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
         thread.start()
         wait_for(lambda: server.started)

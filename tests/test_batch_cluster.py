@@ -1,23 +1,27 @@
 """Batches on a Dask cluster: the bits of plain processes, whoever dies on the way."""
+import contextlib
+import http.client
 import json
 import os
 import subprocess
 import sys
 import time
+import urllib.parse
 from pathlib import Path
 
 import pytest
 from batch_sessions import begun, copies, kill_worker_at, order_of, results_of, write_session
 
-from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.executors import (
     open_processes,
 )
 from spectrabox.session.batch.workers import open_workers
 
-default_client = pytest.importorskip(
-    "distributed", reason="no Dask here: pip install 'spectrabox[cluster]'").default_client
+distributed = pytest.importorskip(
+    "distributed", reason="no Dask here: pip install 'spectrabox[cluster]'")
+default_client = distributed.default_client
 ROOT = Path(__file__).resolve().parent.parent
 # Dask closes sockets and event loops when they are collected
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
@@ -39,7 +43,7 @@ def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session
     folders = copies(session, tmp_path, ["a", "b"])
     order = order_of(folders, tmp_path / "out")
     with open_workers("local", 1, len(folders)) as workers, kill_worker_at(folders[0]):
-        assert workers.capacity().workers == 1 and workers.about.startswith("dashboard: http")
+        assert workers.capacity().workers == 1 and workers.about == ""
         # Dask's own setting has every array mapped anew: up to half as much processor again
         assert {*default_client().run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()} == {None}
         outcomes = run_batch(order, folders, workers)
@@ -48,14 +52,58 @@ def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session
         assert results_of(folder) == results_of(session)
 
 
-def test_a_cluster_of_this_machine_listens_to_this_machine_alone():
+def listening(psutil):
+    """Addresses at which this process and those that it has started listen."""
+    return {each.laddr for process in (psutil.Process(), *psutil.Process().children(recursive=True))
+            for each in process.net_connections() if each.status == psutil.CONN_LISTEN}
+
+
+def page_of(port, path):
+    """What a browser gets from a port; None where that speaks no HTTP."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    with contextlib.closing(connection):
+        try:
+            connection.request("GET", path, headers={"Host": "elsewhere.example"})
+            return connection.getresponse().status
+        except (http.client.HTTPException, OSError):
+            return None
+
+
+def test_nobody_without_its_certificate_gets_into_a_cluster_of_this_machine(tmp_path):
+    """As another user of the machine would try: at every port, in clear and by TLS of his own."""
     psutil = pytest.importorskip("psutil")
+    mark = tmp_path / "mark"
     with open_workers("local", 1, 1):
-        workers = psutil.Process().children(recursive=True)
-        listening = {each.laddr.ip for process in (psutil.Process(), *workers)
-                     for each in process.net_connections() if each.status == psutil.CONN_LISTEN}
-        assert workers
-    assert listening == {"127.0.0.1"}
+        scheduler = urllib.parse.urlsplit(default_client().scheduler.address)
+        ports = listening(psutil)
+        assert {each.ip for each in ports} == {"127.0.0.1"} and scheduler.scheme == "tls"
+        answers = {each.port: {page_of(each.port, path) for path in (
+            "/", "/status", "/info/main/workers.html", "/json/counts.json", "/metrics", "/health",
+            "/statics/dask.svg")} for each in ports}
+        assert all(each in ({None}, {404}) for each in answers.values()), answers
+        secured = {port for port, each in answers.items() if each == {None}}
+        assert scheduler.port in secured and len(secured) == 3      # with worker and its nanny
+        for port in secured:
+            for scheme, security in (("tcp", None), ("tls", distributed.Security.temporary())):
+                with pytest.raises(OSError), distributed.Client(
+                        f"{scheme}://127.0.0.1:{port}", security=security, timeout=2,
+                        set_as_default=False) as stranger:
+                    stranger.submit(mark.touch).result(timeout=2)
+        # it is the certificate that lets in
+        with distributed.Client(scheduler.geturl(), security=default_client().security, timeout=10,
+                                set_as_default=False) as owner:
+            owner.submit(mark.touch).result(timeout=30)
+    assert mark.exists()
+
+
+def test_a_dashboard_is_there_where_it_is_asked_for():
+    with open_workers("local", 1, 1, dashboard=True) as workers:
+        assert workers.about.startswith("dashboard: http://127.0.0.1:")
+        port = urllib.parse.urlsplit(workers.about.removeprefix("dashboard: ")).port
+        assert page_of(port, "/health") == 200
+    with pytest.raises(InputError, match="--dashboard is of --cluster local"), \
+            open_workers("tcp://127.0.0.1:1", None, 1, dashboard=True):
+        pass
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ import zipfile
 import numpy as np
 import pytest
 
-from spectrabox.capture.photo import stored_images
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.mutations import mutated, rewritten
@@ -96,7 +95,7 @@ def test_a_zip_that_lies_about_its_size_gives_no_more_than_it_stated(tmp_path, m
 
 def test_a_picture_too_large_to_hold_is_refused_before_memory_is_asked_for(tmp_path, monkeypatch):
     write_exr(tmp_path / "a.exr", np.full((20, 30, 3), 0.5), ("R", "G", "B"))
-    monkeypatch.setattr(stored_images, "MAX_PICTURE_BYTES", 20 * 30 * 3 * 4 - 1)
+    monkeypatch.setenv("SPECTRABOX_PHOTO_GB", "1e-6")
     with pytest.raises(InputError, match="states 30 x 20 pixels of 3 channels"):
         read_linear_file(tmp_path / "a.exr")
 

@@ -288,6 +288,12 @@ def test_a_material_is_off_by_what_its_surfaces_are_off_by_together_and_apart():
         # sums of a few numbers
         np.testing.assert_allclose(model_covariance(seen, name, frozenset({"card"}), 0.01),
                                    apart + blocks + np.outer(offset, offset), rtol=1e-10)
+        # a signal that is taken brighter than the rendering absorbs that much of the offset
+        taken = np.array([1.02, 0.99, 1.05])
+        left = offset - np.log(taken)
+        np.testing.assert_allclose(
+            model_covariance(seen, name, frozenset({"card"}), 0.01, taken),
+            apart + blocks + np.outer(left, left), rtol=1e-10)
     assert not model_covariance(seen, "glass", frozenset(), 0.01).any()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -168,3 +169,64 @@ def test_one_version_is_stated():
     version = re.search(r'__version__ = "(.*)"', package)[1]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+# ---- what make installs, with other programs in place of those that would
+
+def stub(path, text):
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+
+
+def made(target, tmp_path, *words):
+    """What make says of a target where no program is found but these."""
+    make = shutil.which("make") or pytest.skip("there is no make here")
+    return subprocess.run([make, "-s", "-C", ROOT, target, f"VENV={tmp_path / 'venv'}", *words],
+                          env={"PATH": str(tmp_path / "programs"), "LOG": str(tmp_path / "log")},
+                          capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def as_root(tmp_path):
+    """An environment that is set up, a user who is root, and an installer that fails."""
+    for folder in ("programs", "venv/bin"):
+        (tmp_path / folder).mkdir(parents=True)
+    stub(tmp_path / "programs" / "id", "echo 0")
+    stub(tmp_path / "programs" / "apt-get",
+         'echo apt-get "$@" >> "$LOG"; echo progress; echo "E: no such mirror" >&2; exit 100')
+    stub(tmp_path / "venv" / "bin" / "python", 'echo python "$@" >> "$LOG"')
+    for name in (".ready", ".ready-for-tests"):
+        (tmp_path / "venv" / name).touch()
+    return tmp_path
+
+
+def test_make_test_as_root_says_what_it_installs_and_why_it_could_not(as_root):
+    done = made("test", as_root)
+    log = (as_root / "log").read_text().splitlines()
+    assert done.returncode == 0 and "python -m pytest" in log[-1]
+    assert [line.split()[-1] for line in log[:-1]] == ["update", "chromium"]
+    assert "chromium" in done.stdout and "whole system" in done.stdout
+    assert "BROWSER=0" in done.stdout and "progress" not in done.stdout
+    assert "no such mirror" in done.stderr and "could not be installed" in done.stderr
+
+
+@pytest.mark.parametrize("words", [("BROWSER=0",), ()])
+def test_make_test_installs_no_browser_where_that_is_left_out_or_there_is_one(as_root, words):
+    if not words:
+        stub(as_root / "programs" / "chromium", "exit 1")
+    assert made("test", as_root, *words).stdout == ""
+    assert (as_root / "log").read_text().count("\n") == 1
+
+
+def test_an_environment_without_venv_is_made_by_a_program_that_is_locked(tmp_path):
+    (tmp_path / "programs").mkdir()
+    (tmp_path / "programs" / "rm").symlink_to(shutil.which("rm"))
+    stub(tmp_path / "programs" / "python3",
+         'echo "$@" >> "$LOG"; [ "$1" = -c ] || { echo "no venv here" >&2; exit 1; }')
+    done = made(str(tmp_path / "venv" / "bin" / "python"), tmp_path)
+    asked = (tmp_path / "log").read_text().splitlines()[-1]
+    assert "--require-hashes" in asked and "-r requirements-virtualenv.lock" in asked
+    assert done.returncode != 0 and "no venv here" in done.stderr
+    assert "apt install python3-venv" in done.stderr
+    locked = locked_in("requirements-virtualenv.lock")
+    assert "virtualenv" in locked and all("--hash=sha256:" in each for each in locked.values())

@@ -1,5 +1,7 @@
 """A marked colour measured from the page, in a real browser, with what a genuine CR30 said."""
 import json
+import os
+import socket
 import tomllib
 
 import pytest
@@ -28,7 +30,8 @@ def regions_of(folder):
 def test_a_mark_is_measured_by_a_click_and_by_the_instruments_button(browser, calibrated_flat):
     session = calibrated_flat
     player = playing([WHITE, BLACK, GREEN, PRESSED])
-    with player, served(session) as (address, _), opened_in(browser) as open_address:
+    with player, served(session, meter_ports=[player.port]) as (address, _), \
+            opened_in(browser) as open_address:
         page = open_address(address)
         wait_ready(page)
         name = next(iter(regions_of(session)))
@@ -68,7 +71,8 @@ def test_a_mark_is_measured_by_a_click_and_by_the_instruments_button(browser, ca
 def test_a_reading_without_calibration_is_asked_for_and_says_so(browser, calibrated_flat):
     session = calibrated_flat
     player = playing([GREEN])
-    with player, served(session) as (address, _), opened_in(browser) as open_address:
+    with player, served(session, meter_ports=[player.port]) as (address, _), \
+            opened_in(browser) as open_address:
         page = open_address(address)
         wait_ready(page)
         drag(page, 40, 240, 80, 280)
@@ -87,9 +91,9 @@ def test_an_instrument_that_is_not_there_or_breaks_off_is_said(calibrated_flat):
     broken = TranscriptPlayer(clean, time_scale=0.0, distort=distortion(
         Fault(FaultKind.DISCONNECT, replies[7])))
     step = {"what": "measure", "name": "wall"}
-    with broken, served(calibrated_flat) as (address, _):
+    with broken, served(calibrated_flat, meter_ports=[broken.port]) as (address, _):
         status, answer = asked(f"{address}/api/meter/step", step | {"port": "/dev/ttyNONE"})
-        assert status == 409 and "there is no port /dev/ttyNONE" in answer["error"]
+        assert status == 409 and "there is no port '/dev/ttyNONE'" in answer["error"]
         status, answer = asked(f"{address}/api/meter/step", step | {"port": broken.port})
         assert status == 409 and "the line broke" in answer["error"]
         status, answer = asked(f"{address}/api/meter")
@@ -98,3 +102,23 @@ def test_an_instrument_that_is_not_there_or_breaks_off_is_said(calibrated_flat):
                                                              "port": "x"})
         assert status == 409 and "no step" in answer["error"]
     assert not (calibrated_flat / "spectra" / "wall.csv").exists()
+
+
+def test_the_page_opens_listed_ports_alone_whatever_a_request_names(calibrated_flat, tmp_path):
+    """pyserial's addresses empty files (spy://) and speak to other computers (socket://)."""
+    file = tmp_path / "of the user"
+    file.write_text("kept")
+    with socket.create_server(("127.0.0.1", 0)) as listening, \
+            served(calibrated_flat) as (address, _):
+        listening.settimeout(0.5)
+        number = listening.getsockname()[1]
+        for port in (f"spy:///dev/null?file={file}", f"spy://{os.devnull}?file={file}&all",
+                     f"socket://127.0.0.1:{number}", f"rfc2217://127.0.0.1:{number}",
+                     "loop://", "hwgrep://.*", "alt:///dev/null", "cp2110://", os.devnull,
+                     str(file), "", "../" + os.devnull):
+            status, answer = asked(f"{address}/api/meter/step", {"what": "measure", "name": "wall",
+                                                                 "port": port})
+            assert status == 409 and "there is no port" in answer["error"], (port, answer)
+        with pytest.raises(TimeoutError):
+            listening.accept()
+    assert file.read_text() == "kept"

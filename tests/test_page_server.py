@@ -61,6 +61,7 @@ def test_another_page_cannot_speak_even_with_the_token(session, headers):
 @pytest.mark.parametrize(("path", "status", "headers", "body"), [
     ("/", 200, {}, None), ("/page", 200, {}, None), ("/static/page.js", 200, {}, None),
     ("/api/state", 403, {"authorization": ""}, None), ("/report", 404, {}, None),
+    ("/static/report.html", 200, {}, None),
     ("/api/run", 405, {}, None), ("/api/mark", 400, {}, b"["), ("/api/mark", 413, {}, None),
     ("/api/mark", 400, {}, b"[" * 100_000), ("/api/state", 400, {"origin": "http://["}, None),
     ("/api/state", 403, {"host": "localhost:["}, None),
@@ -83,7 +84,8 @@ def test_every_answer_forbids_what_a_page_could_be_made_to_do(page_of_flat, path
     answer = connection.getresponse()
     assert answer.status == status
     policy = answer.headers["content-security-policy"]
-    assert "default-src 'none'" in policy and ("unsafe" in policy) == (path == "/report")
+    assert "default-src 'none'" in policy and ("unsafe" in policy) == (
+        path in ("/report", "/static/report.html"))
     assert answer.headers["x-content-type-options"] == "nosniff"
     assert answer.headers["cache-control"] == "no-store"
     assert answer.headers["referrer-policy"] == "no-referrer"

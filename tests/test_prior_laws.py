@@ -21,6 +21,7 @@ from spectrabox.sampling.prior.band_calibration import (
     Judgement,
     LeftOut,
     calibrated,
+    tail_of,
 )
 from spectrabox.sampling.prior.calibrated_marginals import _skewed
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
@@ -30,6 +31,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     USUAL_WIDTH,
     MixturePosterior,
     allowed_misfit,
+    tail_growth,
     width_factors,
 )
 from spectrabox.sampling.prior.quantiles import stretched
@@ -68,7 +70,8 @@ def test_bands_of_a_stated_family_are_those_that_were_calibrated_so(name, row):
 def judgement(rng, scale, family, count=1200):
     scores = scale * np.abs(rng.standard_normal((LEVELS.size, count, PRIOR_GRID.nm.size)))
     return Judgement(0.0, scores, np.ones((LEVELS.size, PRIOR_GRID.nm.size)),
-                     np.eye(2)[np.full(count, family)], rng.chisquare(3, count))
+                     np.eye(2)[np.full(count, family)], rng.chisquare(3, count),
+                     ("paint", "skin"))
 
 
 def test_calibrated_bands_hold_what_they_state_and_no_model_is_missed_much_more_often():
@@ -118,6 +121,25 @@ def test_bands_widened_for_whole_curves_hold_95_per_cent_of_them():
                                 np.random.default_rng(44), 0.6, 1)))])
     # 1200 curves of the calibration and 1200 others, each share known to 0.6 %
     assert whole.mean() == pytest.approx(0.95, abs=0.02)
+
+
+@pytest.mark.parametrize("tail", [0.3, 1.5])
+def test_the_tail_is_the_least_at_which_unlikely_signals_of_the_worst_group_are_held(tail):
+    """Scores that grow as the bands of two tails do, of which 95 % are then within them."""
+    rng, known = np.random.default_rng(45), two_families()
+    known = dataclasses.replace(known, familiar_surprise=5.0,
+                                band_factors=np.ones_like(known.band_factors))
+
+    def group(of_tail, count=4000):
+        surprise = 5 * rng.uniform(0.6, 6, count)
+        scores = np.abs(rng.standard_normal((LEVELS.size, count, PRIOR_GRID.nm.size))) \
+            / stats.norm.ppf(0.975) * tail_growth(of_tail, surprise / 5)[:, None]
+        return [Judgement(0.0, scores, np.ones((LEVELS.size, PRIOR_GRID.nm.size)),
+                          np.ones((count, 1)), surprise, ("skin",))]
+
+    # 4000 x 61 scores know 5 % to 0.05 %
+    assert tail_of(known, [group(tail), group(tail / 2)]) == pytest.approx(tail, rel=0.05)
+    assert tail_of(known, [group(tail, 10), []]) == 0        # too few to tell
 
 
 @pytest.mark.parametrize("noise", [0.05, 0.2])
@@ -177,7 +199,7 @@ def test_the_best_scale_leaves_the_least_squares():
 def test_a_skewed_component_has_the_moments_that_were_asked_for(skewness):
     mean, variance = np.array([[0.3, -1.2]]), np.array([[0.04, 0.5]])
     plain = MixturePosterior(np.ones((1, 1)), np.zeros((1, 1, 2)), np.ones((1, 1, 2)),
-                             np.zeros((1, 1)), np.zeros((1, 1)), *np.zeros((3, 1)))
+                             np.zeros((1, 1)), np.zeros((1, 1)), *np.zeros((3, 1)), np.ones(1))
     found = _skewed(plain, SimpleNamespace(component=np.array([0]), signal=np.array([0])), mean,
                     variance, skewness * variance**1.5)
     z, weights = np.polynomial.hermite_e.hermegauss(40)

@@ -89,7 +89,8 @@ def test_the_same_seed_gives_the_same_picture_bit_for_bit(tmp_path):
 
 def test_a_scene_that_mitsuba_cannot_load_is_an_input_error():
     with pytest.raises(InputError, match="Mitsuba cannot load the scene"):
-        load_scene('<scene version="3.0.0"><shape type="no_such_shape"/></scene>')
+        load_scene('<scene version="3.0.0"><shape type="sphere"><float name="radius" '
+                   'value="wide"/></shape></scene>')
 
 
 def test_auto_takes_no_gpu_even_where_there_is_one(mitsuba, monkeypatch):

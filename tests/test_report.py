@@ -16,7 +16,7 @@ from spectrabox.measure.verdict.conditions import Statements, condition_words
 from spectrabox.measure.verdict.criterion import Status
 from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.records.calibration import CalibrationDoubt
 from spectrabox.radiometry.records.scenes import SurfaceMisfit
 from spectrabox.radiometry.records.spectra import Outcome
@@ -280,14 +280,14 @@ def test_a_session_without_any_compared_surface_is_no_pass(tmp_path):
     assert "No surface could be compared" in written(results)
 
 
-def test_a_failing_render_leaves_the_old_report(tmp_path):
+def test_a_missing_picture_is_named_and_leaves_the_rest_of_the_report(tmp_path):
     results = example_session(tmp_path)
-    (tmp_path / "report.html").write_text("old")
     results.chart_overlay.unlink()
-    with pytest.raises(InputError, match=r"picture overlay\.png cannot be read .* run the stage "
-                                         r"that makes it again"):
-        write_report(results)
-    assert (tmp_path / "report.html").read_text() == "old"
+    page = Page(written(results))
+    assert page.numbers["failed_extras"] == [{
+        "extra": "picture 'chart'", "error": "picture overlay.png cannot be read (No such file or "
+        "directory); run the stage that makes it again"}]
+    assert "overlay.png cannot be read" in page.text and "chart" not in page.numbers["pictures"]
 
 
 def test_a_failing_write_leaves_nothing_behind(tmp_path):

@@ -11,6 +11,7 @@ from scipy import stats
 from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.error_budget import shares_by_cause
@@ -24,6 +25,7 @@ from spectrabox.sampling.prior.families.leaves import leaf
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     SIGNAL_FLOOR,
+    UNMOVED,
     mean_and_spread,
     posterior,
     width_factors,
@@ -254,7 +256,64 @@ def test_many_signals_are_unfamiliar_where_one_by_one_they_are():
                          0.95).outcome
     near = {Outcome.OUT_OF_REACH: Outcome.TOO_ROUGH}
     assert [near.get(each, each) for each in one_by_one] == together.tolist()
-    assert Outcome.FAMILIAR in one_by_one and Outcome.UNFAMILIAR in one_by_one
+    assert set(one_by_one) == {Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.BEYOND_LEARNT}
+
+
+@pytest.mark.parametrize("tail", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("gloss", [False, True])
+def test_an_answer_does_not_jump_where_a_signal_becomes_unfamiliar(tail, gloss):
+    """Along a line of signals, at the two numbers next to each other where the outcome changes."""
+    known = dataclasses.replace(two_components(), familiar_surprise=6.0, tail=tail)
+    away, base = np.array([0.06, 0.01, 0.04]), seen(np.full(61, 0.5), 0.002)
+    base = dataclasses.replace(base, states=gloss_states(None, ("lamp",) * 3) if gloss else None)
+
+    def solved(share):
+        return solve_posterior(known, dataclasses.replace(base, signal=base.signal + share * away))
+
+    low, high = 0.0, 1.0
+    assert solved(low).outcome is Outcome.FAMILIAR and solved(high).outcome is Outcome.UNFAMILIAR
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if solved(middle).outcome is Outcome.FAMILIAR \
+            else (low, middle)
+    before, after = solved(low), solved(high)
+    assert before.outcome is Outcome.FAMILIAR and after.outcome is Outcome.UNFAMILIAR
+    assert before.method == after.method == "learnt prior"
+    # signals are 1e-13 apart; modes are found to 1e-6, quantiles to single precision
+    for name in ("mean", "standard_deviation"):
+        np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=1e-6)
+    np.testing.assert_allclose(after.band(0.95), before.band(0.95), atol=1e-6)
+    together = summaries(known, base.relative_response, np.array(
+        [each.measurement.signal for each in (before, after)]),
+        {"noise": np.repeat(base.noise_covariance[None], 2, axis=0)}, 0.95)
+    if not gloss:
+        assert together.outcome.tolist() == [Outcome.FAMILIAR, Outcome.UNFAMILIAR]
+    np.testing.assert_allclose(together.lower[1], together.lower[0], atol=1e-6)
+
+
+def test_bands_of_unlikely_signals_grow_as_those_of_student_t():
+    """Truths whose covariance is known up to a factor: those of surprising signals scatter more
+    about their means, by (n + d) / (n + bands), over n + bands degrees of freedom.
+    """
+    freedom, bands = 8.0, 3
+    rng = np.random.default_rng(31)
+    spread = 0.05**2 * SMOOTH
+    known = dataclasses.replace(mixture_of(PRIOR_GRID.nm, [1.0], np.zeros((1, 61)), [spread]),
+                                familiar_surprise=bands / UNMOVED, tail=bands / UNMOVED / freedom)
+    size = np.sqrt(freedom / rng.chisquare(freedom, 20_000))[:, None]
+    logits = size * rng.multivariate_normal(np.zeros(61), spread, len(size))
+    M = seen(np.full(61, 0.5), bands=bands).relative_response
+    found = posterior(known, M, reflectance(logits) @ M.T, np.zeros((bands, bands)))
+    off = (logits - found.logits[0]) / (np.sqrt(found.variances[0]) * found.growth[:, None])
+    degrees = freedom + bands
+    for least, most in ((bands, 6), (6, 12), (12, np.inf)):
+        some = (found.surprise > least) & (found.surprise <= most)
+        assert some.sum() > 500
+        square = np.mean(off[some]**2, axis=1)
+        # 3.9 standard errors, and what the noise floor of 0.1 % of white and the bend of the logit
+        # take off
+        assert square.mean() == pytest.approx(degrees / (degrees - 2),
+                                              abs=SIGMAS * square.std() / some.sum()**0.5 + 0.05)
 
 
 @pytest.mark.parametrize("sigmas, possible", [(4.0, True), (7.0, False)])

@@ -3,7 +3,9 @@ calibration, its refusals.
 
 Statistical tests have a significance of 1e-4 over each test (Bonferroni), at fixed seeds.
 """
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +16,16 @@ from spectrabox.measure.pictures.uplift import require_bands
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
-from spectrabox.sampling.prior.band_calibration import AT_95, train
+from spectrabox.radiometry.spectra.named_spectra import test_reflectances as reflectances_of_names
+from spectrabox.sampling.prior.band_calibration import (
+    AT_95,
+    COLOURFUL,
+    chroma,
+    judge,
+    train,
+    without_colourful,
+    without_families,
+)
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.families.family_names import NAMES, WORDS
 from spectrabox.sampling.prior.families.leaves import petal_tissue
@@ -30,6 +41,7 @@ from spectrabox.sampling.prior.family_coverage import (
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import (
     EDGE,
+    PREVIOUS_TAIL,
     PRIOR_GRID,
     SHIPPED,
     LogitMixture,
@@ -48,7 +60,14 @@ from spectrabox.sampling.prior.mixture_posterior import (
 from spectrabox.sampling.prior.quantiles import quantiles
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.sampling.prior.training import MIXED, enriched, fit_mixture
+from spectrabox.sampling.prior.training import (
+    MIXED,
+    enriched,
+    fit_mixture,
+    fitted_families,
+    joined,
+    parts_of,
+)
 from spectrabox.sampling.spectral_measurement import nearest_splines, response_on
 
 SIGNIFICANCE = 1e-4
@@ -116,6 +135,63 @@ def test_petals_of_any_anthocyanin_are_held_once_flowers_are_stated(prior):
     held = np.mean((truth >= low) & (truth <= high), axis=1)
     # one-sided at 1e-4 below the 94 % that a model may have, curves being independent
     assert held.mean() > 0.94 - 3.7 * held.std() / np.sqrt(held.size)
+
+
+def test_an_earlier_prior_gets_the_tail_that_was_calibrated_since(prior, tmp_path):
+    path = tmp_path / "earlier.npz"
+    with np.load(SHIPPED) as stored:
+        arrays = {name: stored[name] for name in stored.files if name != "tail"}
+    np.savez_compressed(path, **(arrays | {"format": np.array("spectrabox prior 5")}))
+    assert prior.tail > 0 and load_prior(path).tail == PREVIOUS_TAIL
+    save_prior(path, replace(prior, tail=0.25))
+    assert load_prior(path).tail == 0.25
+    save_prior(path, replace(prior, tail=np.nan))
+    with pytest.raises(InputError, match="not finite"):
+        load_prior(path)
+    save_prior(path, replace(prior, tail=-1.0))
+    with pytest.raises(InputError, match="negative"):
+        load_prior(path)
+
+
+COLOURS = ("NIST CQS test colours", "PMC", "CIE 13.3 test colours", "CES99")     # trained on none
+CHROMAS = [(0, 20), (20, 40), (40, 60), (60, 200)]
+
+
+def held_of(prior, truths, relative_error):
+    """Share of wavelengths (n,) of each truth in its 95 % band, for noisy signals of it."""
+    M = seen(truths[0]).relative_response
+    clean = truths @ M.T
+    noise = np.einsum("tk,kl->tkl", (relative_error * clean)**2, np.eye(3))
+    signals = clean * (1 + relative_error * np.random.default_rng(3).standard_normal(clean.shape))
+    found = summaries(prior, M, signals, {"noise": noise}, 0.95)
+    return np.mean((truths >= found.lower) & (truths <= found.upper), axis=1)
+
+
+@pytest.mark.parametrize("relative_error", [0.005, 0.03])
+@pytest.mark.parametrize("least, most", CHROMAS)
+def test_bands_hold_colours_of_any_chroma_that_no_training_saw(prior, least, most, relative_error):
+    every = reflectances_of_names(PRIOR_GRID)
+    truths = np.concatenate([every[name] for name in COLOURS])
+    truths = truths[np.all((truths > 0) & (truths < 1), axis=1)]
+    some = truths[(chroma(truths) >= least) & (chroma(truths) < most)]
+    held = held_of(prior, some, relative_error)
+    assert len(some) > 10
+    # CES99 is held at 94.5 % of wavelengths; one-sided at 1e-4, curves being independent
+    assert held.mean() > 0.945 - 3.7 * held.std() / np.sqrt(held.size)
+
+
+@pytest.mark.parametrize("relative_error", [0.005, 0.03])
+def test_bands_hold_prints_of_a_chroma_that_no_training_saw(prior, relative_error):
+    """560 printed patches, where they are at hand."""
+    path = Path(os.environ.get("SPECTRABOX_DATA", "no-data")) / "bands16" / "pantone560.npz"
+    if not path.exists():
+        pytest.skip("SPECTRABOX_DATA names no folder with bands16/pantone560.npz")
+    with np.load(path) as stored:
+        truths = np.array([np.interp(PRIOR_GRID.nm, np.arange(400, 701, 10), curve)
+                           for curve in stored["reflectance"]])
+    truths = truths[(chroma(truths) > 60) & np.all((truths > 0) & (truths < 1), axis=1)]
+    held = held_of(prior, truths, relative_error)
+    assert held.mean() > 0.945 - 3.7 * held.std() / np.sqrt(held.size)
 
 
 def test_a_prior_without_components_of_stated_families_is_read_as_before(prior, tmp_path):
@@ -255,7 +331,7 @@ def test_strange_signals_are_said_to_be_strange(prior):
                               comb.noise_covariance)
     samples = sample_prior(odd, 200, 0, prior=prior)
     assert samples.outcome is Outcome.UNFAMILIAR
-    assert samples.method == "smoothness prior"
+    assert samples.method == "learnt prior"
     beyond = SpectralMeasurement(comb.grid, comb.relative_response, np.array([0.1, 1.3, 0.1]),
                                  comb.noise_covariance)
     assert sample_prior(beyond, 200, 0, prior=prior).outcome is Outcome.OUT_OF_REACH
@@ -348,6 +424,26 @@ def test_training_calibrates_on_what_was_left_out():
             for part in paints]
     assert certified.coverage == pytest.approx(min(held), abs=1e-12)
     assert "one (260)" in prior.source and "white: tiles" in prior.source
+
+
+def test_what_is_unlike_all_training_data_is_left_out_whole():
+    parts = parts_of({"paint": [library("one", 1), library("two", 2)]}, GREYS, 0, 300)
+    fitted = fitted_families(parts, GREYS, 0)
+    others = without_families(parts, fitted, GREYS)
+    assert [prior.families for prior, _ in others] == [("white",), ("paint",)]
+    assert [len(curves) for _, curves in others] == [520, 600]
+    ((duller, colourful),) = without_colourful(parts, GREYS, 0)
+    every = np.concatenate([part.judged for part in parts])
+    assert len(colourful) == pytest.approx((1 - COLOURFUL) * len(every), abs=1)
+    assert chroma(colourful).min() >= np.quantile(chroma(every), COLOURFUL)
+    # what was left out is further from what is known now than it was
+    M = seen(every[0]).relative_response
+    seldom, often = (np.median(judge(one, M, colourful).surprise)
+                     for one in (duller, joined(fitted, GREYS)))
+    assert seldom > often
+    paints = {"paint": GREYS["paint"]}
+    alone = [part for part in parts if part.family == "paint"]
+    assert without_families(alone, fitted_families(alone, paints, 0), paints) == []
 
 
 def test_a_model_for_a_stated_family_changes_nothing_where_none_is_stated():

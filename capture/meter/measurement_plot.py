@@ -45,19 +45,21 @@ def png_plot(spectrum: Spectrum, path: Path) -> None:
     ------
     EnvironmentProblem
     """
+    from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.plot(spectrum.grid.nm, spectrum.values, lw=1.2)
-    if spectrum.standard_error is not None:
-        axes.fill_between(spectrum.grid.nm, spectrum.values - 2 * spectrum.standard_error,
-                          spectrum.values + 2 * spectrum.standard_error, alpha=0.3, lw=0,
-                          label="± 2 standard errors")
-        axes.legend()
-    axes.set(xlabel="wavelength (nm)", ylabel=f"{spectrum.quantity.name.lower()} "
-             f"({spectrum.quantity.value})", title=spectrum.source)
-    with whole_file(path) as unfinished:
-        figure.savefig(unfinished, dpi=120, format="png")
+    with style.context("default"):      # not as a matplotlibrc of the working folder has it
+        figure = Figure(figsize=(7, 4), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        axes.plot(spectrum.grid.nm, spectrum.values, lw=1.2)
+        if spectrum.standard_error is not None:
+            axes.fill_between(spectrum.grid.nm, spectrum.values - 2 * spectrum.standard_error,
+                              spectrum.values + 2 * spectrum.standard_error, alpha=0.3, lw=0,
+                              label="± 2 standard errors")
+            axes.legend()
+        axes.set(xlabel="wavelength (nm)", ylabel=f"{spectrum.quantity.name.lower()} "
+                 f"({spectrum.quantity.value})", title=spectrum.source)
+        with whole_file(path) as unfinished:
+            figure.savefig(unfinished, dpi=120, format="png")

@@ -10,7 +10,9 @@ import numpy as np
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.capture.photo.processed_photos import require_no_processed_file
 from spectrabox.capture.photo.stored_images import (
+    ENCODED_BYTES,
     FULL_SCALE,
+    LINEAR_BYTES,
     MAX_SIGNAL,
     SATURATED,
     VARIANCE,
@@ -69,8 +71,13 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
         If the file is missing or damaged, does not hold linear values or integers of a known full
         scale, has fewer than 3 bands, or has NaN pixels.
     """
-    values, header = stored_values(Path(path))
-    if any(name.startswith(VARIANCE) for name in header.names):
+    header = read_header(Path(path))
+    developed = any(name.startswith(VARIANCE) for name in header.names)
+    if not developed:
+        header.full_scale()         # what is refused by its header is not decoded
+        _require_bands(header)
+    values, header = stored_values(Path(path), LINEAR_BYTES)
+    if developed:
         return _developed(values, header)
     signal = _bands(values, header)
     del values      # a photo may fill half of the memory
@@ -80,11 +87,14 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
 
 def _bands(values: np.ndarray, header: PictureHeader) -> np.ndarray:
     """The bands (H, W, K) float32 in the order to use them; integers are not scaled."""
-    bands = values[..., header.bands].astype(np.float32)
-    if bands.shape[2] < MIN_BANDS:
-        raise InputError(f"photo {header.path.name} has {bands.shape[2]} band(s) "
+    return values[..., header.bands].astype(np.float32)
+
+
+def _require_bands(header: PictureHeader) -> None:
+    bands = len(header.bands)
+    if bands < MIN_BANDS:
+        raise InputError(f"photo {header.path.name} has {bands} band(s) "
                          f"({', '.join(header.names)}); at least {MIN_BANDS} are needed")
-    return bands
 
 
 def _clip_and_step(signal: np.ndarray, kind: str) -> tuple[float, float]:
@@ -217,7 +227,8 @@ def read_encoded_values(path: str | os.PathLike[str]) -> np.ndarray:
 
 
 def _encoded(path: Path) -> tuple[np.ndarray, PictureHeader]:
-    values, header = stored_values(path)
+    _require_bands(read_header(path))
+    values, header = stored_values(path, ENCODED_BYTES)
     scale = FULL_SCALE.get(header.kind, 1)
     return np.clip(_bands(values, header) / np.float32(scale), 0, 1), header
 
@@ -236,11 +247,12 @@ def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, 
         If the file is missing or damaged, has several bands, or holds anything but 8 or 16-bit
         integers.
     """
-    values, header = stored_values(Path(path))
-    bands = values.shape[2]
+    header = read_header(Path(path))
+    bands = header.spec.nchannels
     if bands != 1 or header.kind not in FULL_SCALE:
         raise InputError(f"{header.path.name} has {bands} bands of {header.kind} values; a "
                          "mosaic is one band of 8 or 16-bit integers: save the raw frame without "
                          "demosaicing")
+    values, header = stored_values(Path(path), LINEAR_BYTES)
     plane = np.ascontiguousarray(values[..., 0])
     return plane, header.positive("ExposureTime"), header.camera

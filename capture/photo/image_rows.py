@@ -19,9 +19,12 @@ from spectrabox.capture.photo.image_files import read_encoded_values
 from spectrabox.capture.photo.image_writers import ends_whole, exr_spec, unwritten
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.stored_images import (
+    LINEAR_BYTES,
+    LINEAR_FORMATS,
     PictureHeader,
     is_image_file,
     open_as_stored,
+    require_decodable,
     require_finite,
 )
 from spectrabox.radiometry.appearance import signal_of_srgb
@@ -82,8 +85,18 @@ def open_rows(path: Path) -> PictureRows:
     if len(bands) < 3:
         raise InputError(f"photo {path.name} has {len(bands)} band(s) "
                          f"({', '.join(header.names)}); at least 3 are needed")
+    require_decodable(path, spec, _rows_at_once(file), LINEAR_BYTES)
     return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
                        spec.tile_height or 1)
+
+
+def _rows_at_once(file: Any) -> int:
+    """Rows of a tile, or of what a file without tiles unpacks together."""
+    spec = file.spec()
+    if file.format_name() not in LINEAR_FORMATS:    # such as a PNG that is interlaced
+        return int(spec.height)
+    strip = spec.get_int_attribute("tiff:RowsPerStrip", ROWS_PER_BLOCK)
+    return min(max(spec.tile_height, strip, ROWS_PER_BLOCK), spec.height)
 
 
 def open_encoded(path: Path) -> PictureRows:
@@ -144,6 +157,7 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
         raise InputError(f"picture {path} is missing or no readable image ({reason_of(oiio)}); "
                          "give an EXR")
     spec = file.spec()
+    require_decodable(path, spec, _rows_at_once(file), LINEAR_BYTES)
 
     def rows(first: int, last: int) -> np.ndarray:
         top = spec.y

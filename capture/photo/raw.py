@@ -26,11 +26,13 @@ from spectrabox.capture.photo.metadata import (
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
 from spectrabox.radiometry.records.photos import RawFrame
+from spectrabox.radiometry.system.free_memory import require_room
 
 LIBRAW_VERSION = ".".join(map(str, rawpy.libraw_version))
 # orientation as EXIF numbers it, by the bits of LibRaw's flip: 1 left and right exchanged, 2 top
 # and bottom, 4 first rows and columns
 ORIENTATIONS = (1, 2, 4, 3, 5, 8, 6, 7)
+RAW_BYTES, FULL_COLOUR_BYTES = 20, 16     # that decoding takes for each sample, at its worst
 MAX_BLACK_SPREAD = 0.02     # of the white level: in cameras positions differ by less than 0.1 %
 # What LibRaw prints where it goes on regardless.
 TROUBLE = ("unexpected end of file", "data corrupted", "corrupt")
@@ -113,6 +115,8 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
                              f"not above its black level of {black_level.max():g} DN; convert it "
                              "with the camera maker's software or Adobe DNG")
         if full_colour:
+            require_room(path.name, raw.sizes.raw_width, raw.sizes.raw_height, 3,
+                         FULL_COLOUR_BYTES)
             pixels = np.ascontiguousarray(raw.raw_image_visible[..., :3]).copy()
             return FullColourFrame(pixels, black_level, white_level, **exposure)
         visible = np.ascontiguousarray(raw.raw_image_visible)
@@ -170,6 +174,7 @@ def _open(path: Path, unpack: bool = True) -> Iterator[rawpy.RawPy]:
         with _captured_stderr() as complaints:
             raw = rawpy.imread(os.fspath(path))
             if unpack:
+                require_room(path.name, raw.sizes.raw_width, raw.sizes.raw_height, 1, RAW_BYTES)
                 raw.unpack()
     except rawpy.LibRawFileUnsupportedError as error:
         raise InputError(f"photo {path.name} is no camera raw that LibRaw {LIBRAW_VERSION} knows; "

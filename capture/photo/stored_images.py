@@ -16,6 +16,7 @@ from spectrabox.capture.photo.processed_photos import processed_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name
 from spectrabox.radiometry.records.photos import PhotoKind
+from spectrabox.radiometry.system.free_memory import require_room
 from spectrabox.radiometry.system.words import reason_of
 
 EXR_START = b"\x76\x2f\x31\x01"
@@ -27,7 +28,8 @@ FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files
 FLOATS = ("half", "float", "double")          # hold the signal itself
 NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
 VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo, of each band
-MAX_PICTURE_BYTES = 4_000_000_000   # of a picture that is held whole
+# memory that decoding takes, besides a value in the type of its file, by what is made of it
+LINEAR_BYTES, ENCODED_BYTES = 8, 16
 MAX_SIGNAL = 1e9                    # its square is a variance, which single precision must hold
 
 
@@ -156,24 +158,23 @@ def _first_bytes(path: Path) -> bytes:
         return file.read(8)
 
 
-def stored_values(path: Path) -> tuple[np.ndarray, PictureHeader]:
+def stored_values(path: Path, working_bytes: float) -> tuple[np.ndarray, PictureHeader]:
     """All channels (H, W, C) of a picture in the type and order of its file.
 
     Parameters
     ----------
     path : Path
+    working_bytes : float
+        That the caller takes for each value besides.
 
     Raises
     ------
     InputError
-        If it is missing, damaged, or too large.
+        If it is missing, damaged, or takes more memory to decode than is the limit.
     """
     file = _opened(path)
     spec = file.spec()
-    if spec.image_bytes(True) > MAX_PICTURE_BYTES:
-        raise InputError(f"photo {path.name} states {spec.width} x {spec.height} pixels of "
-                         f"{spec.nchannels} channels, {spec.image_bytes(True) / 1e9:.0f} GB; "
-                         f"{MAX_PICTURE_BYTES / 1e9:.0f} GB is the limit")
+    require_decodable(path, spec, spec.height, working_bytes)
     # in the type of the file: asking for floats would scale integers
     values = file.read_image("unknown")
     failed, trouble = file.has_error, reason_of(file)
@@ -182,6 +183,29 @@ def stored_values(path: Path) -> tuple[np.ndarray, PictureHeader]:
         raise InputError(f"photo {path.name} cannot be read to its end ({trouble}); copy or "
                          "export it again")
     return values, PictureHeader(path, spec, file.format_name())
+
+
+def require_decodable(path: Path, spec: oiio.ImageSpec, rows: int, working_bytes: float) -> None:
+    """Refuse, by its header, a picture that takes too much memory to decode.
+
+    Parameters
+    ----------
+    path : Path
+    spec : oiio.ImageSpec
+    rows : int
+        That are decoded at once.
+    working_bytes : float
+        For each value besides.
+
+    Raises
+    ------
+    InputError
+    """
+    if spec.deep or spec.depth > 1:
+        raise InputError(f"photo {path.name} is a deep picture or a volume, of several samples a "
+                         "pixel; export it as a flat one")
+    require_room(path.name, spec.width, rows, spec.nchannels,
+                 spec.pixel_bytes(True) / max(spec.nchannels, 1) + working_bytes)
 
 
 def read_header(path: Path) -> PictureHeader:

@@ -6,6 +6,7 @@ all are weighed, and pairs of the best gels.
 """
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -65,6 +66,7 @@ from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.signals.signal_estimate import SignalEstimate
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.error_model import PHOTO_NOISE
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.spectra import (
     Outcome,
@@ -88,7 +90,8 @@ TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LIKELY = 0.1                # probability of matt from which stating it is worth a thought
 PAIRED = 4                  # best gels at hand, of which every pair is tried
 # draws that reproduce the signal
-SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.UNSAID)
+# draws that reproduce the signal
+SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.BEYOND_LEARNT, Outcome.UNSAID)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +150,8 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
     name = signals.names[0]
     spectrum: SurfaceSpectrum = records.sample.spectra[name]
     samples, stated = spectrum.samples, capture.surfaces[name]
-    prior = of_families(load_prior(), stated.families) if samples.outcome is Outcome.FAMILIAR \
-        else smoothness_prior()
+    prior = smoothness_prior() if samples.outcome in (Outcome.BEYOND_LEARNT, Outcome.UNSAID) \
+        else of_families(load_prior(), stated.families)
     variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
     unknown = Unknown(prior, spectrum.summary.level, signals, samples.spectra.mean(axis=0),
                       variables)
@@ -173,7 +176,13 @@ def _of_flat_sample(sample: FlatPhotos, surface: _Surface) -> list[Advice]:
                                                       with_lamp_moved(sample, name))
     if surface.stated is None and surface.matt > LIKELY:
         forecasts[MATT] = lambda: outlook_stated(unknown, stated_matt(sample, name))
-    return [surface.advice(action, forecast()) for action, forecast in forecasts.items()]
+    advised = []
+    for action, forecast in forecasts.items():
+        # with smaller errors than now, a known region may contradict the chart: nobody is told to
+        # do what would end in a refusal
+        with contextlib.suppress(CheckError):
+            advised.append(surface.advice(action, forecast()))
+    return advised
 
 
 def _of_reading(surface: _Surface) -> Advice:

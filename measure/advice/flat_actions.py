@@ -147,7 +147,8 @@ def with_lamp_moved(sample: FlatPhotos, name: str) -> SurfaceSignals:
 
 def with_level(unknown: Unknown) -> Unknown:
     """The same with the level of the light in the sample's plane as a variable of the capture, as
-    it is between two places of a lamp, in place of an error.
+    it is between two places of a lamp, in place of an error; a surface that reads black in every
+    band is as it was, since no level changes it.
 
     Parameters
     ----------
@@ -156,6 +157,8 @@ def with_level(unknown: Unknown) -> Unknown:
     """
     now = unknown.signals
     signal, states = np.nan_to_num(now.signal[0]), now.states[0]
+    if not (signal > 0).any():
+        return unknown
     plane = next(error.covariance[0] for error in now.errors if error.cause == SAMPLE_PLANE)
     variance = float((np.diag(plane)[signal > 0] / signal[signal > 0]**2).max())
     level = CaptureStates((LEVEL,), (SAMPLE_PLANE,), signal[:, None], np.full(1, -1.0), ("",),

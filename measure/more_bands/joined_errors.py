@@ -241,9 +241,12 @@ def _patches_in_band(chart: np.ndarray, calibration: Calibration, band: int
 
 def _calibration_of(calibration: Calibration, photo: FurtherPhoto) -> Calibration:
     """The calibration that a further photo would have, by the curves of the first one's."""
-    present = spectrum_on_grid(calibration.light, FINE_GRID)
-    _, light = curves_and_light(calibration)
-    own = Spectrum(FINE_GRID, present * photo.light / light, Quantity.RELATIVE, photo.name)
+    power = photo.light
+    if calibration.light_posterior is not None:     # of products: its curves hold the light's mean
+        _, light = curves_and_light(calibration)
+        power = power * spectrum_on_grid(calibration.light, FINE_GRID) / light
+    # a stated light may be dark at some wavelengths: nothing is divided by it
+    own = Spectrum(FINE_GRID, power, Quantity.RELATIVE, photo.name)
     if photo.filter is None:
         return dataclasses.replace(calibration, light=own)
     modes = photo.filter.modes.shape[1]

@@ -65,7 +65,7 @@ class PhotoSpectra:
 
     mean: np.ndarray                # (n, P)
     standard_deviation: np.ndarray  # (n, Q)
-    novelty: np.ndarray             # (n,) beyond 1 the prior does not explain the signal
+    novelty: np.ndarray             # (n,) beyond 1 the prior was learnt from none like it
     flags: np.ndarray               # (n,) of pixel_flags.py
     beyond_white: np.ndarray        # (n,) bool: brighter than white for certain
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from spectrabox.radiometry.error_model import SAMPLE_PLANE
 from spectrabox.radiometry.gloss import gloss_states
@@ -191,10 +191,10 @@ def _compared(signals: SurfaceSignals, index: int, name: str, first: np.ndarray,
     mean = shares @ np.array(means)
     error = np.sqrt(shares @ (np.array(variances) + (np.array(means) - mean)**2))
     one, two = (repr(photos[int(signals.view_of_band[bands[0]])]) for bands in (first, other))
-    if chi2.sf(least, first.size) < CONTRADICTION:
+    if chdtrc(first.size, least) < CONTRADICTION:
         brighter = float(np.linalg.solve(noise, difference).sum() / np.linalg.inv(noise).sum())
         left = difference - brighter
-        if chi2.sf(left @ np.linalg.solve(noise, left), first.size - 1) > CONTRADICTION:
+        if chdtrc(first.size - 1, left @ np.linalg.solve(noise, left)) > CONTRADICTION:
             more, less = (one, two) if brighter > 0 else (two, one)
             yield (f"sample {name!r} mirrors {100 * abs(brighter):.0f} % of white more in {more} "
                    f"than in {less}, as the image of a lamp or a window does: leave it out of "

@@ -12,6 +12,7 @@ import numpy as np
 from spectrabox.measure.advice.advice import Advised
 from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.captured import Capture
+from spectrabox.measure.extras import FailedExtra, attempt, different
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.chart_words import copy_facts, held_out_facts, light_facts
 from spectrabox.measure.results.facts import columns
@@ -93,10 +94,27 @@ class CaptureResult(ABC):
     # forecasts what to do next, which takes as long as a fit: called when it is asked for
     advise: Callable[..., Advised] = Advised
 
-    @cached_property
+    @property
     def advice(self) -> Advised:
-        """What to do next, of all surfaces and of each, the best first."""
-        return self.advise()
+        """What to do next, of all surfaces and of each, the best first; nothing where that failed,
+        as ``failed_extras`` says.
+        """
+        return self._advised[0]
+
+    @cached_property
+    def _advised(self) -> tuple[Advised, FailedExtra | None]:
+        return attempt("advice", self.advise, Advised())
+
+    @property
+    def failed_advice(self) -> FailedExtra | None:
+        """Why there is no advice; None where there is."""
+        return self._advised[1]
+
+    @cached_property
+    def failed_extras(self) -> tuple[FailedExtra, ...]:
+        """What of that which is no part of the answer could not be made, and why."""
+        each = (self.failed_advice, *(surface.compared[1] for surface in self.surfaces))
+        return different(one for one in each if one is not None)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -174,7 +192,8 @@ class CaptureResult(ABC):
                  "light": light_facts(self.calibration), **self.own_facts,
                  "swatches": self.swatches or None,
                  "known_camera": known_camera(self.photo.camera), "warnings": self.warnings,
-                 "advice": self.advice.facts}
+                 "advice": self.advice.facts,
+                 "failed_extras": [one.facts for one in self.failed_extras]}
         if chart is not None and chart.left_out is not None:
             facts["left_out"] = held_out_facts(chart.left_out, chart.layout.names)
             facts["chart_generation"] = copy_facts(chart.copy, chart.layout.names)
@@ -201,6 +220,7 @@ class CaptureResult(ABC):
         if known is not None:
             lines.append(known_camera_words(known))
         lines += [f"warning: {sentence}" for sentence in self.warnings]
+        lines += [f"note: {one.sentence}" for one in self.failed_extras]
         return "\n".join(filter(None, [*lines, self.verdict.line, self.advice.line]))
 
     def _table(self) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.extras import FailedExtra, attempt
 from spectrabox.measure.regions.edge_words import edge_facts
 from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
 from spectrabox.measure.results.facts import Fact, known_facts
@@ -113,12 +114,18 @@ class SurfaceResult:
         """Encoded sRGB (3,) of the mean, 0 to 1."""
         return reflectance_to_srgb(self.nm, self.mean)
 
-    @cached_property
+    @property
     def metamers(self) -> MetamerPair | None:
         """Two of its draws that the photo cannot tell apart; None without two draws."""
-        if self.samples is None or len(self.samples.spectra) < 2:
-            return None
-        return metamer_pair(self.samples)
+        return self.compared[0]
+
+    @cached_property
+    def compared(self) -> tuple[MetamerPair | None, FailedExtra | None]:
+        """The same, and why it could not be made."""
+        samples = self.samples
+        if samples is None or len(samples.spectra) < 2:
+            return None, None
+        return attempt("comparison of spectra that look alike", lambda: metamer_pair(samples), None)
 
     @property
     def doubtful(self) -> bool:

@@ -69,7 +69,7 @@ class TrainedPrior:
                    for index, name in enumerate(prior.families)}
         return {"left_out_in_turn": [part.facts() for part in self.parts],
                 "certificates": prior.certificates, "band_factors_95": factors,
-                "curve_factor": prior.curve_factor, "source": prior.source}
+                "curve_factor": prior.curve_factor, "tail": prior.tail, "source": prior.source}
 
     def text(self) -> str:
         """A table of the parts, and the curves that could not be used."""

@@ -39,6 +39,7 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_pri
 from spectrabox.sampling.prior.signal_posterior import (
     describe_outcome,
     enough_coefficients,
+    prior_named,
     solve_posterior,
 )
 from spectrabox.sampling.prior.summaries import summaries
@@ -235,7 +236,7 @@ def _estimate_without_draws(capture: SignalCapture,
                                                   capture, None))
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
-        method = "learnt prior" if outcome is Outcome.FAMILIAR else "smoothness prior"
+        method = prior_named(outcome)
         sentence = describe_outcome(outcome, prior.stated, shares)
         mean, deviation, lower, upper = (curves[row].round(CURVE_DIGITS) for curves in (
             summary.mean, summary.standard_deviation, summary.lower, summary.upper))
@@ -254,8 +255,11 @@ def _estimate_without_draws(capture: SignalCapture,
 def _certificate(prior: LogitMixture, shares: dict[str, float],
                  outcome: Outcome) -> tuple[tuple[FamilyCoverage, ...], str]:
     """What 95 % bands held of the families that a signal allows, and a sentence on it."""
+    if outcome is Outcome.UNFAMILIAR:
+        return (), ("No certificate of a family: no library that was judged has colours like this "
+                    "one.")
     if outcome is not Outcome.FAMILIAR:
-        return (), "No certificate: bands of unfamiliar signals were never judged."
+        return (), "No certificate: bands of the smoothness prior were never judged."
     families = family_coverages(shares, prior.stated, prior.certificates)
     return families, certified_sentence(families)
 

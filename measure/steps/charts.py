@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
         detection = _chart_in(capture, view, photo, expected, again)
         if capture.one_tripod and len(capture.views) > 1 and first is None:
             first = detection, find_edges(photo)
-        work.write_picture(view.label("overlay"), chart_overlay(photo, detection))
+        notes += work.write_picture(view.label("overlay"), partial(chart_overlay, photo, detection))
         verdict = judge_chart(photo, detection, expected, chart.layout,
                               light_explained=capture.chart_scene is not None)
         lost = require_unclipped(verdict.samples, chart.layout.names, name, chart.layout.neutrals,

@@ -4,6 +4,7 @@ of regions.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -86,8 +87,8 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
                                                       photos[""].signal):
             raise InputError(f"{view.photo_names[0]} is the photo without the filter; give the one "
                              "that was taken through it")
-        work.write_picture(view.label("preview"), signal_rgb8(
-            photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
+        notes += work.write_picture(view.label("preview"), partial(
+            signal_rgb8, photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
     return PhotoRecords(photos, regions, references, registrations, work.photos.bands(photo),
                         notes)
 
@@ -127,7 +128,7 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
         require_same_shape(photo, scene_of(view.scene), name)
         height, width = photo.signal.shape[:2]
         photos[view.name] = bin_image(photo, *render_size(width, height, capture.inversion.width))
-        work.write_picture(view.label("preview"), signal_rgb8(photo.signal))
+        notes += work.write_picture(view.label("preview"), partial(signal_rgb8, photo.signal))
     return PhotoRecords(photos, {}, references, {}, work.photos.bands(photo), notes)
 
 

@@ -1,12 +1,14 @@
 """What a step is lent beside its capture and the records before it."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
+from spectrabox.measure.extras import attempt
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.radiometry.records.spectra import Progress
 
@@ -21,10 +23,26 @@ class Work:
     folder: Path | None = None          # takes the step's pictures; None: none are made
     checkpoints: Path | None = None     # takes what a stopped trace goes on from
 
-    def write_picture(self, name: str, rgb8: np.ndarray) -> None:
-        """A PNG of a picture (H, W, 3) uint8 among the step's pictures, if any are made."""
-        if self.folder is not None:
-            write_png(self.folder / f"{name}.png", rgb8)
+    def write_picture(self, name: str, drawn: Callable[[], np.ndarray]) -> tuple[str, ...]:
+        """A PNG among the step's pictures, if any are made.
+
+        Parameters
+        ----------
+        name : str
+        drawn : callable
+            Draws the picture (H, W, 3) uint8.
+
+        Returns
+        -------
+        tuple of str
+            A note of why there is none, where that failed: spectra need no picture.
+        """
+        folder = self.folder
+        if folder is None:
+            return ()
+        _, failed = attempt(f"picture {name!r}", lambda: write_png(folder / f"{name}.png", drawn()),
+                            None)
+        return () if failed is None else (failed.why,)
 
     def checkpoint(self, name: str) -> Path | None:
         """The file that a stopped trace is kept in."""

@@ -52,8 +52,10 @@ class Outcome(Enum):
              "reached.")
     AS_PUBLISHED = "As published: a box around one solution, which under-states the spread."
     RANKED = "Ranked, not conditioned: draws need not agree with what was measured."
-    UNFAMILIAR = ("This colour is unlike any in the training data: a wider band of untested "
-                  "coverage is shown.")
+    UNFAMILIAR = ("This colour is unlike any in the training data: its band is as much wider as "
+                  "colours needed that were left out of the training.")
+    BEYOND_LEARNT = ("The learnt prior reaches no spectrum that gives the signal: a wide band of "
+                     "smooth spectra, of untested coverage, is shown; check the calibration.")
     TOO_ROUGH = ("Only spectra rougher than any that were measured give the signal: the draws are "
                  "of the smoothness prior and come as near to it as they can; check the "
                  "calibration.")

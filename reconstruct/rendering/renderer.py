@@ -8,6 +8,7 @@ import contextlib
 import os
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm, writable_home
+from spectrabox.reconstruct.scene import meshes, plugins
 
 STARTING = threading.Lock()
 CPU_VARIANT, GPU_VARIANT = "llvm_ad_spectral", "cuda_ad_spectral"
@@ -46,6 +48,12 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
         if mi.variant() not in (None, variant):
             raise EnvironmentProblem(f"this process already renders with {mi.variant()}; start a "
                                      f"new one for {variant}")
+        # Mitsuba looks for its plugins and data in the working folder first: diffuse.so would be
+        # run that lies in a folder "plugins" of a stranger's session
+        file_resolver: Any = mi.file_resolver
+        resolver = file_resolver()
+        resolver.clear()
+        resolver.append(str(Path(mi.__file__).resolve().parent))
         mi.set_variant(variant)
         mi.set_log_level(mi.LogLevel.Error)
         if variant == CPU_VARIANT:
@@ -84,10 +92,14 @@ def load_scene(xml: str) -> Any:
     Raises
     ------
     InputError
-        With Mitsuba's own words, if it cannot load the scene.
+        If the scene names a plugin that is not on the list of ``plugins.py``, or a mesh whose file
+        would end the process; with Mitsuba's own words, if it cannot load the scene.
     """
     import mitsuba as mi
 
+    root = plugins.parse_xml(xml, "the scene")
+    plugins.require_harmless(root)
+    meshes.require_sound_meshes(root)
     try:
         with all_cores() if ".exr" in xml.lower() else contextlib.nullcontext():
             return mi.load_string(xml, optimize=False)

@@ -300,8 +300,7 @@ def refinements(path: Path) -> tuple[Refinement, ...]:
     path : Path
         Of a scene that was read before.
     """
-    root = ET.fromstring(path.read_text(encoding="utf-8-sig"),
-                         ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    root = parse_scene(read_text(path), path, comments=True)
     return tuple(refinement for node in root if (refinement := _read(node)) is not None)
 
 
@@ -316,5 +315,5 @@ def _read(node: ET.Element) -> Refinement | None:
         return None
     try:
         return Refinement.model_validate(json.loads(text.removeprefix(MARK)))
-    except (ValueError, ValidationError):
+    except (ValueError, ValidationError, RecursionError):
         return None

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there, read_text
+from spectrabox.reconstruct.scene import plugins
 
 MAX_INSTANCES = 10_000
 GROUP, INSTANCE = "shapegroup", "instance"
@@ -25,7 +26,6 @@ EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "sp
            "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
 # its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
 SKY_MAP = "envmap"
-LIGHTS = (*EMITTED, SKY_MAP)
 # BSDFs kept as they are, and the spectrum of each that is estimated
 SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance",
                    "principled": "base_color", "conductor": "specular_reflectance",
@@ -33,8 +33,6 @@ SPECTRAL_FACTOR = {"plastic": "diffuse_reflectance", "roughplastic": "diffuse_re
 WRAPPERS = {"blendbsdf": "mixes two BSDFs", "mask": "is partly transparent",
             "bumpmap": "has bumps by a texture", "normalmap": "has bumps by a texture",
             "null": "lets all light through"}
-SHAPES = (*MESHES, "rectangle", "cube", "sphere", "disk", "cylinder", "linearcurve", "bsplinecurve",
-          "merge", GROUP, INSTANCE)
 
 
 def normalise_scene(root: ET.Element) -> list[str]:
@@ -54,10 +52,11 @@ def normalise_scene(root: ET.Element) -> list[str]:
     _lift_bsdfs(root)
     problems += [f"shape {shape.get('id') or '(without id)'!r} is of type {shape.get('type')!r}; "
                  f"export it as a mesh ({', '.join(MESHES)})" for shape in root.iter("shape")
-                 if shape.get("type") not in SHAPES]
+                 if shape.get("type") not in plugins.PLUGINS["shape"]]
     emitters = dict.fromkeys(node.get("type", "") for node in root.iter("emitter"))
-    problems += [f"emitter type {kind!r} is not supported; use one of {', '.join(LIGHTS)}"
-                 for kind in emitters if kind not in LIGHTS]
+    lights = plugins.PLUGINS["emitter"]
+    problems += [f"emitter type {kind!r} is not supported; use one of {', '.join(lights)}"
+                 for kind in emitters if kind not in lights]
     return problems + _without_spectrum(root)
 
 
@@ -77,6 +76,12 @@ def _expand_instances(root: ET.Element) -> list[str]:
     instances = [node for node in root.findall("shape") if node.get("type") == INSTANCE]
     if len(instances) > MAX_INSTANCES:
         return [f"the scene has {len(instances)} instances; {MAX_INSTANCES} is the limit"]
+    sizes = {name: sum(1 for _ in group.iter()) for name, group in groups.items()}
+    written_out = sum(sizes.get(ref.get("id", ""), 0) for instance in instances
+                      for ref in instance.findall("ref"))
+    if written_out > plugins.MAX_ELEMENTS:
+        return [f"the scene's instances have {written_out} elements together; "
+                f"{plugins.MAX_ELEMENTS} is the limit: put their shapes into one mesh"]
     problems = []
     for number, instance in enumerate(instances, start=1):
         name = instance.get("id") or f"instance_{number}"
@@ -142,6 +147,24 @@ def _lift_bsdfs(root: ET.Element) -> None:
             ET.SubElement(shape, "ref", name="bsdf", id=identity)
 
 
+def make_foreign_bsdfs_diffuse(root: ET.Element) -> None:
+    """BSDFs of other programs' plugins that have a reflectance become diffuse, in place.
+
+    Mitsuba never sees such a type. Only one that is a plain word is taken for a plugin's name.
+
+    Parameters
+    ----------
+    root : Element
+        A <scene>; is changed.
+    """
+    for bsdf in root.iter("bsdf"):
+        kind = bsdf.get("type", "")
+        kept = [child for child in bsdf if child.get("name") == "reflectance"]
+        if kept and kind not in plugins.PLUGINS["bsdf"] and re.fullmatch(r"[A-Za-z]\w*", kind):
+            bsdf.set("type", "diffuse")
+            bsdf[:] = kept
+
+
 def plain_bsdf(node: ET.Element) -> ET.Element:
     """The BSDF itself, out of a <bsdf type="twosided"> around it."""
     inside = node.find("bsdf") if node.get("type") == "twosided" else None
@@ -190,6 +213,12 @@ def _without_spectrum(root: ET.Element) -> list[str]:
 MAX_INCLUDES = 100
 RENAMED = {"lookAt": "lookat", "srgb": "rgb"}
 CURRENT = "3.0.0"
+# plugins of Mitsuba 0.x that Mitsuba 3 has under another name, or does without
+OLD_TYPES = {"bsdf": {"roughdiffuse": "diffuse"},
+             "integrator": dict.fromkeys(("bdpt", "pssmlt", "mlt", "erpt", "photonmapper", "ppm",
+                                          "sppm", "vpl", "irrcache", "adaptive"), "path"),
+             "sampler": dict.fromkeys(("halton", "hammersley", "sobol"), "independent"),
+             "film": dict.fromkeys(("ldrfilm", "mfilm", "tiledhdrfilm"), "hdrfilm")}
 
 
 @dataclass(frozen=True)
@@ -215,6 +244,7 @@ def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) 
     """
     included = IncludedFiles(folders=[scene.parent])
     _upgrade(root)
+    elements = sum(1 for _ in root.iter())
     while (node := next((child for child in root if child.tag in ("include", "path")), None)
            ) is not None:
         position, defaults = list(root).index(node), defaults_of(root)
@@ -241,16 +271,28 @@ def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) 
         included.folders.append(file.parent)
         if (part := _scene_of(file, included)) is not None:
             _upgrade(part)
+            elements += sum(1 for _ in part.iter())
+            if elements > plugins.MAX_ELEMENTS:
+                included.problems.append(f"has more than {plugins.MAX_ELEMENTS} elements with what "
+                                         "it includes; put its geometry into meshes")
+                break
             for index, child in enumerate(list(part)):
                 root.insert(position + index, child)
     return included
 
 
 def defaults_of(root: ET.Element) -> dict[str, str]:
-    """Values of a scene's <default>s by name; the first of a name counts."""
+    """Values of a scene's <default>s by name; the first of a name counts.
+
+    Raises
+    ------
+    InputError
+        If a value is longer than any that a scene needs.
+    """
     values: dict[str, str] = {}
     for node in root.iter("default"):
-        values.setdefault(node.get("name", ""), node.get("value", ""))
+        values.setdefault(node.get("name", ""),
+                          substitute_defaults(node.get("value", ""), values))
     return values
 
 
@@ -261,19 +303,53 @@ def substitute_defaults(text: str, defaults: Mapping[str, str]) -> str:
     ----------
     text : str
     defaults : mapping
+
+    Raises
+    ------
+    InputError
+        If it becomes longer than any value that a scene needs.
     """
+    if "$" not in text:
+        return text
+    names = re.findall(r"\$(\w+)", text)
+    length = len(text) + sum(len(defaults.get(name, "")) for name in names)
+    if length > plugins.MAX_VALUE:
+        raise InputError(f"a value of the scene has {length} characters with its defaults in "
+                         f"place; {plugins.MAX_VALUE} is the limit: write shorter defaults")
     return re.sub(r"\$(\w+)", lambda name: defaults.get(name[1], name[0]), text)
 
 
+def write_out_defaults(root: ET.Element) -> None:
+    """Replace every $NAME in a scene's values and types and take its <default>s out, in place: what
+    was checked is then what Mitsuba gets, whatever its own rules of replacement are.
+
+    Parameters
+    ----------
+    root : Element
+        A <scene>; is changed.
+    """
+    defaults = defaults_of(root)
+    for node in [*root.iter()]:
+        for child in node.findall("default"):
+            node.remove(child)
+        for name, value in [*node.attrib.items()]:
+            if "$" in value:
+                node.set(name, substitute_defaults(value, defaults))
+
+
 def find_file(name: str, folders: list[Path]) -> Path | None:
-    """The first of some folders' files of a name, None where no folder has one."""
-    return next((folder / name for folder in folders if is_there(folder / name)), None)
+    """The first of some folders' files of a name, None where no folder has one.
+
+    A pipe or a device is none: Mitsuba, or whoever reads it, would wait for it.
+    """
+    return next((folder / name for folder in folders
+                 if is_there(folder / name) and (folder / name).is_file()), None)
 
 
 def _scene_of(file: Path, included: IncludedFiles) -> ET.Element | None:
     try:
-        root = ET.fromstring(read_text(file))
-    except (InputError, OSError, ET.ParseError, ValueError, RecursionError) as error:
+        root = plugins.parse_xml(read_text(file), file.name)
+    except (InputError, OSError, ValueError) as error:
         included.problems.append(f"includes {file.name!r}, which cannot be read: {error}")
         return None
     if root.tag != "scene":
@@ -290,6 +366,9 @@ def _upgrade(root: ET.Element) -> None:
     root.set("version", CURRENT)
     for node in root.iter():
         node.tag = RENAMED.get(node.tag, node.tag)
+        if node.tag in OLD_TYPES and node.get("type") not in plugins.PLUGINS[node.tag]:
+            old = OLD_TYPES[node.tag]
+            node.set("type", old.get(node.get("type", ""), node.get("type", "")))
         if "name" in node.attrib and node.tag != "default":
             # "toWorld" becomes "to_world", "intIOR" "int_ior"
             node.set("name", re.sub(r"(?<=[a-z0-9])([A-Z]+)", r"_\1",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.reconstruct.scene import plugins
 from spectrabox.reconstruct.scene.import_scene import (
     COLOURING,
     SPECTRAL_FACTOR,
@@ -23,6 +24,7 @@ from spectrabox.reconstruct.scene.import_scene import (
     bsdf_of,
     defaults_of,
     find_file,
+    make_foreign_bsdfs_diffuse,
     normalise_scene,
     plain_bsdf,
     resolve_includes,
@@ -77,8 +79,8 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
     Raises
     ------
     InputError
-        If the file is missing, is no Mitsuba scene, has no sensor or emitter, or names files
-        outside ``folder``.
+        If the file is missing, is no Mitsuba scene, has no sensor or emitter, names files outside
+        ``folder``, or a plugin that is not on the list of ``plugins.py``.
     """
     try:
         text = read_text(path)
@@ -107,7 +109,14 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
     root = parse_scene(text, path)
     included = resolve_includes(root, path, folder)
     defaults = defaults_of(root)
+    for node in root.iter():        # as $integrator of scenes that offer several
+        if "$" in node.get("type", ""):
+            node.set("type", substitute_defaults(node.get("type", ""), defaults))
+    make_foreign_bsdfs_diffuse(root)
     problems = [f"{path.name} {problem}" for problem in included.problems]
+    # normalise_scene says what else is possible for shapes and emitters
+    problems += [f"{path.name}: {problem}"
+                 for problem in plugins.plugin_problems(root, ("shape", "emitter"))]
     sensor = root.find("sensor")
     if sensor is None:
         problems.append(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
@@ -194,12 +203,9 @@ def parse_scene(text: str, path: Path, comments: bool = False) -> ET.Element:
     Raises
     ------
     InputError
-        If it is not well-formed, or no Mitsuba scene.
+        If it is not well-formed, larger than any scene is, or no Mitsuba scene.
     """
-    try:
-        root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=comments)))
-    except (ET.ParseError, ValueError, RecursionError) as error:
-        raise InputError(f"{path.name} is not well-formed XML: {error}") from None
+    root = plugins.parse_xml(text, path.name, comments)
     if root.tag != "scene":
         raise InputError(f"{path.name} is not a Mitsuba scene: its root is <{root.tag}>, <scene> "
                          "is needed")
@@ -213,9 +219,9 @@ def _named_files(root: ET.Element, path: Path, included: IncludedFiles, folder: 
     """
     defaults, files, problems = defaults_of(root), [*included.files], []
     missing: list[str] = []
-    nodes = [(node, "value") for node in root.iter("string") if node.get("name")
-             in ("filename", PROFILE) and node not in left_out]
-    nodes += [(node, "filename") for node in root.iter() if node.get("filename")]
+    nodes = [(node, attribute) for node, attribute in plugins.file_attributes(root)
+             if node not in left_out]
+    nodes += [(node, "value") for node in root.iter("string") if node.get("name") == PROFILE]
     for node, attribute in nodes:
         name = substitute_defaults(node.get(attribute, ""), defaults)
         if "$" in name:

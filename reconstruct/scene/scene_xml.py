@@ -11,11 +11,14 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import plain
+from spectrabox.reconstruct.scene import plugins
 from spectrabox.reconstruct.scene.import_scene import (
+    CURRENT,
     EMITTED,
     SKY_MAP,
     SPECTRAL_FACTOR,
     plain_bsdf,
+    write_out_defaults,
 )
 from spectrabox.reconstruct.scene.scene_file import PROFILE, SceneFile, light_id
 
@@ -54,11 +57,13 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
         not be of that light.
     """
     root = _with_reflectances(scene, reflectances, range_nm)
+    write_out_defaults(root)
+    root.set("version", CURRENT)
     for node in root.iter("emitter"):
         _set_light(node, light_id(root, node), light, range_nm, scene.path.name)
-    for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
+    for node, attribute in plugins.file_attributes(root):
         # Mitsuba gets text, no folder
-        node.set("value", str((scene.path.parent / node.get("value", "")).resolve()))
+        node.set(attribute, str((scene.path.parent / node.get(attribute, "")).resolve()))
     sensor = root.find("sensor")
     assert sensor is not None
     for child in [child for child in sensor if child.tag in ("film", "sampler")]:
@@ -147,9 +152,9 @@ def _with_reflectances(scene: SceneFile, reflectances: Mapping[str, np.ndarray],
 
 def _name_files_from(root: ET.Element, scene: SceneFile, folder: Path) -> None:
     """Name the files of a scene as they are seen from a folder."""
-    for node in [node for node in root.iter("string") if node.get("name") == "filename"]:
-        file = scene.path.parent.resolve() / node.get("value", "")
-        node.set("value", Path(os.path.relpath(file, folder.resolve())).as_posix())
+    for node, attribute in plugins.file_attributes(root):
+        file = scene.path.parent.resolve() / node.get(attribute, "")
+        node.set(attribute, Path(os.path.relpath(file, folder.resolve())).as_posix())
 
 
 def _indented(root: ET.Element) -> str:

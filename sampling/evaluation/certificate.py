@@ -64,7 +64,7 @@ class Certificate:
     shares: dict[str, float]
     by_family: dict[str, float]
     stated: tuple[str, ...]     # families that were stated
-    unfamiliar: float           # share of signals that the prior would refuse
+    unfamiliar: float           # share of signals said to be unlike what it was learnt from
     trained_on: bool            # the prior was learnt on a library of this name
 
     def __repr__(self) -> str:

@@ -20,6 +20,12 @@ Models that are fitted only where their family is stated are judged there alone.
 
 With no family stated a signal takes each family's factor by the share that its posterior gives it,
 and all of them are widened once more by COMMON, for what no family at hand was left out of.
+
+Bands of signals that are unlike all training data grow with how unlikely they are
+(mixture_posterior.tail_growth). How fast is found on such signals: of libraries and models left out
+in turn, of families left out whole, and of the most colourful tenth of all curves left out. It is
+the least at which the bands of each of the three hold what they state where the signal is beyond
+the limit. The families' factors are found before, without it: few of their signals are unlikely.
 """
 from __future__ import annotations
 
@@ -28,6 +34,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
@@ -39,11 +46,13 @@ from spectrabox.sampling.prior.mixture_posterior import (
     conformal_scores,
     mean_and_spread,
     posterior,
+    tail_growth,
     widened,
     width_factors,
 )
 from spectrabox.sampling.prior.training import (
     LEVELS,
+    MIN_CURVES,
     Fitted,
     Part,
     fitted_families,
@@ -59,6 +68,9 @@ MODEL_LIMITS = {"stated": (1.0, 1.8), "unstated": (0.75, 1.5)}
 # Dyed cloth, plastics and skins of which no library was trained on: at 1.08 the even half of CES99
 # is held at 94 % of wavelengths.
 COMMON = 1.08
+COLOURFUL = 0.9                 # quantile of chroma above which all curves are left out together
+FEWEST = 20                     # unlikely signals that the growth of bands is found on
+TAILS = np.linspace(0, 4, 401)
 AT_95 = int(np.argmin(np.abs(LEVELS - 0.95)))
 
 
@@ -71,6 +83,7 @@ class Judgement:
     width: np.ndarray           # (levels, 61): mean width of the bands
     shares: np.ndarray          # (curves, F) of the families
     surprise: np.ndarray        # (curves,)
+    families: tuple[str, ...]   # F, of the prior
 
 
 @dataclass(frozen=True)
@@ -120,7 +133,12 @@ def train(libraries: dict[str, list[ReflectanceLibrary]], relative_response: np.
     models = [f"{family}: {part.name}" for family in fitted.plain for part in parts
               if part.family == family and not part.measured]
     prior = calibrated(joined(fitted, families, "; ".join(names + models)), left_out)
-    return replace(prior, certificates=certificates(prior, left_out)), left_out
+    groups = [[one.unstated for one in left_out if one.unstated is not None],
+              *([judge(without, relative_response, curves) for without, curves in group]
+                for group in (without_families(parts, fitted, families),
+                              without_colourful(parts, families, seed)))]
+    return replace(prior, certificates=certificates(prior, left_out),
+                   tail=tail_of(prior, groups)), left_out
 
 
 def prior_without(part: Part, parts: Sequence[Part], fitted: Fitted,
@@ -154,6 +172,83 @@ def prior_without(part: Part, parts: Sequence[Part], fitted: Fitted,
     return joined(Fitted(fitted.plain | again.plain, fitted.stated | again.stated), families)
 
 
+def without_families(parts: Sequence[Part], fitted: Fitted, families: dict[str, Family]
+                     ) -> list[tuple[LogitMixture, np.ndarray]]:
+    """Of each family the prior, not calibrated, that has seen none of it, and its curves (n, 61);
+    nothing where there is but one family.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        All of them.
+    fitted : Fitted
+        With all parts.
+    families : dict of Family
+        By name.
+    """
+    others = [(name, {other: mixture for other, mixture in fitted.plain.items() if other != name})
+              for name in fitted.plain]
+    return [(joined(Fitted(plain, {}), families),
+             np.concatenate([part.judged for part in parts
+                             if part.family == name and not part.stated]))
+            for name, plain in others if plain]
+
+
+def without_colourful(parts: Sequence[Part], families: dict[str, Family], seed: int
+                      ) -> list[tuple[LogitMixture, np.ndarray]]:
+    """The prior, not calibrated, that has seen no curve of the most colourful tenth, and those
+    curves (n, 61) of what is judged; nothing where too few curves are left to learn from.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        All of them.
+    families : dict of Family
+        By name.
+    seed : int
+    """
+    plain = [part for part in parts if not part.stated]
+    limit = np.quantile(chroma(np.concatenate([part.judged for part in plain])), COLOURFUL)
+    duller = [replace(part, curves=part.curves[chroma(part.curves) < limit]) for part in plain]
+    few = {name for name in families
+           if sum(len(part.curves) for part in duller if part.family == name) < MIN_CURVES}
+    fitted = fitted_families([part for part in duller if part.family not in few], families, seed)
+    left = np.concatenate([part.judged[chroma(part.judged) >= limit] for part in plain])
+    return [(joined(fitted, families), left)] if fitted.plain else []
+
+
+def chroma(reflectances: np.ndarray) -> np.ndarray:
+    """Chroma (n,) in CIELAB under D65 of reflectances (n, 61)."""
+    return np.asarray(np.hypot(*reflectance_to_lab(PRIOR_GRID.nm, reflectances)[:, 1:].T))
+
+
+def tail_of(prior: LogitMixture, groups: Sequence[Sequence[Judgement]]) -> float:
+    """The least tail at which the 95 % bands of unlikely signals hold what they state, in each
+    group that has enough of them; 0 where none has.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+        Calibrated but for its tail.
+    groups : sequence of sequences of Judgement
+        Of curves that the priors which judged them had not seen.
+    """
+    tails = [0.0]
+    for group in groups:
+        if sum(one.surprise.size for one in group) < FEWEST:
+            continue
+        scores = np.concatenate([one.scores[AT_95] / (one.shares @ prior.band_factors[
+            [prior.families.index(name) for name in one.families], AT_95]) for one in group])
+        novelty = np.concatenate([one.surprise for one in group]) / prior.familiar_surprise
+        far = novelty > 1
+        if far.sum() >= FEWEST:
+            held = np.array([np.mean(scores[far] <= tail_growth(tail, novelty[far])[:, None])
+                             for tail in TAILS])
+            tails.append(float(TAILS[np.argmax(held >= LEVELS[AT_95])] if held[-1] >= LEVELS[AT_95]
+                               else TAILS[-1]))
+    return max(tails)
+
+
 def judge(prior: LogitMixture, relative_response: np.ndarray,
           reflectances: np.ndarray) -> Judgement:
     """Bands of every level for noise-free signals of reflectances (n, 61), against the truth.
@@ -177,7 +272,7 @@ def judge(prior: LogitMixture, relative_response: np.ndarray,
     widths = np.array([np.mean(upper - lower, axis=0) for lower, upper in intervals])
     rmse = float(np.sqrt(np.mean((mean - reflectances)**2, axis=1)).mean())
     return Judgement(rmse, scores, widths, prior.shares(mixture.weights),
-                     np.asarray(mixture.surprise))
+                     np.asarray(mixture.surprise), prior.families)
 
 
 def calibrated(prior: LogitMixture, left_out: Sequence[LeftOut]) -> LogitMixture:

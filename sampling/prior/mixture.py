@@ -40,8 +40,11 @@ EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 befor
 MOMENT_DRAWS = 20000
 SINGLE = 1e-6           # round-off of covariances kept in single precision, with room for products
 STATED = "stated_"              # before the names of their arrays
-FORMAT = "spectrabox prior 5"
-PREVIOUS_FORMATS = ("spectrabox prior 3", "spectrabox prior 4")     # with the families' own levels
+FORMAT = "spectrabox prior 6"
+# the first two with the families' own levels, all with tails that nobody calibrated: those of the
+# shipped prior, in round figures
+PREVIOUS_FORMATS = ("spectrabox prior 3", "spectrabox prior 4", "spectrabox prior 5")
+PREVIOUS_TAIL = 1.0
 SCALARS = ("curve_factor", "familiar_surprise", "width_power")
 COMPONENTS = ("weights", "means", "covariances", "family")
 ARRAYS = ("nm", *COMPONENTS, "levels", "band_factors", "stated_factors", *SCALARS)
@@ -83,6 +86,7 @@ class LogitMixture(Record):
     # of the families that have other ones where they are stated
     where_stated: Components | None = None
     uniform_level: bool = False         # in place of the components' own (level.py)
+    tail: float = 0.0                   # by which bands grow (mixture_posterior.tail_growth)
 
     def __repr__(self) -> str:
         return f"<LogitMixture of {', '.join(self.families)}>"
@@ -255,6 +259,7 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
                             uniform_level=np.array(prior.uniform_level),
+                            tail=np.array(prior.tail),
                             families=np.array(prior.families),
                             certificates=np.array(json.dumps(
                                 {name: asdict(one) for name, one in prior.certificates.items()})),
@@ -293,6 +298,7 @@ def _read_prior(path: Path) -> LogitMixture:
             other = {name: np.asarray(stored[STATED + name], dtype=float) for name in COMPONENTS
                      if STATED + name in stored}
             uniform = "uniform_level" in stored and bool(stored["uniform_level"])
+            tail = float(stored["tail"]) if "tail" in stored else PREVIOUS_TAIL
             source, families = str(stored["source"]), tuple(stored["families"].tolist())
             certificates = {
                 name: FamilyCertificate(**row | {kind: BandCertificate(**row[kind])
@@ -306,7 +312,7 @@ def _read_prior(path: Path) -> LogitMixture:
     scalars = {name: float(numbers.pop(name)) for name in SCALARS}
     try:
         prior = LogitMixture(source=source, families=families, certificates=certificates,
-                             uniform_level=uniform,
+                             uniform_level=uniform, tail=tail,
                              where_stated=Components(**other) if other else None,
                              **numbers, **scalars)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
@@ -336,10 +342,13 @@ def check_prior(prior: LogitMixture, name: str) -> None:
     whole = Components(prior.weights, prior.means, prior.covariances, prior.family)
     other = prior.where_stated
     parts = [whole] if other is None else [whole, other]
-    numbers = [prior.levels, prior.band_factors, prior.stated_factors]
+    numbers = [prior.levels, prior.band_factors, prior.stated_factors,
+               np.array(prior.tail)]
     numbers += [values for part in parts for values in (part.weights, part.means, part.covariances)]
     if not all(np.all(np.isfinite(values)) for values in numbers):
         raise InputError(f"the prior {name} holds numbers that are not finite; train it again")
+    if prior.tail < 0:
+        raise InputError(f"the tail of the prior {name} is negative; train it again")
     if np.any(prior.weights <= 0) or abs(prior.weights.sum() - 1) > 1e-6:
         raise InputError(f"the weights of the prior {name} are not positive with sum 1; train it "
                          "again")

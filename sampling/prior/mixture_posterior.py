@@ -57,6 +57,7 @@ NORMAL_95 = NormalDist().inv_cdf(0.975)
 RELATIVE_STEPS, MAX_LOG_STEP, WHOLE_STEPS, HALVED = 40, 1.0, 8, 0.5
 FURTHEST_START = 4.0        # of log errors
 LEAST = 1e-6                # of white: what errors multiply is taken for at least as much
+UNMOVED = 0.5               # novelty up to which bands are as wide as the families' factors say
 USUAL_WIDTH = 0.12          # mean of a 95 % band before calibration
 LEVEL = 0.95                # whose calibrated factor enlarges draws and their moments
 
@@ -76,6 +77,7 @@ class MixturePosterior(Record):
     surprise: Annotated[np.ndarray, "T"]
     # of the signals under the mixture, in nats; a misfit is judged by the noise alone
     log_evidence: Annotated[np.ndarray, "T"]
+    growth: Annotated[np.ndarray, "T"]  # of the calibrated bands, for novelty (`tail_growth`)
     # of the components' marginal distributions (quantiles.py); None for normal ones
     skews: Annotated[np.ndarray, "C T P"] | None = None
     # e of the errors that multiply the signals; None where none do
@@ -230,11 +232,12 @@ def posterior(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     largest = plain.max(axis=0)             # kept apart: exponentials of evidences underflow
     log_evidence = largest + np.log(np.exp(plain - largest).sum(axis=0)) \
         - signals.shape[1] / 2 * np.log(2 * np.pi)
-    least = np.argmin(surprise, axis=0)
+    likely = np.argmin(surprise, axis=0)
+    least, share = surprise.min(axis=0), of_noise[likely, np.arange(likely.size)]
+    growth = tail_growth(prior.tail, least / surprise_limit(prior, noise.shape[-1], share))
     return MixturePosterior(weights.T, logits, variances, shift.T, stretch.T,
-                            (weights * misfit).sum(axis=0), surprise.min(axis=0), log_evidence,
-                            log_errors=log_errors,
-                            noise_share=of_noise[least, np.arange(least.size)])
+                            (weights * misfit).sum(axis=0), least, log_evidence, growth,
+                            log_errors=log_errors, noise_share=share)
 
 
 def _first_log_errors(relative: RelativeErrors, relative_response: np.ndarray, signals: np.ndarray,
@@ -524,7 +527,7 @@ def calibrated_bands(prior: LogitMixture, mixture: MixturePosterior, levels: tup
         Probabilities of the bands.
     """
     mean, spread = mean_and_spread(mixture)
-    width = width_factors(prior, spread)
+    width = width_factors(prior, spread) * mixture.growth[:, None]
     return mean, [widened(mean, *central_band(mixture, level),
                           width * prior.band_factor(level, mixture.weights)) for level in levels]
 
@@ -548,7 +551,7 @@ def widened(mean: np.ndarray, lower: np.ndarray, upper: np.ndarray,
 
 def novelty(prior: LogitMixture, mixture: MixturePosterior,
             covariance: np.ndarray) -> np.ndarray:
-    """Novelty (T,) of signals: beyond 1 the prior does not explain them.
+    """Novelty (T,) of signals: beyond 1 they are unlike what the prior was learnt from.
 
     Parameters
     ----------
@@ -565,7 +568,7 @@ def novelty(prior: LogitMixture, mixture: MixturePosterior,
 
 def surprise_limit(prior: LogitMixture, bands: int,
                    noise_share: np.ndarray | None = None) -> np.ndarray:
-    """Surprise (T,) of a signal beyond which a prior does not explain it.
+    """Surprise (T,) of a signal beyond which it is unlike what a prior was learnt from.
 
     The prior's own limit was found with signals of three bands. What further bands have besides is
     noise and detail that the components expect, one degree of chi-square each.
@@ -587,7 +590,7 @@ def surprise_limit(prior: LogitMixture, bands: int,
 
 
 def allowed_misfit(covariance: np.ndarray) -> np.ndarray:
-    """Distance of signal and fit beyond which a prior does not explain the signal: 0.5 % of white,
+    """Distance of signal and fit beyond which a prior does not reach the signal: 0.5 % of white,
     or 4 sigma of the noise (..., K, K).
 
     Parameters
@@ -619,11 +622,12 @@ def needed_errors(given: np.ndarray, signals: np.ndarray, covariance: np.ndarray
     signals : (T, K) array
         As measured; of a state, less what it adds.
     covariance : (T, K, K) array
-        Of what adds; 0.1 % of white is added.
+        Of what adds; 0.5 % of white is added, by which a mean may miss a signal that all draws
+        give (`calibrated_marginals`).
     relative : RelativeErrors, optional
         Of what multiplies.
     """
-    noise = with_floor(covariance)
+    noise = covariance + MISFIT**2 * np.eye(covariance.shape[-1])
     if relative is None:
         off = signals - given
         solved = np.linalg.solve(np.broadcast_to(noise, (len(off), *noise.shape[-2:])),
@@ -660,7 +664,8 @@ def unsaid(relative_response: np.ndarray, mean: np.ndarray, signals: np.ndarray,
 
 
 def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -> np.ndarray:
-    """Factors (T, P) by which central bands are widened: the families', by share, for the width.
+    """Factors (T, P) by which central bands are widened: the families', by share, for the width,
+    and for how unlikely the signal is.
 
     Parameters
     ----------
@@ -670,8 +675,25 @@ def band_factors(prior: LogitMixture, mixture: MixturePosterior, level: float) -
     level : float
         Probability of the band, 0 to 1.
     """
-    return width_factors(prior, mean_and_spread(mixture)[1]) \
+    return width_factors(prior, mean_and_spread(mixture)[1]) * mixture.growth[:, None] \
         * prior.band_factor(level, mixture.weights)
+
+
+def tail_growth(tail: float, novelty: np.ndarray) -> np.ndarray:
+    """Factors (T,) by which bands grow with the novelty (T,) of signals, as far as the surprise
+    goes: the bands of components with tails as of Student's t.
+
+    Given a part of it, the rest of a t variable of n degrees of freedom spreads as sqrt(n + d), d
+    the chi-square of the part. Signals half as surprising as the limit are left as they are, since
+    the factors of families were found with all signals.
+
+    Parameters
+    ----------
+    tail : float
+        The limit of surprise over n; 0 for normal components, of which no band grows.
+    novelty : (T,) array
+    """
+    return np.sqrt(np.maximum((1 + tail * novelty) / (1 + tail * UNMOVED), 1))
 
 
 def width_factors(prior: LogitMixture, spread: np.ndarray) -> np.ndarray:

@@ -1,9 +1,10 @@
 """The posterior of one signal under the learnt prior, solved once: everything that is asked of it.
 
-A signal that the learnt prior does not explain is given to the smoothness prior, and the outcome
-says so. Mean, standard deviation and band are those of the distribution that draws follow
-(`calibrated_marginals`), so that they need no draws. All are over the states in which the capture
-may have been (`state_posteriors`).
+A signal unlike all that the learnt prior was learnt from keeps it, with a band that grows with how
+unlikely the signal is (`mixture_posterior.tail_growth`). One that it cannot reach is given to the
+smoothness prior. The outcome says either. Mean, standard deviation and band are those of the
+distribution that draws follow (`calibrated_marginals`), so that they need no draws. All are over
+the states in which the capture may have been (`state_posteriors`).
 """
 from __future__ import annotations
 
@@ -52,6 +53,7 @@ MENTIONED = 0.005               # share of a family that the outcome names
 # round-off or beyond, is taken for so much less bright, or less dark: below any camera's step.
 EDGE, EXACT, INSIDE = 1e-3, 1e-6, 1e-4
 SPARE = 5       # spline coefficients beyond the bands of a signal that has many
+OF_LEARNT = (Outcome.FAMILIAR, Outcome.UNFAMILIAR)          # the others are the smoothness prior's
 APPROXIMATE = (Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)     # draws come near to the signal only
 
 
@@ -76,9 +78,9 @@ class SignalPosterior:
         Which mean, band, draws and shares of variance come from: the same, or the smoothness
         prior's.
     outcome : Outcome
-        FAMILIAR; UNFAMILIAR (smoothness prior); UNSAID, where what was found does not give the
+        FAMILIAR, UNFAMILIAR; BEYOND_LEARNT, and UNSAID where what was found does not give the
         signal within its stated errors (smoothness prior); or TOO_ROUGH and OUT_OF_REACH, whose
-        draws do not reproduce the signal.
+        draws, of the smoothness prior as well, do not reproduce the signal.
     """
 
     measurement: SpectralMeasurement
@@ -93,7 +95,7 @@ class SignalPosterior:
     @property
     def method(self) -> str:
         """Name of the prior that draws come from."""
-        return "smoothness prior" if self.prior is not self.learnt_prior else "learnt prior"
+        return prior_named(self.outcome)
 
     @property
     def sentence(self) -> str:
@@ -290,7 +292,8 @@ def enough_coefficients(coefficients: int, bands: int) -> int:
 
 
 def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> SignalPosterior:
-    """Solve the posterior of one signal, under the smoothness prior where the learnt one fails.
+    """Solve the posterior of one signal, under the smoothness prior where the learnt one does not
+    reach it.
 
     Parameters
     ----------
@@ -309,20 +312,38 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     check_measurement(measurement)
     response = response_on(measurement, PRIOR_GRID)
     learnt, evidence, novelty = solve_in_states(prior, response, measurement)
-    familiar = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
-                               Outcome.FAMILIAR)
-    if novelty <= 1 and familiar.says(familiar.mean):
-        return familiar
+    reached = novelty <= 1 or _reached(learnt)
+    found = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
+                            Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
+    if reached and found.says(found.mean):
+        return found
     smooth = smoothness_prior()
     wider, _, _ = solve_in_states(smooth, response, measurement)
-    widened = replace(familiar, prior=smooth, parts=wider)
-    outcome = Outcome.UNFAMILIAR if novelty > 1 and widened.says(widened.mean) else Outcome.UNSAID
-    if all(part.mixture.misfit[0] > allowed_misfit(part.noise) for part in wider):
+    widened = replace(found, prior=smooth, parts=wider)
+    outcome = Outcome.UNSAID if reached or not widened.says(widened.mean) \
+        else Outcome.BEYOND_LEARNT
+    if not _reached(wider):
         outcome = Outcome.TOO_ROUGH if any(
             is_reachable(MeasurementOperator(part.relative_response, part.signal,
                                              part.total_noise))
             for part in wider) else Outcome.OUT_OF_REACH
     return replace(widened, outcome=outcome)
+
+
+def _reached(parts: tuple[StatePosterior, ...]) -> bool:
+    """Whether spectra of a prior give the signal in some state."""
+    return any(part.mixture.misfit[0] <= allowed_misfit(part.noise) for part in parts)
+
+
+def prior_named(outcome: Outcome) -> str:
+    """Name of the prior that draws with this outcome come from.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        Of a `SignalPosterior`.
+    """
+    return "learnt prior" if outcome in OF_LEARNT else "smoothness prior"
 
 
 def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int = 13,
@@ -361,7 +382,7 @@ def describe_outcome(outcome: Outcome, stated: tuple[str, ...], shares: Mapping[
     shares : mapping of float
         Posterior probabilities of the families, by name.
     """
-    if outcome is not Outcome.FAMILIAR:
+    if outcome not in OF_LEARNT:
         return outcome.value
     allowed = ", ".join(f"{name} {100 * shares[name]:.0f} %"
                         for name in sorted(shares, key=lambda name: -shares[name])

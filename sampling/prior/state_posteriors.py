@@ -162,7 +162,7 @@ def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
                     measurement: SpectralMeasurement
                     ) -> tuple[tuple[StatePosterior, ...], float, float]:
     """The posterior of one signal in all states that it allows, its log evidence in nats, and its
-    novelty: beyond 1 the prior explains it in no state.
+    novelty: beyond 1 it is unlike what the prior was learnt from in every state.
 
     Bands that several photos repeat are estimated as one, state by state. What their differences
     say of the state is in its evidence.
@@ -244,6 +244,8 @@ def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixtureP
                 for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
         np.min([mixture.surprise for mixture in mixtures], axis=0),
         np.sum([share * mixture.log_evidence
+                for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
+        np.sum([share * mixture.growth
                 for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
         np.concatenate(skews) if skews else None,
         np.concatenate(log_errors) if log_errors else None)

@@ -39,8 +39,9 @@ BATCH = 250         # signals: those of one batch are carried with as many compo
 
 @dataclass(frozen=True)
 class PriorSummaries:
-    """Of T signals. The outcomes are FAMILIAR, UNFAMILIAR, UNSAID where mean and signal disagree,
-    or TOO_ROUGH for those that no spectrum of the priors gives, whose numbers are then of no use.
+    """Of T signals. The outcomes are FAMILIAR, UNFAMILIAR, BEYOND_LEARNT, UNSAID where mean and
+    signal disagree, or TOO_ROUGH for those that no spectrum of the priors gives, whose numbers are
+    then of no use.
     """
 
     mean: np.ndarray                    # (T, 61)
@@ -91,13 +92,14 @@ def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     mixture = posterior(prior, relative_response, signals, errors.absolute, relative=relative)
     allowed = allowed_misfit(errors.absolute)
     summary = _of_mixture(prior, relative_response, signals, causes, mixture, level)
+    summary.outcome[novelty(prior, mixture, errors.absolute) > 1] = Outcome.UNFAMILIAR
+    beyond = mixture.misfit > allowed
     doubtful = unsaid(relative_response, summary.mean, signals, errors.absolute, relative) > 1
-    unfamiliar = novelty(prior, mixture, errors.absolute) > 1
-    if not (unfamiliar | doubtful).any():
+    some = np.flatnonzero(beyond | doubtful)
+    if not some.size:
         return summary
     summary.outcome[doubtful] = Outcome.UNSAID
-    summary.outcome[unfamiliar] = Outcome.UNFAMILIAR
-    some = np.flatnonzero(unfamiliar | doubtful)
+    summary.outcome[beyond] = Outcome.BEYOND_LEARNT
     smooth = smoothness_prior()
     wider = posterior(smooth, relative_response, signals[some], errors.absolute[some],
                       relative=None if relative is None else relative.rows(some))

@@ -48,7 +48,7 @@ class Uplifted:
 
     mean: np.ndarray                # (n, 61)
     standard_deviation: np.ndarray  # (n, 61)
-    novelty: np.ndarray          # (n,) beyond 1 the prior does not explain the signal
+    novelty: np.ndarray          # (n,) beyond 1 the prior was learnt from none like it
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ batch's folder. A worker that dies costs its task, which the scheduler gives to 
 from __future__ import annotations
 
 import contextlib
+import copy
 import logging
 from collections.abc import Iterator
 from typing import Any
@@ -14,8 +15,10 @@ from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.batch.executors import Capacity, Workers, memory_for_workers
 
 LOCAL = "local"
-# Scheduler, workers and dashboard: whoever reaches them can run code as this user.
+# Scheduler and workers: whoever reaches them and is let in can run code as this user.
 LOOPBACK = "127.0.0.1"
+NO_PAGES: dict[str, list[str]] = {"distributed.scheduler.http.routes": [],
+                                  "distributed.worker.http.routes": []}
 DASHBOARD_PORT = 8787   # Dask takes a free one where this one is taken
 CONNECTING_S = 20.0
 RETRIES = 1             # of a task whose worker died
@@ -29,9 +32,12 @@ CALM = {"distributed.worker.profile.enabled": False,
 
 
 @contextlib.contextmanager
-def open_cluster(address: str, workers: int) -> Iterator[Workers]:
+def open_cluster(address: str, workers: int, dashboard: bool = False) -> Iterator[Workers]:
     """The workers of a scheduler, or of one that is started on this machine and ends with the
     block.
+
+    Other users of this machine reach its ports too: that scheduler and its workers speak TLS alone,
+    with a certificate made for this block that lies in memory, and let nobody in without it.
 
     Parameters
     ----------
@@ -39,6 +45,8 @@ def open_cluster(address: str, workers: int) -> Iterator[Workers]:
         Such as tcp://host:8786, or "local".
     workers : int
         Processes of a local one.
+    dashboard : bool
+        Whether a local one has a dashboard, which any user of this machine can read.
 
     Raises
     ------
@@ -47,26 +55,35 @@ def open_cluster(address: str, workers: int) -> Iterator[Workers]:
     """
     try:
         import dask
-        from distributed import Client, KilledWorker, LocalCluster
+        from distributed import Client, KilledWorker, LocalCluster, Security
         from distributed.client import ClosedClientError
+        if address == LOCAL:
+            import cryptography  # noqa: F401  makes the certificate of a local one
     except ImportError:
         raise EnvironmentProblem("--cluster needs Dask: pip install 'spectrabox[cluster]', or "
                                  "leave it out to use processes of this machine") from None
     with contextlib.ExitStack() as stack:
         stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": RETRIES}))
         stack.enter_context(_silent_loggers())
-        memory = None       # of workers without limits of their own
+        memory = security = None        # of workers without limits of their own; as configured
+        about = ""
         if address == LOCAL:
             stack.enter_context(dask.config.set(CALM | {ENVIRONMENT: _of_workers(
                 dask.config.get(ENVIRONMENT))}))
-            memory = memory_for_workers()
+            if not dashboard:
+                stack.enter_context(dask.config.set(copy.deepcopy(NO_PAGES)))   # Dask adds to them
+            memory, security = memory_for_workers(), Security.temporary()
             local = stack.enter_context(LocalCluster(
                 n_workers=workers, threads_per_worker=1, memory_limit=0, silence_logs=50,
-                host=LOOPBACK, dashboard_address=f"{LOOPBACK}:{DASHBOARD_PORT}",
+                security=security, host=LOOPBACK, scheduler_kwargs={"dashboard": dashboard},
+                dashboard_address=f"{LOOPBACK}:{DASHBOARD_PORT if dashboard else 0}",
                 worker_dashboard_address=f"{LOOPBACK}:0"))
             address = local.scheduler_address
+        elif not address.startswith("tls://"):
+            about = (f"{address} lets in whoever reaches it, to run code as its workers' user: "
+                     "keep it inside a network that you trust, or use Dask's TLS (tls://)\n")
         try:
-            client = stack.enter_context(Client(address, timeout=CONNECTING_S))
+            client = stack.enter_context(Client(address, timeout=CONNECTING_S, security=security))
             client.wait_for_workers(1, timeout=CONNECTING_S)
         except (OSError, ValueError, TimeoutError) as error:
             raise EnvironmentProblem(f"no workers can be reached through {address} "
@@ -80,8 +97,10 @@ def open_cluster(address: str, workers: int) -> Iterator[Workers]:
             with contextlib.suppress(ClosedClientError):
                 executor.shutdown(wait=False)
 
-        yield Workers(f"dashboard: {client.dashboard_link}", lambda: _capacity(client, memory),
-                      lambda count: executor, (KilledWorker,))
+        if dashboard or security is None:
+            about += f"dashboard: {client.dashboard_link}"
+        yield Workers(about, lambda: _capacity(client, memory), lambda count: executor,
+                      (KilledWorker,))
 
 
 def _capacity(client: Any, memory: int | None) -> Capacity:

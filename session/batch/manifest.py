@@ -45,6 +45,7 @@ class Outcome:
     camera: str = ""
     taken_at: str = ""                  # of the first photo, by the camera's clock
     thumbnail: str = ""                 # of the first photo, as a data URI
+    failed_extras: tuple[str, ...] = ()     # what could not be made beside its answer, and why
 
     @property
     def word(self) -> str:
@@ -94,12 +95,14 @@ def store_outcome(out: Path, outcome: Outcome, program: str) -> None:
 
 
 def stored_outcome(out: Path, folder: Path, program: str) -> Outcome | None:
-    """Stored outcome of a session, or None if anything has changed since."""
+    """Stored outcome of a session, or None if anything has changed since, or an extra failed."""
     try:
         record = json.loads(_path(out, str(folder)).read_text(encoding="utf-8"))
         if record.pop("program") != program or record["state"] != "done":
             return None
         outcome = Outcome(**record)
+        if outcome.failed_extras:
+            return None
         unchanged = all(_state(folder / name) == tuple(state)
                         for name, state in outcome.files.items())
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):

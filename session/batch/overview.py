@@ -84,6 +84,7 @@ def batch_facts(outcomes: Sequence[Outcome], kept: int, page: Path, workers: int
             "sessions": [{"folder": each.folder, "name": each.name, "state": each.state,
                           "verdict": each.verdict or None, "says": each.says,
                           "exit_code": each.exit_code, "seconds": each.seconds,
+                          "failed_extras": list(each.failed_extras),
                           "report": each.report, "needed_bytes": each.needed_bytes,
                           "peak_bytes": each.peak_bytes,
                           "stages": [{"name": name, "state": state, "seconds": seconds}
@@ -107,9 +108,11 @@ def batch_text(outcomes: Sequence[Outcome], kept: int, page: Path) -> str:
         rows.append((os.path.relpath(each.folder), each.word, f"{each.seconds:.1f}", sentence))
     table = text_table(("session", "verdict", "s", "says"), rows,
                        text=("session", "verdict", "says"))
+    notes = "".join(f"\nnote: {os.path.relpath(each.folder)}: {why}" for each in outcomes
+                    for why in each.failed_extras)
     verdicts = ", ".join(f"{count} {name}" for name, count in counts(outcomes).items() if count)
     before = f"; {kept} were done before" if kept else ""
-    return (f"{table}\n{len(outcomes)} sessions: {verdicts}{before}\n"
+    return (f"{table}{notes}\n{len(outcomes)} sessions: {verdicts}{before}\n"
             f"page: {page}")
 
 
@@ -129,8 +132,8 @@ def write_page(out: Path, outcomes: Sequence[Outcome], sessions: int) -> Path:
     rows = [{"name": each.name, "folder": os.path.relpath(each.folder, out),
              "link": None if each.report is None else link(Path(each.report), out),
              "status": ROW_STATUS[each.verdict], "word": each.word, "seconds": each.seconds,
-             "says": each.says.splitlines(), "camera": each.camera, "taken_at": each.taken_at,
-             "thumbnail": each.thumbnail, "badness": BADNESS[each.word]}
+             "says": [*each.says.splitlines(), *each.failed_extras], "camera": each.camera,
+             "taken_at": each.taken_at, "thumbnail": each.thumbnail, "badness": BADNESS[each.word]}
             for each in sorted(outcomes, key=lambda each: BADNESS[each.word])]
     text = templates().get_template("batch.html.j2").render(
         rows=rows, sessions=sessions, counts=counts(outcomes), style=style_sheet(),

@@ -8,8 +8,13 @@ from pathlib import Path
 
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.metadata import photo_metadata
+from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.steps.declared_steps import INVERSION
-from spectrabox.radiometry.errors import EnvironmentProblem, SpectraboxError
+from spectrabox.radiometry.errors import (
+    EnvironmentProblem,
+    SpectraboxError,
+    interrupt_behind,
+)
 from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.config.session_schema import SessionConfig
@@ -19,7 +24,7 @@ from spectrabox.session.pipeline import run_stages
 from spectrabox.session.problems import check_session
 from spectrabox.session.report.pictures import picture_data_uri
 from spectrabox.session.store.locks import only_writer
-from spectrabox.session.terminal.command_line import describe_error, interrupt_behind
+from spectrabox.session.terminal.command_line import describe_error
 
 SHARED = "shared"       # in the batch's folder: calibrations that sessions have in common
 # Measured: 262 MB of flat samples, 290 MB of a box without what its tracing takes.
@@ -118,16 +123,21 @@ def _run(task: Task) -> Outcome:
                               shared=order.out / SHARED)
         # as 'run' has it: the command that makes these results again
         words = ["spectrabox", "run", task.folder.name, "--device", order.device]
-        facts = outputs_of_run(config, finished, words, order.device, quiet).facts
+        outputs = outputs_of_run(config, finished, words, order.device, quiet)
+        facts = outputs.facts
         files = input_states(config)
         photo = photo_metadata(config.path(config.all_views[0].photo_files[0]))
         preview = config.results_folder / "photo" / f"{config.all_views[0].label('preview')}.png"
+        thumbnail, fault = attempt("picture of the photo", lambda: picture_data_uri(
+            preview, THUMBNAIL_PX), "")
     return Outcome(str(task.folder), "done", config.session.name, facts["verdict"],
                    facts.get("says", ""), report=facts["report"],
                    stages={name: (finished.states[name], stage.seconds)
                            for name, stage in finished.stored.items()},
                    needed_bytes=task.needed_bytes, files=files, camera=photo.camera,
-                   taken_at=photo.taken_at, thumbnail=picture_data_uri(preview, THUMBNAIL_PX))
+                   taken_at=photo.taken_at, thumbnail=thumbnail,
+                   failed_extras=tuple(one.why for one in different(
+                       (*outputs.failed, *(() if fault is None else (fault,))))))
 
 
 def needed_bytes(config: SessionConfig) -> int:

@@ -10,7 +10,8 @@ from spectrabox.session.batch.executors import Workers, available_cores, open_pr
 
 
 @contextlib.contextmanager
-def open_workers(cluster: str | None, workers: int | None, tasks: int) -> Iterator[Workers]:
+def open_workers(cluster: str | None, workers: int | None, tasks: int,
+                 dashboard: bool = False) -> Iterator[Workers]:
     """Processes of this machine, or the workers of a cluster.
 
     Parameters
@@ -21,21 +22,26 @@ def open_workers(cluster: str | None, workers: int | None, tasks: int) -> Iterat
         How many processes; None for as many as there are cores.
     tasks : int
         That are to be run: no more processes than these.
+    dashboard : bool
+        Whether a local cluster has a dashboard.
 
     Raises
     ------
     InputError
-        If a number of workers is asked of a cluster that has its own.
+        If a number of workers is asked of a cluster that has its own, or a dashboard without a
+        local cluster.
     EnvironmentProblem
         If the cluster cannot be reached.
     """
     if cluster not in (None, "local") and workers is not None:
         raise InputError(f"--workers starts processes here, and the cluster {cluster} has its own; "
                          "give one of the two")
+    if dashboard and cluster != "local":
+        raise InputError("--dashboard is of --cluster local: other schedulers have their own")
     wanted = min(workers or len(available_cores()), tasks)
     if cluster is None or not tasks:
         with open_processes(wanted) as processes:
             yield processes
         return
-    with open_cluster(cluster, wanted) as workers_of_cluster:
+    with open_cluster(cluster, wanted, dashboard) as workers_of_cluster:
         yield workers_of_cluster

@@ -34,6 +34,9 @@ def batch(
     cluster: Annotated[str | None, typer.Option(
         metavar="ADDRESS", show_default=False, help="A Dask scheduler such as tcp://host:8786, "
         "whose workers see the same folders; local starts one on this machine.")] = None,
+    dashboard: Annotated[bool, typer.Option(
+        "--dashboard", help="With --cluster local: Dask's page of what its workers do, on port "
+        "8787 of this machine; any of its users can read it.")] = False,
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="DIR", help="Folder of what is done, shared calibrations and the "
         "page of all verdicts.")] = Path("batch"),
@@ -57,7 +60,7 @@ def batch(
         used = 0
         try:
             with progress_display(quiet) as show, \
-                    open_workers(cluster, workers, len(waiting)) as pool:
+                    open_workers(cluster, workers, len(waiting), dashboard) as pool:
                 if pool.about and not quiet:
                     tell(pool.about)
                 used = pool.capacity().workers

@@ -79,10 +79,13 @@ def chart(
         write_text_whole(out, table_of_columns(patch_columns(
             read_layout(layout), detection, verdict.samples, verdict.excluded)))
     edition = edition_in_photo(image, read_layout(layout), verdict.samples)
+    failed = () if edition.failed is None else (edition.failed,)
     return Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
-                   "edition": vars(edition)},
-                  f"{_text(photo, image, detection, verdict)}\nedition {edition.says}",
-                  0 if verdict.verdict == "good" else RE_SHOOT)
+                   "edition": edition.facts,
+                   "failed_extras": [one.facts for one in failed]},
+                  "\n".join([_text(photo, image, detection, verdict), f"edition {edition.says}",
+                             *(f"note: {one.sentence}" for one in failed)]),
+                  0 if verdict.verdict == "good" else RE_SHOOT, failed)
 
 
 @Command

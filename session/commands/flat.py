@@ -25,6 +25,7 @@ from spectrabox.session.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
+    from spectrabox.measure.extras import FailedExtra
     from spectrabox.session.flat.new_session import Tables
 
 
@@ -132,7 +133,7 @@ def flat(
             answer = run_session(folder, device="not needed", quiet=quiet,
                                  words=["spectrabox", "flat", photo.stem])
         return Answer({**answer.facts, "seconds": round(time.perf_counter() - start, 3)},
-                      answer.text)
+                      answer.text, failed=answer.failed)
     return _measure_each(photos, measured) if each else measured(photos[0])
 
 
@@ -141,18 +142,20 @@ def _measure_each(photos: Sequence[Path],
     """A session for each photo; one that will not do does not stop the others."""
     answers: list[dict[str, object]] = []
     texts, codes = [], []
+    failed: list[FailedExtra] = []
     orientation = _first_orientation(photos)
     for photo in photos:
         try:
             answer = measured(photo, orientation)
             answers.append({"photo": photo, **answer.facts})
             texts.append(f"{photo}\n{answer.text}")
+            failed += answer.failed
         except SpectraboxError as error:
             tell(f"spectrabox: {photo}: {error}")
             answers.append({"photo": photo, "error": str(error), "exit_code": error.exit_code})
             texts.append(f"{photo}\nnot measured: {error}")
             codes.append(error.exit_code)
-    return Answer({"photos": answers}, "\n\n".join(texts), min(codes, default=0))
+    return Answer({"photos": answers}, "\n\n".join(texts), min(codes, default=0), failed)
 
 
 def _first_orientation(photos: Sequence[Path]) -> int | None:

@@ -161,6 +161,9 @@ def open_page(
         metavar="DIR", show_default=False, help="Judge each new photo that comes into this folder, "
         "as when shooting tethered.")] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 0,
+    meter_port: Annotated[tuple[str, ...], typer.Option(
+        "--meter-port", metavar="PORT", show_default=False, help="Port of an instrument that the "
+        "page may open besides those that this computer lists; may be repeated.")] = (),
     browser: Annotated[bool, typer.Option(
         "--browser/--no-browser", help="Open it in the browser.")] = True,
     allow_outside: Outside = False,
@@ -184,8 +187,8 @@ def open_page(
         print(address, flush=True)
         tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
              "session from this machine.")
-    page: SessionPage | StartPage = StartPage(Path()) if run is None else SessionPage(
-        run.folder, watch, allow_outside, run)
+    page: SessionPage | StartPage = StartPage(Path(), meter_port) if run is None \
+        else SessionPage(run.folder, watch, allow_outside, run, meter_port)
     serve(page, port, say, webbrowser.open if browser else None)
 
 
@@ -217,9 +220,13 @@ def report(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Rebuild report.html and report.json from stored results."""
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
     config, finished, stale = finished_session(folder, allow_outside)
-    facts = rewritten_outputs(config, finished, ["spectrabox", "report"],
-                              "stored results").facts
-    return Answer({"report": facts["report"], "stale": stale}, f"wrote {facts['report']}")
+    outputs = rewritten_outputs(config, finished, ["spectrabox", "report"], "stored results")
+    report = outputs.facts["report"]
+    return Answer({"report": report, "stale": stale,
+                   "failed_extras": outputs.facts["failed_extras"]},
+                  "\n".join([f"wrote {report}",
+                             *(f"note: {one.sentence}" for one in outputs.failed)]),
+                  failed=outputs.failed)
 
 
 @Command
@@ -291,7 +298,7 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
                            "run without --only and --until for the report"]))
         finished = load_finished(config) if only is not None else finished
         outputs = outputs_of_run(config, finished, words, device, progress)
-    return Answer(outputs.facts, outputs.text)
+    return Answer(outputs.facts, outputs.text, failed=outputs.failed)
 
 
 def _finished_run(config: SessionConfig, wanted: Sequence[str | None], before: str | None,

@@ -11,7 +11,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from spectrabox.radiometry.checked_tables import fault_sentences
+from spectrabox.radiometry.checked_tables import (
+    MAX_TOML_BYTES,
+    fault_sentences,
+    require_plain_toml,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there, read_bytes_of_text
 from spectrabox.session.config.flat_session import FlatSession
@@ -92,7 +96,7 @@ def session_content(folder: Path) -> bytes:
     Raises
     ------
     InputError
-        If there is none, or it cannot be read.
+        If there is none, or it cannot be read or is larger than people write.
     """
     path = folder / FILE_NAME
     if folder.is_file():
@@ -100,7 +104,7 @@ def session_content(folder: Path) -> bytes:
     if not path.is_file():
         raise InputError(f"{path} is missing: write one with 'spectrabox new {folder}'")
     try:
-        return read_bytes_of_text(path)
+        return read_bytes_of_text(path, MAX_TOML_BYTES)
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}): change its "
                          "permissions") from None
@@ -112,12 +116,14 @@ def text_of(content: bytes) -> str:
     Raises
     ------
     InputError
-        If it is not UTF-8.
+        If it is not UTF-8, or larger or nested deeper than people write.
     """
     try:
-        return io.StringIO(content.decode("utf-8-sig"), newline=None).read()
+        text = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
     except ValueError as error:
         raise InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
+    require_plain_toml(text, FILE_NAME)
+    return text
 
 
 def session_of_text(text: str, folder: Path,

@@ -29,6 +29,7 @@ def write_picture(image: LinearImage, picture: Path,
     tuple of int
         Width and height of the photo in pixels.
     """
+    from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.ticker import MultipleLocator
@@ -36,16 +37,17 @@ def write_picture(image: LinearImage, picture: Path,
     width, height = round(columns * image.sensor_step), round(rows * image.sensor_step)
     if columns > WIDTH_PX:
         image = bin_image(image, WIDTH_PX, round(WIDTH_PX * rows / columns))
-    drawing = Figure(figsize=(WIDTH_IN, WIDTH_IN * height / width), layout="constrained")
-    axes = drawing.add_subplot()
-    axes.imshow(signal_rgb8(image.signal), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
-    for quad in () if patches_px is None else patches_px:
-        for colour, line_width in (("white", 2.0), ("black", 0.7)):
-            axes.fill(*quad.T, fill=False, edgecolor=colour, linewidth=line_width)
-    step = 10.0 ** np.floor(np.log10(width / 4))
-    axes.xaxis.set_major_locator(MultipleLocator(step))
-    axes.yaxis.set_major_locator(MultipleLocator(step))
-    axes.grid(color="white", alpha=0.5, linewidth=0.5)
-    axes.tick_params(labeltop=True, labelright=True)
-    FigureCanvasAgg(drawing).print_png(str(picture))
+    with style.context("default"):      # not as a matplotlibrc of the working folder has it
+        drawing = Figure(figsize=(WIDTH_IN, WIDTH_IN * height / width), layout="constrained")
+        axes = drawing.add_subplot()
+        axes.imshow(signal_rgb8(image.signal), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+        for quad in () if patches_px is None else patches_px:
+            for colour, line_width in (("white", 2.0), ("black", 0.7)):
+                axes.fill(*quad.T, fill=False, edgecolor=colour, linewidth=line_width)
+        step = 10.0 ** np.floor(np.log10(width / 4))
+        axes.xaxis.set_major_locator(MultipleLocator(step))
+        axes.yaxis.set_major_locator(MultipleLocator(step))
+        axes.grid(color="white", alpha=0.5, linewidth=0.5)
+        axes.tick_params(labeltop=True, labelright=True)
+        FigureCanvasAgg(drawing).print_png(str(picture))
     return width, height

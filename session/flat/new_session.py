@@ -11,7 +11,6 @@ import hashlib
 import json
 import re
 import shutil
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -243,8 +242,7 @@ def _orientation(photos: Mapping[str, Any], folder: Path) -> int:
     written = folder / FILE_NAME
     if not written.exists():
         return photos.get("orientation") or photo_orientation(photos["object"])
-    with written.open("rb") as file:
-        return int(tomllib.load(file)["photos"].get("orientation", AS_READ))
+    return int(read_toml(written, "move it away")["photos"].get("orientation", AS_READ))
 
 
 def _in_session(value: Any, folder: Path, key: str = "") -> Any:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +35,12 @@ class PageMeter:
     ----------
     folder : Path
         Of the session.
+    named_ports : sequence of str
+        Ports that it may open besides those that the computer lists.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._spectra = folder / "spectra"
+    def __init__(self, folder: Path, named_ports: Sequence[str] = ()) -> None:
+        self._spectra, self._named = folder / "spectra", named_ports
         self._lock = threading.Lock()
         self._open = contextlib.ExitStack()
         self._port = ""
@@ -47,9 +50,14 @@ class PageMeter:
 
     def state(self) -> dict[str, Any]:
         """Ports of this computer, the one that is held, and what to do for each calibration."""
-        ports = [{"port": each.port, "words": each.description or ""} for each in list_ports()]
-        return {"ports": ports, "port": self._port, "calibrated": self._calibrated(),
+        return {"ports": [{"port": port, "words": words} for port, words in self._ports().items()],
+                "port": self._port, "calibrated": self._calibrated(),
                 "calibrations": dict(Cr30.calibrations)}
+
+    def _ports(self) -> dict[str, str]:
+        """Ports that may be opened, and what each is."""
+        return {**dict.fromkeys(self._named, ""),
+                **{each.port: each.description or "" for each in list_ports()}}
 
     def step(self, port: str, what: str, name: str) -> dict[str, Any]:
         """Calibrate, measure, or wait a moment for the button to be pressed.
@@ -118,6 +126,12 @@ class PageMeter:
         """The instrument, opened where it is not held yet."""
         if self._meter is None or self._port != port:
             self._close()
+            # pyserial takes addresses too, which write files and connect to other computers
+            if port not in (ports := self._ports()):
+                raise InputError(f"there is no port {shortened(port)} on this computer; "
+                                 f"{'it has ' + ', '.join(ports) if ports else 'it has none'}. "
+                                 "Plug the instrument in; a port that is not listed is named when "
+                                 "the page is opened, with --meter-port")
             with contextlib.ExitStack() as opening:
                 log = opening.enter_context(record(self._spectra / "readings", Cr30.name,
                                                    MeterSettings()))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from spectrabox.measure.extras import FailedExtra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_schema import SessionConfig
@@ -30,12 +31,16 @@ class RunOutputs:
 
     facts: dict[str, Any]       # for scripts
     text: str                   # for a person
+    failed: tuple[FailedExtra, ...] = ()    # what could not be made beside the answer; both name it
 
 
 def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:
-    """Answers of the files beside the results; None unless all of them are those of this run."""
+    """Answers of the files beside the results; None unless all of them are those of this run, and
+    no extra failed in it, which is tried again.
+    """
     stored = load_stage(config.results_folder, STAGE)
     if stored is None or stored.fault or set(finished.states.values()) != {"kept"} \
+            or stored.facts["facts"]["failed_extras"] \
             or stored.key != _key(config, finished, InputFiles(config)):
         return None
     for name, digest in stored.facts["outputs"].items():
@@ -85,8 +90,8 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     inputs = InputFiles(config)
     key = _key(config, finished, inputs)
     with outputs_writer(config.folder):
-        facts, text, files = write_outputs(config, finished, command_line, device,
-                                           _kept_advice(config, key))
+        facts, text, files, failed = write_outputs(config, finished, command_line, device,
+                                                   _kept_advice(config, key))
         inputs.require_unchanged(key["files"])
         require_results(finished, key["results"], "spectrabox report")
         digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
@@ -94,16 +99,17 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         with stage_folder(config.results_folder, STAGE) as folder:
             save_stage(folder, key, {}, 0.0,
                        {"outputs": digests, "facts": {**facts, **names}, "text": text})
-    return RunOutputs(facts, f"{text}\nreport: {facts['report']}")
+    return RunOutputs(facts, f"{text}\nreport: {facts['report']}", failed)
 
 
 def _kept_advice(config: SessionConfig, key: dict[str, Any]) -> dict[str, Any] | None:
     """What to do next as it was forecast, which takes as long as a fit; None unless it is of the
-    same results and by the same library.
+    same results and by the same library, and did not fail.
     """
     stored = load_stage(config.results_folder, STAGE)
     if stored is None or stored.fault or stored.key["results"] != key["results"] \
-            or any(stored.key["code"].get(room) != key["code"][room] for room in LIBRARY):
+            or any(stored.key["code"].get(room) != key["code"][room] for room in LIBRARY) \
+            or any(one["extra"] == "advice" for one in stored.facts["facts"]["failed_extras"]):
         return None
     return stored.facts["facts"]["advice"]
 

@@ -7,20 +7,25 @@ from typing import Any
 
 from spectrabox.measure.advice.advice import advised_of_facts
 from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.extras import FailedExtra, attempt
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.session_results import session_results
-from spectrabox.session.report.page import NUMBERS_NAME, write_report
+from spectrabox.session.report.page import NUMBERS_NAME, rendered_report, store_report
 from spectrabox.session.store.program import provenance
-from spectrabox.session.store.surface_files import write_comparisons, write_surface_files
+from spectrabox.session.store.surface_files import (
+    write_comparisons,
+    write_materials,
+    write_surface_files,
+)
 
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
                   device: str, advice: dict[str, Any] | None = None
-                  ) -> tuple[dict[str, Any], str, list[Path]]:
+                  ) -> tuple[dict[str, Any], str, list[Path], tuple[FailedExtra, ...]]:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
@@ -42,19 +47,30 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
         For a person.
     files : list of Path
         All that were written.
+    failed : tuple of FailedExtra
+        What could not be made beside the answer; facts and text name it.
     """
     results = session_results(config, finished,
                               provenance(command_line, config.session.seed, device))
     if advice is not None:
         kept = advised_of_facts(advice)
         results = replace(results, found=replace(results.found, advise=lambda: kept))
-    report = write_report(results)
     found = results.found
+    rendered = rendered_report(results)
+    report = store_report(rendered, results.folder)
+    failed = rendered.failed
     files = [report, report.with_name(NUMBERS_NAME),
              *write_surface_files(found, results.folder, results.name)]
     if isinstance(found, SceneResult) and isinstance(finished.capture, SceneCapture):
         scene = finished.capture.views[0].scene
-        files += [*write_comparisons(found, results.folder, finished.capture.bsdfs,
-                                     scene if isinstance(scene, SceneFile) else None),
+        files += [write_materials(found, results.folder, finished.capture.bsdfs,
+                                  scene if isinstance(scene, SceneFile) else None),
                   *write_box_scenes(config, finished.records.reconstruct.box_scenes)]
-    return results.facts(), results.text(), files
+        pictures, fault = attempt("comparison of photo and rendering", lambda: write_comparisons(
+            found, results.folder), [])
+        files += pictures
+        failed += () if fault is None else (fault,)
+    said = {one.sentence for one in found.failed_extras}
+    notes = [f"note: {one.sentence}" for one in failed if one.sentence not in said]
+    facts = results.facts() | {"failed_extras": [one.facts for one in failed]}
+    return facts, "\n".join([results.text(), *notes]), files, failed

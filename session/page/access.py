@@ -3,6 +3,7 @@ learns it.
 """
 from __future__ import annotations
 
+import asyncio
 import hmac
 import re
 import shutil
@@ -21,8 +22,12 @@ from spectrabox.radiometry.files import write_text_whole
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+PART_S = 20.0           # for the next part of a body
 LOOPBACK = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 # code that anybody may read; it says nothing of a session
+REPORT_PATHS = re.compile(r"(/s/\d+)?/report|/static/report\.html")
+# what a browser asks for without headers: the page when it is opened, and a file to be saved
+QUERY_PATHS = re.compile(r"/|(/s/\d+)?/api/export")
 OPEN_PATHS = re.compile(r"/static/.*|(/s/\d+)?/page")
 # an empty <style> is let in: OpenSeadragon writes none of its own where the page has one
 EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
@@ -30,7 +35,9 @@ CONTENT_POLICY = (f"default-src 'none'; script-src 'self'; style-src 'self' {EMP
                   "img-src 'self' blob:; "
                   "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
                   "frame-ancestors 'self'")
-# the report is one file with its own script and style, and nothing else
+# The report is one file with its own script and style; a stranger may have written it. Fetched with
+# the token in a header, it is handed to a document that is served with this policy: a blob would
+# have that of the page, under which no script of a report runs.
 REPORT_POLICY = ("default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
                  "img-src data:; font-src data:; base-uri 'none'; form-action 'none'; "
                  "frame-ancestors 'self'; sandbox allow-scripts")
@@ -43,8 +50,8 @@ class Access:
     ----------
     app : ASGI application
     token : str
-        That every request but for static files must carry, as ``Authorization: Bearer`` or, where
-        a browser sends no headers, as ``?token=``.
+        That every request but for static files must carry, as ``Authorization: Bearer`` or, of
+        what a browser asks for without headers, as ``?token=``.
     """
 
     def __init__(self, app: Any, token: str) -> None:
@@ -58,7 +65,8 @@ class Access:
             return
         async def with_headers(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                policy = REPORT_POLICY if scope["path"].endswith("/report") else CONTENT_POLICY
+                policy = REPORT_POLICY if REPORT_PATHS.fullmatch(scope["path"]) \
+                    else CONTENT_POLICY
                 message["headers"] = [*message["headers"],
                                       (b"content-security-policy", policy.encode()),
                                       (b"x-content-type-options", b"nosniff"),
@@ -68,7 +76,7 @@ class Access:
 
         refusal = self._refusal(Request(scope))
         answer = self._app if refusal is None else JSONResponse({"error": refusal[0]}, refusal[1])
-        await answer(scope, receive, with_headers)
+        await answer(scope, _in_time(receive), with_headers)
 
     def _refusal(self, request: Request) -> tuple[str, int] | None:
         """Sentence and status; None where the request may be answered."""
@@ -87,11 +95,31 @@ class Access:
         scheme, _, given = request.headers.get("authorization", "").partition(" ")
         if scheme != "Bearer":
             # a form of another page can ask for an address, but knows no token
-            given = request.query_params.get("token", "") if request.method == "GET" else ""
+            given = request.query_params.get("token", "") if request.method == "GET" \
+                and QUERY_PATHS.fullmatch(request.scope["path"]) else ""
         if not hmac.compare_digest(given.encode(), self._token.encode()):
             return ("the token is missing or wrong: open the address that 'spectrabox open' "
                     "printed"), 403
         return None
+
+
+def _in_time(receive: Receive) -> Receive:
+    """A request whose body may pause, but not for long: it then counts as broken off."""
+    awaited = True
+
+    async def part() -> MutableMapping[str, Any]:
+        nonlocal awaited
+        if not awaited:         # what comes after the body is the end of the connection
+            return await receive()
+        try:
+            async with asyncio.timeout(PART_S):
+                message = await receive()
+        except TimeoutError:
+            message = {"type": "http.disconnect"}
+        awaited = message.get("more_body", False)
+        return message
+
+    return part
 
 
 class RedirectFile:

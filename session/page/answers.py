@@ -17,6 +17,7 @@ from spectrabox.session.page.access import Receive, Scope, Send
 PNG = b"\x89PNG"
 MAX_BODY = 200_000      # bytes of a mark: a polygon of ten thousand corners
 MAX_PHOTO = 1 << 29     # bytes of a photo that is dropped
+MAX_RECEIVED = 1 << 34  # bytes of all that a page is given while it is open
 DISCARD_S = 2.0         # for what comes of a request that has been refused
 Answer = Callable[[Request], Any]
 Received = contextlib.AbstractContextManager[tuple[IO[bytes], str]]
@@ -61,20 +62,31 @@ def receiving(received: Callable[[str], Received]) -> Answer:
     received : function
         Of the name that a browser gives, to an open file and the name under which it is kept.
     """
+    total = 0
+
     async def receive(request: Request) -> Response:
+        nonlocal total
+        size, kept = 0, False
         try:
             with received(request.query_params.get("name", "")) as (file, stored):
-                size = 0
                 async for part in request.stream():
-                    size += len(part)
+                    size, total = size + len(part), total + len(part)
                     if size > MAX_PHOTO:
                         raise InputError(f"a file of more than {MAX_PHOTO >> 20} MiB; copy it "
                                          "into a folder, and give its name to 'spectrabox open'")
+                    if total > MAX_RECEIVED:
+                        raise InputError(f"this page was given {MAX_RECEIVED >> 30} GiB since it "
+                                         "was opened; copy further files into the folder, or open "
+                                         "the page again")
                     await run_in_threadpool(file.write, part)
+            kept = True
         except ClientDisconnect:
             return refused("the file did not arrive whole", 400)
         except SpectraboxError as error:
             return refused(str(error), 409)
+        finally:
+            if not kept:        # nothing of it is left
+                total -= size
         return _json({"file": stored})
     return receive
 

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.files import read_text
 from spectrabox.session.config.session_schema import FILE_NAME
 
 REPORT, NUMBERS = "report.html", "report.json"
@@ -39,8 +41,9 @@ class LastReport:
         stamp = self.stamp()
         if self._verdict[0] != stamp:
             verdict = None
-            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-                numbers = json.loads((self.folder / NUMBERS).read_text(encoding="utf-8"))
+            with contextlib.suppress(SpectraboxError, OSError, ValueError, KeyError, TypeError,
+                                     RecursionError):
+                numbers = json.loads(read_text(self.folder / NUMBERS))
                 verdict = {"status": str(numbers["verdict"]["status"]),
                            "says": str(numbers["verdict"]["says"]),
                            "conditions": list(numbers["conditions"]),

@@ -9,11 +9,13 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from spectrabox.measure.captured import FlatCapture, Region
+from spectrabox.measure.extras import attempt
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
@@ -225,7 +227,8 @@ class LiveSample:
         if found is None or of is not self._require_ready():
             raise CheckError("the verdict on what is marked is still being worked out")
         with self._advising:
-            return found.advice.facts
+            return found.advice.facts | {
+                "failed": [] if found.failed_advice is None else [found.failed_advice.why]}
 
     def export(self, suffix: str) -> str:
         """A file of the spectra that are marked now: a table (.csv), or IES TM-27 (.spdx).
@@ -266,12 +269,11 @@ class LiveSample:
         while self._wanted.wait() and not self._ended:
             self._wanted.clear()
             config = self._config
-            try:
-                self._update(config)
-                if not self._wanted.wait(SETTLED_S):
-                    self._find_result()
-            except (SpectraboxError, OSError, MemoryError) as error:
-                self._error, self._sample = str(error), None
+            _, failed = attempt("spectra on the page", partial(self._update, config), None)
+            if failed is not None:
+                self._error, self._sample = failed.error, None
+            elif not self._wanted.wait(SETTLED_S):
+                self._find_result()
 
     def _find_result(self) -> None:
         """Work out verdict and conditions of what is marked now."""
@@ -280,12 +282,17 @@ class LiveSample:
             return
         found, described = None, None
         if any(region.given is None for region in sample.capture.regions.values()):
-            try:
-                found = result_now(sample, lambda name: self._drawn_region(sample, name)[1])
-                described = described_result(found)
-            except SpectraboxError as error:        # a region that is clipped, say
-                described = {"status": "fail", "says": str(error), "conditions": []}
+            now, failed = attempt("verdict", lambda: self._described_now(sample), None)
+            if failed is not None:                  # a region that is clipped, say
+                described = {"status": "fail", "says": failed.error, "conditions": []}
+            elif now is not None:
+                found, described = now
         self._result = sample, described, found
+
+    def _described_now(self, sample: PointedSample) -> tuple[FlatResult, dict[str, Any]]:
+        """The result of what is marked now, and what the page shows of it."""
+        found = result_now(sample, lambda name: self._drawn_region(sample, name)[1])
+        return found, described_result(found)
 
     def _update(self, config: FlatSession | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""

@@ -30,9 +30,10 @@ class RunControl:
 
     def __init__(self, folder: Path, options: tuple[str, ...] = ()) -> None:
         self.folder = folder
-        self._command = [sys.executable, "-m", "spectrabox", "run", str(folder), "--json",
+        # -P: no module comes from the working folder, which may be a stranger's session
+        self._command = [sys.executable, "-P", "-m", "spectrabox", "run", str(folder), "--json",
                          *options]
-        self._holder = [sys.executable, "-m", "spectrabox.session.page.held_run"]
+        self._holder = [sys.executable, "-P", "-m", "spectrabox.session.page.held_run"]
         self.when_ended: Callable[[], None] = lambda: None
         self._process: subprocess.Popen[str] | None = None
         self._lines: deque[str] = deque(maxlen=MAX_LINES)

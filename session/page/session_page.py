@@ -51,10 +51,13 @@ class SessionPage:
         Whether the session may name files elsewhere.
     run : RunControl, optional
         Of this session, where one has begun.
+    meter_ports : sequence of str
+        Of instruments, which the computer does not list.
     """
 
     def __init__(self, folder: Path, watched: Path | None = None,
-                 allow_outside: bool = False, run: RunControl | None = None) -> None:
+                 allow_outside: bool = False, run: RunControl | None = None,
+                 meter_ports: Sequence[str] = ()) -> None:
         self.folder = folder.resolve()
         self.photos = PhotoViews()
         self.marks = MarkedSession(self.folder, self.photos, allow_outside)
@@ -62,7 +65,7 @@ class SessionPage:
         self.run = run or RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
         self.live = LiveSample(self.run, self.photos)
         self.report = LastReport(self.folder)
-        self.meter = PageMeter(self.folder)
+        self.meter = PageMeter(self.folder, meter_ports)
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
         self._states: tuple[Any, list[dict[str, Any]]] = (None, [])

@@ -5,7 +5,7 @@ import contextlib
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -31,10 +31,12 @@ class StartPage:
     ----------
     folder : Path
         In which sessions are listed and made.
+    meter_ports : sequence of str
+        As of ``SessionPage``.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder.resolve()
+    def __init__(self, folder: Path, meter_ports: Sequence[str] = ()) -> None:
+        self.folder, self._meter_ports = folder.resolve(), meter_ports
         self.mount: Callable[[str, SessionPage], None] = lambda path, page: None
         self._pages: dict[Path, tuple[str, SessionPage]] = {}
         self._staging: Path | None = None
@@ -135,7 +137,8 @@ class StartPage:
         with self._lock:
             folder = self.folder / name
             if folder not in self._pages:
-                page, path = SessionPage(folder), f"/s/{len(self._pages) + 1}"
+                page = SessionPage(folder, meter_ports=self._meter_ports)
+                path = f"/s/{len(self._pages) + 1}"
                 self.mount(path, page)
                 page.start()
                 self._pages[folder] = path, page

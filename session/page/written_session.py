@@ -10,6 +10,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from spectrabox.capture.photo.orientation import AS_READ
 from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.radiometry.checked_tables import ListOf
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import plain
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.session.config.session_file import text_of
@@ -29,7 +30,7 @@ def tables_of(text: str) -> dict[str, Any]:
     """The tables of a session.toml; none where it is no TOML."""
     try:
         return tomllib.loads(text_of(text.encode()))
-    except (ValueError, RecursionError):
+    except (InputError, ValueError, RecursionError):
         return {}
 
 

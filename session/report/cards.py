@@ -15,7 +15,6 @@ from spectrabox.session.report.metamers import metamer_drawing
 from spectrabox.session.report.patch_colours import css_colour, hex_colour
 from spectrabox.session.report.small_figures import error_budget_bars
 from spectrabox.session.report.spectra import every_10_nm, spectrum_figure, surface_curves
-from spectrabox.session.report.svg import Drawing
 
 MAX_CAUSES, SMALL_SHARE = 3, 0.01     # of the spectrum's variance, named on a card
 UNTESTED = "band of untested coverage"
@@ -46,7 +45,7 @@ class Card:
     surface: SurfaceResult
     doubts: tuple[str, ...]         # in few words; empty where nothing speaks against the estimate
     figure: Markup
-    budget: Drawing | None
+    budget: Markup | None
     metamers: Metamers | None
     columns: tuple[str, ...]
     rows: list[list[float]]         # every 10 nm: the wavelength, then the columns

@@ -8,7 +8,7 @@ from spectrabox.measure.plot_style import INK, QUIET, band_colours
 from spectrabox.measure.words import SUPERSCRIPT, number
 from spectrabox.session.report.patch_colours import css_colour
 from spectrabox.session.report.pictures import LEVELS, coloured
-from spectrabox.session.report.svg import Plot, Readout, nice_ticks, plain_line
+from spectrabox.session.report.svg import Plot, Readout, figure, nice_ticks, plain_line
 
 MAX_TICKS = 24      # patches numbered along an axis
 WIDE, GOOD = 691.0, "#eef1f4"       # width in points of a figure across the page; the band of good
@@ -16,6 +16,7 @@ CELL = (43.0, 40.0)                 # width and height in points of a patch of t
 DARKEST = 80.0                      # per cent: the lower end of the irradiance's colours, at most
 
 
+@figure("the chart residuals")
 def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray | None,
                           bands: tuple[str, ...],
                           limit: float) -> Markup:
@@ -50,6 +51,7 @@ def chart_residual_figure(name: str, residuals: np.ndarray, held_out: np.ndarray
                       f"Relative residual of the {patches} patches in each band.")
 
 
+@figure("the irradiance over the chart")
 def irradiance_figure(name: str, irradiance: np.ndarray, rows: int) -> Markup:
     """Relative irradiance (I,) over the chart, row by row as printed.
 
@@ -79,6 +81,7 @@ def irradiance_figure(name: str, irradiance: np.ndarray, rows: int) -> Markup:
                       "Relative irradiance of each patch in per cent.")
 
 
+@figure("the convergence")
 def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     """Loss against iteration, logarithmic where all losses are positive; None where there is no
     history.

@@ -17,6 +17,7 @@ from spectrabox.session.report.pictures import (
 from spectrabox.session.report.svg import (
     MarkLink,
     Plot,
+    figure,
     nice_ticks,
     path,
     plain_line,
@@ -29,6 +30,7 @@ CHART, REGION, EDGE, RIM = "#ffffff", "#ffd34d", "#ff5a3c", "#000"
 CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 
+@figure("the photo")
 def photo_figure(name: str, photo: PhotoOfRegions, preview: Path,
                  links: Mapping[str, MarkLink]) -> Markup:
     """The photo with its chart and regions outlined, edges across these and the larger part beside
@@ -68,6 +70,7 @@ def photo_figure(name: str, photo: PhotoOfRegions, preview: Path,
                          if photo.edges else "."))
 
 
+@figure("the light over the photo")
 def light_figure(name: str, photo: PhotoOfRegions) -> Markup | None:
     """The light over the photo with contours of its error; None where it shows no region.
 

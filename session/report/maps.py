@@ -26,7 +26,7 @@ from spectrabox.session.report.pictures import (
     png_size,
     rgb_of,
 )
-from spectrabox.session.report.svg import MarkLink, Plot, plain_line
+from spectrabox.session.report.svg import MarkLink, Plot, figure, plain_line
 
 PANEL_PX = 320  # at least, of each picture of a comparison
 WIDE, GAP, TITLE = 691.0, 8.0, 14.0     # in points: a figure across the page, between its panels
@@ -85,6 +85,7 @@ def _stretched(made: Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.
                                                                       / stretch)
 
 
+@figure("photo and rendering")
 def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
                 bands: tuple[str, ...]) -> Markup:
     """Photo and rendering side by side, divided by white and stretched by one common factor.
@@ -109,6 +110,7 @@ def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
     return plot.drawn("Photo and rendering", f"Bands {shown} shown as red, green and blue.")
 
 
+@figure("the photo")
 def linked_photo(name: str, made: Reconstruction, fit: SensitivityFit,
                  links: Mapping[str, MarkLink]) -> Markup:
     """The photo alone; every surface leads to the card of its material.
@@ -162,6 +164,7 @@ def _signed_percent(value: float) -> str:
     return f"{100 * value:+g} %".replace("-", "−") if value else "0"
 
 
+@figure("the residuals")
 def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> Markup:
     """One signed residual map per band, all on one scale; pixels that were not used are hatched.
 
@@ -202,6 +205,7 @@ def surface_colours(count: int) -> list[str]:
     return [LIGHT_COLOURS[s % len(LIGHT_COLOURS)] for s in range(count)]
 
 
+@figure("the surfaces")
 def surface_figure(name: str, made: Reconstruction) -> Markup:
     """Surfaces in false colour, each with its number; pixels of none are grey."""
     count, (height, width) = len(made.agreement.names), made.surface.shape
@@ -282,6 +286,7 @@ def geometry_section(geometry: SceneGeometry | None,
         for number, view in enumerate(geometry.views, start=1)])
 
 
+@figure("the marks on the photo")
 def _marks_figure(number: int, view: MarkedView, preview: Path) -> Markup:
     """The photo with the scene's edges, rings where corners were marked, crosses where the camera
     sees them.

@@ -6,6 +6,7 @@ from typing import Any
 from markupsafe import Markup
 
 from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
+from spectrabox.session.report.svg import figure
 
 WIDTH, HEIGHT = 300, 90         # of the drawing, in its own unit
 COLOURS = ("#1f4e8c", "#b3261e")
@@ -17,6 +18,7 @@ def metamer_facts(pair: MetamerPair) -> dict[str, Any]:
             "delta_e00": dict(zip(LIGHTS, pair.delta_e00.tolist(), strict=True))}
 
 
+@figure("spectra that look alike")
 def metamer_drawing(pair: MetamerPair) -> Markup:
     """Both spectra as a small drawing: 0 to 1 upwards, the wavelengths of their grid across."""
     nm = pair.grid.nm

@@ -4,14 +4,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jinja2
 from markupsafe import Markup
 
 from spectrabox.measure import words
+from spectrabox.measure.extras import FailedExtra, attempt, different
 from spectrabox.measure.plot_style import band_colours
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.results.flat_result import FlatResult, PhotoOfRegions
@@ -52,7 +53,7 @@ from spectrabox.session.report.sections import (
 )
 from spectrabox.session.report.small_figures import field_whiskers
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
-from spectrabox.session.report.svg import Drawing, MarkLink
+from spectrabox.session.report.svg import Drawing, MarkLink, MissingDrawing
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -61,19 +62,66 @@ FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "nu
            "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
 # a number and its unit stay on one line, "0.8 %" is written one way; not in scripts and styles
 UNITS = re.compile(r"<(script|style)\b.*?</\1>|>[^<]+", re.DOTALL)
+Kind = TypeVar("Kind", bound=Markup)
 NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:nm|px|s|mm|cm|m|K)\b)|(?<=\d) ?(?=%(?!\.?\w))")
 
 
 @dataclass(frozen=True)
 class RenderedReport:
-    """A page, and the JSON that it embeds."""
+    """A page, the JSON that it embeds, and what of the session's extras could not be made."""
 
     page: str
     numbers: str
+    failed: tuple[FailedExtra, ...] = ()
 
 
 def write_report(results: SessionResults) -> Path:
+    """Write the report of a session.
+
+    Parameters
+    ----------
+    results : SessionResults
+
+    Returns
+    -------
+    Path
+        As of ``store_report``.
+
+    Raises
+    ------
+    EnvironmentProblem
+        Likewise.
+    """
+    return store_report(rendered_report(results), results.folder)
+
+
+def rendered_report(results: SessionResults) -> RenderedReport:
+    """The report; a plain page of what the terminal says where the full one cannot be laid out.
+
+    Parameters
+    ----------
+    results : SessionResults
+    """
+    report, failed = attempt("full report", lambda: render_report(results), None)
+    if report is not None:
+        return report
+    assert failed is not None
+    every = (*results.found.failed_extras, failed)
+    text = f"{results.text()}\nnote: {failed.why}"
+    page = Markup('<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Spectrabox '
+                  "report: {}</title></head><body><h1>{}</h1><pre>{}</pre></body></html>\n").format(
+        results.name, results.name, text)
+    return RenderedReport(str(page), json_for_script(
+        results.facts() | {"failed_extras": [one.facts for one in every]}), every)
+
+
+def store_report(report: RenderedReport, folder: Path) -> Path:
     """Write ``report.html`` and ``report.json`` into the session folder, each whole or not at all.
+
+    Parameters
+    ----------
+    report : RenderedReport
+    folder : Path
 
     Returns
     -------
@@ -82,13 +130,9 @@ def write_report(results: SessionResults) -> Path:
 
     Raises
     ------
-    InputError
-        If a picture that the report embeds is missing.
     EnvironmentProblem
         If the folder cannot be written; an older report is left as it was.
     """
-    report = render_report(results)
-    folder = results.folder
     with whole_file(folder / NUMBERS_NAME) as numbers, whole_file(folder / PAGE_NAME) as page:
         for path, text in ((numbers, report.numbers + "\n"), (page, report.page)):
             path.write_bytes(text.encode("utf-8", "backslashreplace"))
@@ -105,14 +149,17 @@ def render_report(results: SessionResults) -> RenderedReport:
     else:
         kind = _scene_page(found, results, links)
     content = _content(results, kind, cards)
+    failed = different((*found.failed_extras, *content.pop("failed"),
+                        *(missing.failed for missing in _of_kind(content, MissingDrawing))))
     written = json_for_script(report_numbers(results) | kind.numbers | {
+        "failed_extras": [one.facts for one in failed],
         "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
-                  for drawing in _drawings(content)},
+                  for drawing in _of_kind(content, Drawing)},
         "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
     page = templates().get_template("report.html.j2").render(
-        content | {"numbers": written, "style": style_sheet(),
+        content | {"failed": failed, "numbers": written, "style": style_sheet(),
                    "script": _texts(PIECES / "spectra.js", TEMPLATES / "report.js")})
-    return RenderedReport(UNITS.sub(_with_units_kept, page), written)
+    return RenderedReport(UNITS.sub(_with_units_kept, page), written, failed)
 
 
 def _with_units_kept(part: re.Match[str]) -> str:
@@ -147,7 +194,7 @@ class KindOfPage:
     numbers: dict[str, Any]         # of its JSON
     sections: dict[str, Any]        # for its templates, by the names that they know
     chart_overlay: bool             # whether the chart is shown on a picture of its own
-    pictures: dict[str, str]        # by title, as data URIs
+    pictures: dict[str, Path]       # by title
     files: tuple[tuple[str, str], ...] = ()     # beside the page, and what is in each
 
 
@@ -157,12 +204,19 @@ def _flat_page(found: FlatResult, results: SessionResults,
     photos = [PhotoSection(photo, flat_figures.photo_figure(
                                f"photo-{number}", photo, results.previews[photo.view], links),
                            flat_figures.light_figure(f"light-map-{number}", photo),
-                           field_whiskers(photo.light))
+                           _whiskers(photo))
               for number, photo in enumerate(found.photos, start=1)]
     return KindOfPage(scene=False, surfaces="Regions", numbers=flat_numbers(found),
                       sections={"photos": photos, "geometry": None},
                       chart_overlay=all(photo.chart_px is None for photo in found.photos),
                       pictures={})
+
+
+def _whiskers(photo: PhotoOfRegions) -> dict[str, Markup]:
+    """By region its light with its error, or why that is not drawn."""
+    drawn, failed = attempt("picture of the light on regions", lambda: field_whiskers(photo.light),
+                            {})
+    return drawn if failed is None else dict.fromkeys(photo.light, MissingDrawing(failed))
 
 
 def _scene_page(found: SceneResult, results: SessionResults,
@@ -182,8 +236,7 @@ def _scene_page(found: SceneResult, results: SessionResults,
                   "geometry": geometry_section(found.geometry, results.previews),
                   "loss": loss_figure("loss", fit.loss_history)},
         chart_overlay=True,
-        pictures={f"photo {view.name}": picture_data_uri(results.previews[view.name])
-                  for view in found.views},
+        pictures={f"photo {view.name}": results.previews[view.name] for view in found.views},
         files=(("materials.xml", "for Mitsuba"),))
 
 
@@ -200,14 +253,22 @@ class PhotoSection:
 def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> dict[str, Any]:
     """What the templates of the page know, by name."""
     found, verdict = results.found, results.found.verdict
-    pictures = dict(kind.pictures)
+    files = dict(kind.pictures)
     if kind.chart_overlay and found.chart is not None:
-        pictures["chart"] = picture_data_uri(results.chart_overlay)
-    pictures |= {title: picture_data_uri(path) for title, path in results.picture_maps}
+        files["chart"] = results.chart_overlay
+    pictures, missing = {}, []
+    for title, path in (files | dict(results.picture_maps)).items():
+        picture, failed = attempt(f"picture {title!r}", partial(picture_data_uri, path), None)
+        if picture is not None:
+            pictures[title] = picture
+        if failed is not None:
+            missing.append(failed)
+    chart, failed_chart = attempt("section on the chart", lambda: chart_section(found), None)
     light = found.calibration.light
     return kind.sections | {
         "results": results, "found": found, "verdict": verdict, "kind": kind,
         "pictures": pictures, "picture": found.picture,
+        "failed": [*missing, *(() if failed_chart is None else (failed_chart,))],
         "bands": list(zip(found.bands, band_colours(found.bands), strict=True)),
         "cards": cards, "assumed_of_all": assumed_of_all(found.surfaces),
         "tested_families": tested_families(found.surfaces),
@@ -217,7 +278,7 @@ def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> di
         "problems": sorted((c for c in verdict.criteria if not c.passed),
                            key=lambda c: -c.status.value),
         "passed": [c for c in verdict.criteria if c.passed], "files": _files(found, kind),
-        "chart": chart_section(found), "held_out_rms": held_out_rms(found),
+        "chart": chart, "held_out_rms": held_out_rms(found),
         "sensitivity_figure": sensitivity_figure("sensitivity", found.calibration.sensitivity,
                                                  found.bands, results.sensitivity_truth),
         "scale": None if found.light_scale is None else scale_words(found.light_scale),
@@ -263,15 +324,15 @@ def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,
 SECTIONS = (AgreementSection, Card, ChartSection, GeometrySection, Metamers, PhotoSection)
 
 
-def _drawings(content: Any) -> Iterator[Drawing]:
-    """Every drawing among the values of a page."""
-    if isinstance(content, Drawing):
+def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:
+    """Every drawing of a kind among the values of a page."""
+    if isinstance(content, kind):
         yield content
     elif isinstance(content, dict):
         for value in content.values():
-            yield from _drawings(value)
+            yield from _of_kind(value, kind)
     elif isinstance(content, list | tuple):
         for value in content:
-            yield from _drawings(value)
+            yield from _of_kind(value, kind)
     elif isinstance(content, SECTIONS):
-        yield from _drawings(vars(content))
+        yield from _of_kind(vars(content), kind)

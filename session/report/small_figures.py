@@ -12,7 +12,7 @@ from spectrabox.measure.plot_style import band_colours
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.words import fixed
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.session.report.svg import Drawing, plain_line, rounded
+from spectrabox.session.report.svg import Drawing, figure, plain_line, rounded
 
 LEFT, WIDTH, ROW, GAP = 48.0, 480.0, 34.0, 10.0    # of the share of the prior, in SVG units
 HALF = 0.5              # share above which the prior decides
@@ -22,6 +22,7 @@ SIGMA = 2.0             # standard errors either side of a whisker
 MAX_COLUMNS = 4         # bands whose errors are written out; of more, the least and the largest
 
 
+@figure("the share of the prior")
 def prior_share_figure(name: str, share: np.ndarray, grid: WavelengthGrid,
                        bands: tuple[str, ...]) -> Drawing:
     """One area a band: 0 where the chart decides, full height where nothing but the prior speaks.
@@ -102,6 +103,7 @@ def field_whiskers(light: Mapping[str, tuple[float, float]]) -> dict[str, Markup
         for name, (level, error) in light.items()}
 
 
+@figure("the error budget")
 def error_budget_bars(name: str, surface: SurfaceResult) -> Drawing | None:
     """A table with a bar for each cause and band: relative standard error of the surface's signal;
     None where no cause was stated.

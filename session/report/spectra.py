@@ -23,6 +23,7 @@ from spectrabox.session.report.svg import (
     LEFT,
     Plot,
     Readout,
+    figure,
     nice_ticks,
     plain_line,
 )
@@ -72,6 +73,7 @@ def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[floa
             for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
 
 
+@figure("the spectrum")
 def spectrum_figure(name: str, surface: SurfaceResult) -> Markup:
     """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one
     was measured.
@@ -107,6 +109,7 @@ def spectrum_figure(name: str, surface: SurfaceResult) -> Markup:
                       "numbers.", Readout(nm, curves, "Wavelength", "nm"))
 
 
+@figure("the sensitivities")
 def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
                        truth: tuple[np.ndarray, np.ndarray] | None) -> Markup:
     """Sensitivities with two standard errors either side, and the measured curves where given.
@@ -149,6 +152,7 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
                       Readout(nm, series, "Wavelength", "nm"))
 
 
+@figure("the light")
 def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = None) -> Markup:
     """The light spectrum, with two standard errors either side where they are stated; what the
     chart says of it, with its band, where nobody stated it.

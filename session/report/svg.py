@@ -5,14 +5,16 @@ Drawn without a plotting library: loading one and drawing with it took most of a
 """
 from __future__ import annotations
 
+import functools
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numpy as np
 from markupsafe import Markup, escape
 
+from spectrabox.measure.extras import FailedExtra, attempt
 from spectrabox.measure.plot_style import INK, QUIET
 from spectrabox.session.report.safe_json import json_for_script
 
@@ -25,6 +27,8 @@ NARROW = 468.0              # wider figures scroll on a telephone instead of shr
 GRID = "#e3e6ea"
 NICE_STEPS = (1, 2, 2.5, 5, 10)
 DASHED, DOTTED = "3.5 1.5", "1 1.3"
+Arguments = ParamSpec("Arguments")
+Figure = TypeVar("Figure")
 
 
 class Drawing(Markup):
@@ -39,6 +43,36 @@ class Drawing(Markup):
         drawing = super().__new__(cls, fragment)
         drawing.name, drawing.heading, drawing.axes = name, title, axes
         return drawing
+
+
+class MissingDrawing(Markup):
+    """What stands in the place of a figure that could not be drawn."""
+
+    failed: FailedExtra
+
+    def __new__(cls, failed: FailedExtra) -> MissingDrawing:
+        missing = super().__new__(cls, Markup('<p class="quiet">There is {}.</p>').format(
+            failed.why))
+        missing.failed = failed
+        return missing
+
+
+def figure(words: str) -> Callable[[Callable[Arguments, Figure]],
+                                   Callable[Arguments, Figure | MissingDrawing]]:
+    """Marks a function that draws a figure: where it fails, the page has a sentence in its place.
+
+    Parameters
+    ----------
+    words : str
+        What the figure shows, after "picture of".
+    """
+    def marked(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure | MissingDrawing]:
+        @functools.wraps(draw)
+        def drawn(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure | MissingDrawing:
+            made, failed = attempt(f"picture of {words}", lambda: draw(*args, **kwargs), None)
+            return cast(Figure, made) if failed is None else MissingDrawing(failed)
+        return drawn
+    return marked
 
 
 @dataclass(frozen=True)
@@ -344,7 +378,7 @@ def plain_line(text: str, longest: int = 60) -> str:
 def rounded(values: Any) -> np.ndarray:
     """Numbers to six significant digits."""
     array = np.asarray(values, dtype=float)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scale = 10.0 ** (DIGITS - 1 - np.floor(np.log10(np.abs(array))))
         return np.where(np.isfinite(scale), np.round(array * scale) / scale, array)
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib import color_sequences
+from matplotlib import color_sequences, style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -25,14 +25,15 @@ def write_plot(path: Path, estimates: Sequence[SignalEstimate]) -> None:
         Ends in .png.
     estimates : sequence of SignalEstimate
     """
-    figure = Figure(figsize=SIZE_IN, layout="constrained")
-    axes = figure.add_subplot()
-    for number, one in enumerate(estimates):
-        nm, colour = one.wavelengths_nm, color_sequences["tab10"][number % 10]
-        axes.fill_between(nm, one.lower, one.upper, color=colour, alpha=0.25, lw=0)
-        axes.plot(nm, one.mean, color=colour, lw=1.6,
-                  label=one.name or f"mean and {one.level:.0%} band")
-    frame_reflectance(axes, nm, np.max([one.upper for one in estimates], axis=0))
-    axes.legend(frameon=False, fontsize="small")
-    with whole_file(path) as unfinished:
-        FigureCanvasAgg(figure).print_png(str(unfinished))
+    with style.context("default"):      # not as a matplotlibrc of the working folder has it
+        figure = Figure(figsize=SIZE_IN, layout="constrained")
+        axes = figure.add_subplot()
+        for number, one in enumerate(estimates):
+            nm, colour = one.wavelengths_nm, color_sequences["tab10"][number % 10]
+            axes.fill_between(nm, one.lower, one.upper, color=colour, alpha=0.25, lw=0)
+            axes.plot(nm, one.mean, color=colour, lw=1.6,
+                      label=one.name or f"mean and {one.level:.0%} band")
+        frame_reflectance(axes, nm, np.max([one.upper for one in estimates], axis=0))
+        axes.legend(frameon=False, fontsize="small")
+        with whole_file(path) as unfinished:
+            FigureCanvasAgg(figure).print_png(str(unfinished))

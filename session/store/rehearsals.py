@@ -30,7 +30,7 @@ def stored_rehearsal(config: SessionConfig) -> Rehearsed | None:
         materials = tuple(RehearsedMaterial(**{**each, "ranks": tuple(each["ranks"])})
                           for each in stored.pop("materials"))
         return Rehearsed(**stored, materials=materials)
-    except (FileNotFoundError, ValueError, TypeError, AttributeError, KeyError):
+    except (FileNotFoundError, ValueError, TypeError, AttributeError, KeyError, RecursionError):
         return None
 
 

@@ -50,10 +50,9 @@ def write_surface_files(found: CaptureResult, folder: Path, title: str) -> list[
     return [*texts]
 
 
-def write_comparisons(found: SceneResult, folder: Path, bsdfs: Mapping[str, str],
-                      scene: SceneFile | None) -> list[Path]:
-    """Write materials.xml, and photo, rendering and residual of every view of a scene: as EXR, and
-    a PNG to look at.
+def write_materials(found: SceneResult, folder: Path, bsdfs: Mapping[str, str],
+                    scene: SceneFile | None) -> Path:
+    """Write materials.xml of a scene, for Mitsuba.
 
     Parameters
     ----------
@@ -66,11 +65,28 @@ def write_comparisons(found: SceneResult, folder: Path, bsdfs: Mapping[str, str]
 
     Returns
     -------
+    Path
+        The file.
+    """
+    file = folder / "materials.xml"
+    write_text_whole(file, materials_xml(*bsdf_reflectances(found, bsdfs), scene, folder))
+    return file
+
+
+def write_comparisons(found: SceneResult, folder: Path) -> list[Path]:
+    """Write photo, rendering and residual of every view of a scene: as EXR, and a PNG to look at.
+
+    Parameters
+    ----------
+    found : SceneResult
+    folder : Path
+
+    Returns
+    -------
     list of Path
         Every file.
     """
-    files = [folder / "materials.xml"]
-    write_text_whole(files[0], materials_xml(*bsdf_reflectances(found, bsdfs), scene, folder))
+    files = []
     views = [("comparison", found.reconstruction, found.calibration, found.bands)]
     views += [(f"comparison {file_stem(view.name)}", view.reconstruction, view.calibration,
                view.bands) for view in found.views]

@@ -11,18 +11,26 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import cached_property, update_wrapper
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
+from spectrabox.radiometry.errors import (
+    EnvironmentProblem,
+    InputError,
+    SpectraboxError,
+    interrupt_behind,
+)
 from spectrabox.radiometry.system.words import message, plain
 from spectrabox.session.terminal.command_help import is_repeated, parameter_of
 from spectrabox.session.terminal.json_values import to_json
+
+if TYPE_CHECKING:
+    from spectrabox.measure.extras import FailedExtra
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
                                         show_default=False)]
@@ -85,6 +93,7 @@ class Answer:
     facts: Mapping[str, Any]
     text: str
     exit_code: int = 0
+    failed: Sequence[FailedExtra] = ()      # extras; facts and text name them
 
 
 class Command:
@@ -138,6 +147,8 @@ class Command:
             answer = self.body(**{name: _value_of(each, values)
                                   for name, each in self.written.parameters.items()})
             if answer is not None:
+                for one in answer.failed if as_json or values["debug"] else ():
+                    tell(one.traceback if values["debug"] else f"note: {one.sentence}")
                 print_answer(as_json, answer)
 
 
@@ -309,20 +320,6 @@ def flushed_output() -> Iterator[None]:
             if isinstance(sys.stdout, Output):
                 sys.stdout.drop()
             raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
-
-
-def interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """The interrupt that an error began as: Dr.Jit wraps a Ctrl-C that falls into the tracing of a
-    loop in an error of its own.
-    """
-    causes: list[BaseException] = []
-    cause: BaseException | None = error
-    while cause is not None and cause not in causes:
-        if isinstance(cause, KeyboardInterrupt):
-            return cause
-        causes.append(cause)
-        cause = cause.__cause__ or cause.__context__
-    return None
 
 
 def fail(as_json: bool, sentence: str, exit_code: int) -> NoReturn:

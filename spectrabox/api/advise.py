@@ -93,10 +93,12 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path | No
     if isinstance(known, Session):
         known = known.spectra
     if isinstance(known, MeasuredSpectra):
-        return known.advice if hand is None else known.found.advise(hand).overall
+        if hand is None and known.found.failed_advice is None:
+            return known.advice
+        return known.found.advise(hand).overall
     if isinstance(known, SpectrumEstimate):
         if hand is None and camera is None:
-            return known.advice
+            return known.advise() if known.failed_extras else known.advice
         if known.measurement is None or known.prior is None or known.measurement.states is not None:
             raise InputError(f"lamps and filters are weighed for all regions of a photo together: "
                              f"give the result that {known.name!r} is of")

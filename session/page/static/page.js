@@ -4,7 +4,7 @@ import { showAdvice } from "./advice.js";
 import * as inspector from "./inspector.js";
 import * as panels from "./panels.js";
 import { PhotoView } from "./photo.js";
-import { address, ask, base, get, upload } from "./server.js";
+import { ask, base, get, upload } from "./server.js";
 import { follow, freeName, mark, refresh, regions, say, send, session, severalPhotos, state } from "./session.js";
 import { problemsOf, stateWords, upToDate, verdictOf } from "./words.js";
 
@@ -150,9 +150,17 @@ function update() {
   show();
   if (now.report !== reportStamp && !now.run.running) {
     reportStamp = now.report;
-    if (now.report !== null) $("report-frame").src = address("/report", { at: now.report });
+    if (now.report !== null) loadReport(now.report);
   }
   if (saving && !now.run.running && !now.run.waiting) { saving = false; if (now.run.verdict) showReport(true); }
+}
+// A report may be a stranger's: its frame has an origin of its own, and no address with the token.
+async function loadReport(stamp) {
+  try {
+    const html = await (await ask("/report")).text(), frame = $("report-frame");
+    frame.addEventListener("load", () => frame.contentWindow.postMessage(html, "*"), { once: true });
+    frame.src = `/static/report.html?${new URLSearchParams({ at: stamp })}`;
+  } catch (error) { say(error.message); }
 }
 function show() {
   const now = session.state; if (!now) return;

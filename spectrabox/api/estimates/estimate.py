@@ -15,6 +15,7 @@ from spectrabox.api.arguments import KnownSpectrum, as_reflectance_at
 from spectrabox.api.estimates.estimate_tables import estimates_to_csv, estimates_to_xarray
 from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure.advice.advice import Advice
+from spectrabox.measure.extras import FailedExtra, attempt
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
 from spectrabox.measure.results.surface_result import VALID_OUTCOMES
 from spectrabox.measure.surfaces.colour_comparison import Colour
@@ -92,12 +93,23 @@ class SpectrumEstimate:
     # forecasts what to do next, which takes a while: called when it is asked for
     advise: Callable[[], tuple[Advice, ...]] = tuple
 
-    @cached_property
+    @property
     def advice(self) -> tuple[Advice, ...]:
         """What to do next, the best first: each with its cost, and the width of the band and the
-        error of the colour to be expected after it.
+        error of the colour to be expected after it. Nothing where that failed, as
+        ``failed_extras`` says.
         """
-        return self.advise()
+        return self._advised[0]
+
+    @property
+    def failed_extras(self) -> tuple[FailedExtra, ...]:
+        """Why there is no advice, where it failed: with ``extra``, ``error`` and ``traceback``."""
+        failed = self._advised[1]
+        return () if failed is None else (failed,)
+
+    @cached_property
+    def _advised(self) -> tuple[tuple[Advice, ...], FailedExtra | None]:
+        return attempt("advice", self.advise, ())
 
     @property
     def nm(self) -> np.ndarray:

@@ -10,6 +10,7 @@ from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.captured import Capture
+from spectrabox.measure.extras import FailedExtra
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
 from spectrabox.measure.surfaces.surface_signals import alone, errors_by_cause, measurement
@@ -80,6 +81,13 @@ class MeasuredSpectra(SpectrumEstimates):
         """
         return self.found.advice.overall
 
+    @property
+    def failed_extras(self) -> tuple[FailedExtra, ...]:
+        """What of that which is no part of the answer could not be made, such as the advice: each
+        with ``extra``, ``error`` and ``traceback``.
+        """
+        return self.found.failed_extras
+
     def compare(self, first: str, second: str) -> ColourComparison:
         """How two surfaces differ, in spectrum and colour, and whether the camera tells them apart.
 
@@ -147,7 +155,9 @@ def advice_of(found: CaptureResult, name: str) -> tuple[Advice, ...]:
     name : str
         Of the surface.
     """
-    return found.advice.by_surface.get(name, ())
+    # of advice that failed once more by itself: its error is what is known of it
+    of_all = found.advise() if found.failed_advice else found.advice
+    return of_all.by_surface.get(name, ())
 
 
 def prior_of(capture: Capture, name: str) -> LogitMixture | None:

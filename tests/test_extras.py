@@ -1,0 +1,252 @@
+"""What is extra takes nothing away: where advice, comparison, edition or a picture fails, the
+answer stands, the fault is named wherever the answer is shown, and the exit code is that of the
+answer.
+"""
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flat_example import rect_of, write_flat
+from inline_workers import inline_workers
+from session_runs import call
+
+import spectrabox as sb
+from spectrabox.measure.advice.flat_actions import flat_photos_of, with_lamp_moved, with_level
+from spectrabox.measure.advice.forecast import Unknown, outlook_after
+from spectrabox.measure.extras import attempt
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.spectrum_files import read_table
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
+from spectrabox.session.batch.batch import kept_outcomes, run_batch
+from spectrabox.session.batch.manifest import program_of_batch
+from spectrabox.session.batch.overview import batch_facts, batch_text, write_page
+from spectrabox.session.batch.tasks import Order
+
+from benchmarks.bench_extras import Tally, answers_of, drawn_case
+
+WHY = "planted: zero-size array"
+# functions without which an extra cannot be made, and what the extra is called
+OF_A_REPORT = {
+    "spectrabox.measure.results.capture_result.advice_on_capture": "advice",
+    "spectrabox.measure.results.surface_result.metamer_pair":
+        "comparison of spectra that look alike",
+    "spectrabox.session.report.metamers.Markup": "picture of spectra that look alike",
+    "spectrabox.session.report.page.field_whiskers": "picture of the light on regions",
+    "spectrabox.session.report.flat_figures.picture_data_uri": "picture of the photo",
+    "spectrabox.session.report.flat_figures._colour_bar": "picture of the light over the photo",
+    "spectrabox.session.report.spectra.surface_curves": "picture of the spectrum",
+    "spectrabox.session.report.small_figures.band_colours": "picture of the error budget",
+    "spectrabox.session.report.figures.css_colour": "picture of the irradiance over the chart",
+    "spectrabox.session.report.sections.swatch_pairs": "section on the chart",
+    "spectrabox.session.report.page.render_report": "full report"}
+
+
+def fails(*_, **__):
+    raise ValueError(WHY)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A session of flat samples that was run, and its answer."""
+    folder = write_flat(tmp_path_factory.mktemp("extras") / "flat")
+    outcome = call("run", folder, "--json", "--quiet")
+    facts = json.loads(outcome.stdout)
+    assert facts["failed_extras"] == [] and facts["advice"]["overall"]
+    return folder, facts
+
+
+@pytest.fixture
+def session(measured, tmp_path):
+    """The same, to be changed; its report is not up to date, so that all is made again."""
+    folder, facts = measured
+    own = shutil.copytree(folder, tmp_path / "flat")
+    shutil.rmtree(own / "results" / "report")
+    return own, facts
+
+
+def same_answer(facts, expected):
+    """Whether everything but the extras is as it was."""
+    extras = {"advice", "failed_extras", "report", "spectra", "stages", "seconds"}
+    assert {name: value for name, value in facts.items() if name not in extras} == {
+        name: value for name, value in expected.items() if name not in extras}
+
+
+@pytest.mark.parametrize("needed, extra", OF_A_REPORT.items())
+def test_an_extra_that_fails_is_named_and_the_answer_stands(session, monkeypatch, needed, extra):
+    folder, expected = session
+    with monkeypatch.context() as planted:
+        planted.setattr(needed, fails)
+        outcome = call("run", folder, "--json", "--quiet")
+        again = call("run", folder)
+        debugged = call("report", folder, "--debug", "--json")
+    facts = json.loads(outcome.stdout)
+    assert outcome.exit_code == again.exit_code == debugged.exit_code == 0
+    same_answer(facts, expected)
+    named = {"extra": extra, "error": f"ValueError: {WHY}"}
+    assert named in facts["failed_extras"] and named in json.loads(debugged.stdout)["failed_extras"]
+    note = f"note: no {extra}: ValueError: {WHY}"
+    assert note in outcome.stderr and note in again.stdout and note not in again.stderr
+    assert "--debug" in again.stdout and "Traceback" not in again.stderr
+    assert "in fails" in debugged.stderr and "Traceback" in debugged.stderr
+    assert WHY in (folder / "report.html").read_text(encoding="utf-8")
+    assert named in json.loads((folder / "report.json").read_text("utf-8"))["failed_extras"]
+    assert (folder / "spectra.csv").is_file()
+    # once it works it is there again, without a stage that is run
+    mended = json.loads(call("run", folder, "--json", "--quiet").stdout)
+    assert mended["failed_extras"] == [] and mended["advice"] == expected["advice"]
+    assert {stage["state"] for stage in mended["stages"]} == {"kept"}
+
+
+@pytest.mark.parametrize("needed, extra", [
+    ("spectrabox.measure.steps.photos.signal_rgb8", "picture 'preview'"),
+    ("spectrabox.measure.steps.charts.chart_overlay", "picture 'overlay'")])
+def test_a_picture_that_a_stage_cannot_draw_is_a_note(measured, tmp_path, monkeypatch, needed,
+                                                      extra):
+    folder, expected = measured
+    own = tmp_path / "flat"
+    shutil.copytree(folder, own, ignore=shutil.ignore_patterns("results", "report.*"))
+    monkeypatch.setattr(needed, fails)
+    outcome = call("run", own, "--json", "--quiet")
+    facts = json.loads(outcome.stdout)
+    assert outcome.exit_code == 0
+    same_answer(facts | {"warnings": []}, expected | {"warnings": []})
+    assert f"no {extra}: ValueError: {WHY}" in facts["warnings"]
+
+
+def test_a_scene_stands_without_the_pictures_that_compare_it(_finished, tmp_path, monkeypatch):
+    folder = shutil.copytree(_finished, tmp_path / "box")
+    monkeypatch.setattr("spectrabox.session.store.surface_files.comparison_rgb8", fails)
+    monkeypatch.setattr("spectrabox.session.report.maps._panels", fails)
+    facts = json.loads(call("run", folder, "--json", "--quiet").stdout)
+    named = {one["extra"] for one in facts["failed_extras"]}
+    assert {"comparison of photo and rendering", "picture of photo and rendering",
+            "picture of the residuals"} <= named
+    assert (folder / "materials.xml").is_file() and facts["materials"]
+
+
+def test_a_chart_is_judged_without_its_edition(measured, monkeypatch):
+    folder, _ = measured
+    photo = folder / "photos" / "sample.dng"
+    good = json.loads(call("chart", photo, "--json").stdout)
+    monkeypatch.setattr("spectrabox.measure.chart_edition.calibrate_chart", fails)
+    outcome = call("chart", photo, "--json")
+    facts = json.loads(outcome.stdout)
+    assert outcome.exit_code == 0 and f"ValueError: {WHY}" in facts["edition"]["says"]
+    assert facts["failed_extras"] == [{"extra": "edition of the chart",
+                                       "error": f"ValueError: {WHY}"}]
+    changed = {"edition", "failed_extras"}
+    assert {key: facts[key] for key in facts if key not in changed} == {
+        key: good[key] for key in good if key not in changed}
+    assert "note: no edition of the chart" in call("chart", photo).stdout
+    found = sb.find_chart(sb.open_photo(photo)).edition
+    assert found.edition is None and WHY in found.failed.traceback
+
+
+def test_a_batch_names_what_failed_and_tries_it_again(measured, tmp_path, monkeypatch):
+    folder, expected = measured
+    own = shutil.copytree(folder, tmp_path / "flat").resolve()
+    order = Order((own,), tmp_path / "out", "cpu", False, program_of_batch())
+    with monkeypatch.context() as planted:
+        planted.setattr("spectrabox.session.batch.tasks.picture_data_uri", fails)
+        (outcome,) = run_batch(order, [own], inline_workers()[1])
+    why = f"no picture of the photo: ValueError: {WHY}"
+    assert (outcome.state, outcome.verdict, outcome.failed_extras) == (
+        "done", expected["verdict"], (why,))
+    page = write_page(order.out, [outcome], 1)
+    assert why in page.read_text(encoding="utf-8") and why in batch_text([outcome], 0, page)
+    assert batch_facts([outcome], 0, page, 1)["sessions"][0]["failed_extras"] == [why]
+    assert not kept_outcomes(order)
+    (mended,) = run_batch(order, [own], inline_workers()[1])
+    assert not mended.failed_extras and [*kept_outcomes(order)] == [own]
+
+
+def test_the_library_returns_the_answer_without_its_advice(measured, monkeypatch):
+    folder, _ = measured
+    result = None
+    monkeypatch.setattr("spectrabox.measure.results.capture_result.advice_on_capture", fails)
+    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")}, progress=False)
+    assert result["cube"].mean.shape and result.facts()["regions"]
+    assert result.advice == result["cube"].advice == ()
+    (failed,) = result.failed_extras
+    assert (failed.extra, failed.error) == ("advice", f"ValueError: {WHY}")
+    assert "in fails" in failed.traceback and failed.sentence in result.text()
+    assert result["cube"].failed_extras[0].error == failed.error
+    for known in (result, result["cube"]):      # who asks for advice alone is told why
+        with pytest.raises(ValueError, match=WHY):
+            sb.advise(known)
+
+
+def test_an_interrupt_is_no_failure():
+    class FromTheRenderer(RuntimeError):
+        """As Dr.Jit wraps it."""
+
+    def interrupted():
+        raise KeyboardInterrupt
+
+    def wrapped():
+        try:
+            interrupted()
+        except KeyboardInterrupt as stop:
+            raise FromTheRenderer("tracing failed") from stop
+
+    for stopped in (interrupted, wrapped):
+        with pytest.raises(KeyboardInterrupt):
+            attempt("advice", stopped, None)
+    with pytest.raises(SystemExit):
+        attempt("advice", lambda: exit(3), None)
+
+
+@pytest.mark.parametrize("error, said", [
+    (InputError("a band sees nothing; leave it out"), "a band sees nothing; leave it out"),
+    (MemoryError(), "memory ran out"), (RecursionError(), "RecursionError"),
+    (ZeroDivisionError("two\nlines"), "ZeroDivisionError: two lines")])
+def test_errors_are_said_in_a_line(error, said):
+    def failing():
+        raise error
+
+    value, failed = attempt("advice", failing, 7)
+    assert value == 7 and failed.error == said
+    assert attempt("advice", lambda: 5, None) == (5, None)
+
+
+@pytest.mark.parametrize("seed", (7, 9, 12, 14))
+def test_every_extra_of_captures_that_nobody_planned_works(seed):
+    """Two sets of regions on each of a few calibrations; more by benchmarks/bench_extras.py."""
+    tally = Tally()
+    for words, answer in answers_of(drawn_case(seed), 1):
+        tally.answer(words, answer)
+    assert not tally.failed
+
+
+def test_signals_that_nobody_planned_get_advice():
+    tally = Tally()
+    for seed in range(30):
+        tally.signal(seed)
+    assert tally.answers > 15 and not tally.failed
+
+
+def test_a_light_that_is_dark_at_some_wavelengths_gets_advice(measured, tmp_path):
+    """As a meter reads a dim lamp: a forecast under another lamp divided by it."""
+    folder, _ = measured
+    table = read_table(folder / "spectra" / "light.csv")
+    light = np.where(table.values[0] < 0.03 * table.values[0].max(), 0, table.values[0])
+    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")},
+                     light=(table.nm, light), progress=False)
+    assert {"gel", "second-lamp"} & {one.action for one in result.advice}
+    assert not result.failed_extras
+
+
+def test_a_black_surface_gets_advice(measured):
+    """The level of the light changes nothing of it."""
+    folder, _ = measured
+    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")}, progress=False)
+    capture, records = result.found.advise.args
+    signals = records.signals
+    black = replace(signals, signal=-1e-4 * np.ones_like(signals.signal))
+    states = records.sample.spectra["cube"].states
+    unknown = Unknown(load_prior(), 0.95, black, np.full(PRIOR_GRID.nm.size, 0.01), states.mean)
+    assert with_level(unknown) is unknown
+    after = with_lamp_moved(flat_photos_of(capture, records), "cube")
+    assert np.isfinite(outlook_after(with_level(unknown), after).width)
