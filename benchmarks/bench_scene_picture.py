@@ -41,6 +41,7 @@ from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.steps import scene_picture
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.grid import FINE_GRID as FINE
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
 from spectrabox.radiometry.response import relative_response
@@ -149,7 +150,8 @@ def flat_scores(folder: Path, finished: Any, pixels: LitPhoto, some: np.ndarray,
     covariance = noise[:, :, None] * np.eye(3) + pixels.errors.by_curves(signals, kind)
     calibration = next(iter(finished.records.calibrate.calibrations.values()))
     response = relative_response(calibration, FINE) @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
-    made = uplift_signals(pixels.errors.prior, response, signals, covariance)
+    made = uplift_signals(pixels.errors.prior, response, signals,
+                          Errors.of_total(covariance, signals, None))
     at = np.searchsorted(PRIOR_GRID.nm, NM_10)
     return scores(made.mean[:, at] - at_10(true), made.standard_deviation[:, at[::2]])
 

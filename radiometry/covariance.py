@@ -24,16 +24,44 @@ def is_covariance(matrix: np.ndarray, rtol: float = ROUND_OFF) -> bool:
                 and np.all(np.linalg.eigvalsh(matrix).min(axis=-1, initial=0) >= -atol))
 
 
-def common_variance(covariance: np.ndarray, pattern: np.ndarray) -> float:
-    """The largest variance of a common factor of ``pattern`` that a covariance (K, K) holds.
+def common_variance(covariance: np.ndarray, pattern: np.ndarray) -> np.ndarray:
+    """The largest variance (...) of a common factor of ``pattern`` that covariances (..., K, K)
+    hold.
 
     Parameters
     ----------
-    covariance : (K, K) array
+    covariance : (..., K, K) array
     pattern : (K,) array
     """
-    floor = 1e-12 * max(float(np.trace(covariance)), np.finfo(float).tiny) * np.eye(len(pattern))
-    return float(1 / (pattern @ np.linalg.solve(covariance + floor, pattern)))
+    solved = np.linalg.solve(with_rank(covariance, 1e-12), pattern[:, None])[..., 0]
+    return np.asarray(1 / (solved @ pattern))
+
+
+def largest_share(covariance: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """The largest share (...), up to 1, of a covariance that others (..., K, K) hold as a part.
+
+    Parameters
+    ----------
+    covariance, part : (..., K, K) arrays
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    least = ROUND_OFF * values[..., -1:] + np.finfo(float).tiny
+    root = vectors / np.sqrt(np.maximum(values, least))[..., None, :]
+    ratios = np.linalg.eigvalsh(np.swapaxes(root, -1, -2) @ part @ root)
+    return np.asarray(1 / np.maximum(ratios[..., -1], 1))
+
+
+def with_rank(covariance: np.ndarray, rtol: float) -> np.ndarray:
+    """Covariances (..., K, K) with some variance in every direction.
+
+    Parameters
+    ----------
+    covariance : (..., K, K) array
+    rtol : float
+        Of its trace.
+    """
+    least = rtol * np.trace(covariance, axis1=-2, axis2=-1) + np.finfo(float).tiny
+    return np.asarray(covariance + least[..., None, None] * np.eye(covariance.shape[-1]))
 
 
 def block_diagonal(*blocks: np.ndarray) -> np.ndarray:

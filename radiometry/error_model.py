@@ -11,17 +11,28 @@ things, and for each there is one function:
 
 The last holds s as well as r, since what white reads is calibrated: an error that is common to a
 whole curve changes no signal. Flat samples, scenes, pixels and rehearsals read their errors here.
+
+To first order is enough for an error of a few per cent. A light that is off by half is not an error
+of half the measured signal that black has as well: it multiplies what the surface gives, whatever
+that is. `split_errors` says which part of the errors does so,
+
+    signal = (response @ reflectance) e^eps + n,    eps ~ N(0, relative), n ~ N(0, absolute)
 """
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from spectrabox.radiometry.covariance import block_diagonal, error_patterns
+from spectrabox.radiometry.covariance import (
+    block_diagonal,
+    common_variance,
+    error_patterns,
+    largest_share,
+)
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -96,6 +107,10 @@ PLANE_ERROR = 0.03          # relative, of the light on flat samples: tilt, heig
 SCENE_LEVEL_ERROR = 0.025
 
 DARK = 1e-12             # of the light's strongest wavelength
+# Of the signal of the brightest band, that of a nearly dark one; and of that, its error by curves
+# from which it is light that other bands tell of.
+NEARLY_DARK = 0.25
+LEAST_SIGNAL = 1e-9      # of white: of less there is no share
 
 
 # ---- errors that add light, and errors of white --------------------------------------------------
@@ -125,6 +140,82 @@ def proportional_covariance(signal: np.ndarray, relative: np.ndarray) -> np.ndar
         Relative covariance.
     """
     return np.asarray(signal[..., :, None] * signal[..., None, :] * relative)
+
+
+class Errors(NamedTuple):
+    """Errors of signals: what multiplies them, as shares, and what adds to them."""
+
+    relative: np.ndarray        # (..., K, K) covariance of the logarithm of what multiplies them
+    absolute: np.ndarray        # (..., K, K) covariance
+
+    @classmethod
+    def of_total(cls, total: np.ndarray, signals: np.ndarray,
+                 relative: np.ndarray | None) -> Errors:
+        """Of a covariance (..., K, K) about measured signals (..., K): as much of what multiplies
+        them as it holds, and the rest.
+        """
+        if relative is None or not relative.any():
+            return cls(np.zeros_like(total), total)
+        share = largest_share(total, proportional_covariance(signals, relative))
+        relative = share[..., None, None] * relative
+        return cls(relative, total - proportional_covariance(signals, relative))
+
+    def total(self, signals: np.ndarray) -> np.ndarray:
+        """Covariance (..., K, K) about signals (..., K)."""
+        return np.asarray(self.absolute + proportional_covariance(signals, self.relative))
+
+    def rows(self, index: np.ndarray | slice) -> Errors:
+        """Those of some of many signals."""
+        return Errors(self.relative[index], self.absolute[index])
+
+    def of_sums(self, gain: np.ndarray, signals: np.ndarray) -> Errors:
+        """Errors of sums of bands, by a gain (r, K) and the signals (..., K): what multiplies all
+        bands alike does so with the sums, the rest adds to them.
+        """
+        total = gain @ self.total(signals) @ gain.T
+        if not self.relative.any():
+            return Errors(np.zeros_like(total), total)
+        common = common_variance(self.relative, np.ones(gain.shape[1]))
+        return Errors.of_total(total, signals @ gain.T,
+                               common[..., None, None] * np.ones((len(gain),) * 2))
+
+
+def split_errors(signals: np.ndarray, causes: Mapping[str, np.ndarray]) -> Errors:
+    """The errors of signals in two: those that multiply them, and those that add to them.
+
+    Errors in proportion to a signal multiply it. Errors of the response do as well, unless they are
+    large in a band that is nearly dark beside the others: it sees light that they tell of. Then
+    they add to all bands, to which they may be common.
+
+    Parameters
+    ----------
+    signals : (..., K) array
+        As measured.
+    causes : mapping of (..., K, K) arrays
+        Covariances about these signals, by name; what the error model does not name is added.
+
+    Returns
+    -------
+    Errors
+        The absolute part, and the signals times the relative one, add up to the sum of the causes.
+    """
+    signals = np.asarray(signals, dtype=float)
+    total = np.sum([np.zeros((*signals.shape, signals.shape[-1])), *causes.values()], axis=0)
+    seen = np.abs(signals) > LEAST_SIGNAL
+    inverse = np.where(seen, 1 / np.where(seen, signals, 1.0), 0.0)
+    dark = signals < NEARLY_DARK * signals.max(axis=-1, initial=0, keepdims=True)
+    relative = np.zeros_like(total)
+    for name, covariance in causes.items():
+        kind = CAUSES[name].kind if name in CAUSES else "added"
+        if kind == "added":
+            continue
+        own = proportional_covariance(inverse, covariance)
+        if kind == "response":
+            large = np.diagonal(own, axis1=-2, axis2=-1) > NEARLY_DARK**2
+            adds = (dark & (large | ~seen)).any(axis=-1)
+            own = np.where(adds[..., None, None], 0.0, own)
+        relative += own
+    return Errors.of_total(total, signals, relative)
 
 
 def stated_causes(signals: np.ndarray, noise_covariance: np.ndarray, light_error: float,

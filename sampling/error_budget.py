@@ -8,7 +8,8 @@ at the most probable component; with S before the signal, J its derivative and R
     P(R) - P(0) = sum_i integral of G(t) R_i G(t)' over t from 0 to 1
     G(t) = S J' (J S J' + t R)^-1
 
-without remainder. The integral is closed in the basis that makes J S J' and R diagonal at once. The
+without remainder. Errors that multiply a signal are those of the signal that the component gives
+(`about_answer`). The integral is closed in the basis that makes J S J' and R diagonal at once. The
 gain of the answer in place of G(t) would charge large errors to metamerism: where they are large,
 the answer hardly looks at the signal.
 """
@@ -18,6 +19,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from spectrabox.radiometry.error_model import proportional_covariance, split_errors
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     MixturePosterior,
@@ -64,6 +66,30 @@ def grown_by_causes(prior: LogitMixture, relative_response: np.ndarray, mixture:
         for name, covariance in causes.items()}
 
 
+def about_answer(causes: Mapping[str, np.ndarray], signals: np.ndarray, given: np.ndarray,
+                 log_errors: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Covariances of the errors by cause about what an answer gives, from those about the measured
+    signals; the same where no error multiplies.
+
+    Parameters
+    ----------
+    causes : mapping to (T, K, K) arrays
+    signals : (T, K) array
+        As measured.
+    given : (T, K) array
+        What the errors multiply, by the answer.
+    log_errors : (T, K) array or None
+        By how much, in its logarithm.
+    """
+    if log_errors is None:
+        return dict(causes)
+    less = np.exp(-log_errors)
+    split = {name: split_errors(signals, {name: covariance})
+             for name, covariance in causes.items()}
+    return {name: proportional_covariance(given, errors.relative)
+            + proportional_covariance(less, errors.absolute) for name, errors in split.items()}
+
+
 def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                   mixture: MixturePosterior,
                   grown: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -74,7 +100,8 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: n
     prior : LogitMixture
     relative_response : (K, P) array
     signals : (T, K) array
-        Relative to white.
+        Relative to white, without what is not the reflectance's; with errors that multiply them,
+        those of the answer.
     mixture : MixturePosterior
         Of the signals, with all errors; the modes without them are sought from its own, unless it
         has several states.

@@ -9,7 +9,8 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.covariance import is_covariance, symmetric
+from spectrabox.radiometry.covariance import is_covariance, symmetric, with_rank
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
@@ -58,8 +59,8 @@ def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> Meas
 
 def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
     """The measurement with what the states of its capture add as one Gaussian error, for what knows
-    no states: the signal less its mean, the noise with its covariance; bands that several photos
-    repeat are estimated as one.
+    no states: the signal less its mean, the noise with its covariance, all of which adds; bands
+    that several photos repeat are estimated as one.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def without_states(measurement: SpectralMeasurement) -> SpectralMeasurement:
         gain = gain_of_different(noise, repeated)
         signal, noise = gain @ signal, symmetric(gain @ noise @ gain.T)
     return replace(measurement, relative_response=measurement.relative_response[different],
-                   signal=signal, noise_covariance=noise, states=None)
+                   signal=signal, noise_covariance=noise, states=None, relative_covariance=None)
 
 
 def different_bands(relative_response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -105,13 +106,34 @@ def gain_of_different(noise: np.ndarray, repeated: np.ndarray) -> np.ndarray:
     """
     if repeated.shape[0] == repeated.shape[1]:
         return np.eye(len(repeated))
-    weighted = np.linalg.solve(with_rank(noise), repeated)
+    weighted = np.linalg.solve(with_rank(noise, RANK), repeated)
     return np.asarray(np.linalg.solve(repeated.T @ weighted, weighted.T))
 
 
-def with_rank(noise: np.ndarray) -> np.ndarray:
-    """A covariance (K, K) with some variance in every direction."""
-    return noise + np.eye(len(noise)) * (RANK * np.trace(noise) + np.finfo(float).tiny)
+def reduced_errors(gain: np.ndarray, repeated: np.ndarray, signal: np.ndarray, noise: np.ndarray,
+                   relative: np.ndarray | None
+                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """The signals (r,) of different bands, the covariance (r, r) of their errors, and that of what
+    multiplies them.
+
+    What multiplies bands that repeat each other is averaged as their signals are, as much of it as
+    their covariance then holds; the rest adds.
+
+    Parameters
+    ----------
+    gain : (r, K) array
+    repeated : (K, r) array
+    signal : (K,) array
+    noise : (K, K) array
+        Of all errors, about the signal.
+    relative : (K, K) array or None
+        Of those that multiply it.
+    """
+    own, whole = gain @ signal, symmetric(gain @ noise @ gain.T)
+    if relative is None or not relative.any() or len(gain) == len(signal):
+        return own, whole, relative
+    shares = gain * repeated.T
+    return own, whole, Errors.of_total(whole, own, shares @ relative @ shares.T).relative
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -222,6 +244,8 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
             raise InputError(f"the {name} of the measurement holds numbers that are not finite; "
                              "measure it again")
     check_noise(measurement.noise_covariance)
+    if measurement.relative_covariance is not None:
+        check_noise(measurement.relative_covariance)
     response = measurement.relative_response
     check_bands(response if measurement.states is None
                 else response[different_bands(response)[0]])

@@ -138,7 +138,7 @@ def test_advice_is_of_a_result_a_session_or_a_folder_and_of_nothing_else(tmp_pat
             sb.advise(other)
 
 
-def test_under_a_light_that_is_hardly_known_a_gel_brings_nothing(plain):
+def test_under_a_light_that_is_hardly_known_a_gel_brings_little(plain):
     """All photos share such an error; a chart beside the sample takes it away."""
     unknown, _ = unknown_of(plain, "red_wall")
     now, brighter, error = unknown.signals, 1.5, 0.5
@@ -156,7 +156,8 @@ def test_under_a_light_that_is_hardly_known_a_gel_brings_nothing(plain):
     for gel in gels[:3]:
         after = outlook_after(dark, with_photos(dark, [gel], white_of_bands(curves, present),
                                                 fitted, None))
-        assert after.width > 0.9 * before.width
+        # it tells of the shape of the spectrum, which is a sixth of the band at most
+        assert after.width > 0.8 * before.width
     known = outlook_after(dark, now)
     assert known.width < 0.5 * before.width
 

@@ -57,8 +57,12 @@ def test_how_surprising_a_signal_of_the_prior_is_follows_chi_square(bands, error
     assert_uniform(stats.chi2(bands).sf(found.surprise))
     # the limit of a prior is that of three bands; further bands widen it
     widened = stats.chi2(bands).isf(1 - FAMILIAR) - stats.chi2(3).isf(1 - FAMILIAR)
-    limit = SimpleNamespace(familiar_surprise=float(stats.chi2(bands).isf(0.2) - widened))
-    assert_share(novelty(limit, found, measured.noise_covariance) > 1, 0.2)
+    meant = stats.chi2(bands).isf(0.2)
+    limit = SimpleNamespace(familiar_surprise=float(meant - widened))
+    # and so does noise, whose part of a surprise is chi-square
+    grown = meant + found.noise_share * (stats.chi2(bands).isf(1 - FAMILIAR) - meant)
+    assert_share(novelty(limit, found, measured.noise_covariance) > 1,
+                 float(stats.chi2(bands).sf(grown).mean()))
 
 
 @pytest.mark.parametrize("bands", [3, 6, 12])
@@ -67,7 +71,7 @@ def test_many_bands_do_not_make_a_surface_of_the_prior_unfamiliar(bands):
     rng, surfaces = np.random.default_rng(33), drawn_reflectances(load_prior(), 200)
     response = seen(surfaces[0], 0.0, bands).relative_response
     signals = surfaces @ response.T * (1 + 0.01 * rng.standard_normal((200, bands)))
-    errors = relative_errors(signals, 0.01)
+    errors = relative_errors(signals, 0.01).total(signals)
     found = posterior(load_prior(), response, signals, errors)
     # one-sided, 3.9 sigma
     assert np.mean(novelty(load_prior(), found, errors) > 1) < 0.005 + 3.9 * (0.005 / 200) ** 0.5

@@ -179,12 +179,13 @@ def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     # what surfaces mirror is the same share of white under every light: less its mean, as shared
     gloss = errors.gloss.pattern @ errors.gloss.mean
     signals = np.clip(measured / rows.white.signal[picked] - gloss, 1e-4, 1)
-    covariance = errors.at_white(rows.within, rows.white, rows.variance)[picked]
-    alone = [uplift_signals(errors.prior, response, signal[None], error[None])
-             for response, signal, error in zip(own / white[..., None], signals, covariance,
+    of_pixels = errors.errors(rows.within, rows.white, rows.variance)
+    each = [of_pixels.rows(slice(pixel, pixel + 1)) for pixel in picked]
+    alone = [uplift_signals(errors.prior, response, signal[None], error)
+             for response, signal, error in zip(own / white[..., None], signals, each,
                                                 strict=True)]
-    shared = [uplift_signals(errors.prior, errors.responses[kind], signal[None], error[None])
-              for kind, signal, error in zip(rows.light[picked], rows.within[picked], covariance,
+    shared = [uplift_signals(errors.prior, errors.responses[kind], signal[None], error)
+              for kind, signal, error in zip(rows.light[picked], rows.within[picked], each,
                                              strict=True)]
     mean, spread = (np.vstack([getattr(each, name) for each in alone])
                     for name in ("mean", "standard_deviation"))

@@ -90,7 +90,8 @@ TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
 LIKELY = 0.1                # probability of matt from which stating it is worth a thought
 PAIRED = 4                  # best gels at hand, of which every pair is tried
 # draws that reproduce the signal
-SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.BEYOND_LEARNT)
+# draws that reproduce the signal
+SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.BEYOND_LEARNT, Outcome.UNSAID)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +150,7 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
     name = signals.names[0]
     spectrum: SurfaceSpectrum = records.sample.spectra[name]
     samples, stated = spectrum.samples, capture.surfaces[name]
-    prior = smoothness_prior() if samples.outcome is Outcome.BEYOND_LEARNT \
+    prior = smoothness_prior() if samples.outcome in (Outcome.BEYOND_LEARNT, Outcome.UNSAID) \
         else of_families(load_prior(), stated.families)
     variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
     unknown = Unknown(prior, spectrum.summary.level, signals, samples.spectra.mean(axis=0),

@@ -9,7 +9,7 @@ are forecast after a photo; what a surface mirrors is one more error then.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,12 +36,15 @@ from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, with_errors
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
+    PHOTO_NOISE,
     PLANE_ERROR,
     SAMPLE_PLANE,
     SENSITIVITIES,
     WHITE,
+    Errors,
     proportional_covariance,
     sensitivity_covariance,
+    split_errors,
 )
 from spectrabox.radiometry.gloss import draw_gloss, gloss_states
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -69,6 +72,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     calibrated_bands,
     central_band,
     mean_and_spread,
+    multiplying,
     posterior,
 )
 from spectrabox.sampling.prior.state_posteriors import posteriors_in_states
@@ -257,8 +261,8 @@ def _recovered(photo: _Photo, products: np.ndarray, truth: np.ndarray, off: _Err
             DISAGREEMENT: proportional_covariance(signal,
                                                   photo.fit.patch_error.among_bands(bands)),
             SAMPLE_PLANE: _of_plane(signal)})
-        judged = _judged(prior, response, signal,
-                         np.sum([error.covariance for error in signals.errors], axis=0), truth)
+        judged = _judged(prior, response, signal, {error.cause: error.covariance
+                                                   for error in signals.errors}, truth)
         estimate = judged[0]
     return list(judged[1:]), signals
 
@@ -270,8 +274,8 @@ def _exact(shoot: Shoot, products: np.ndarray, truth: np.ndarray, off: _Errors,
     response = response / white_signal(response)[:, None]
     signals = truth @ TO_FINE.T @ response.T * off.factors + off.added
     noise = (shoot.noise * signals)[:, :, None] ** 2 * np.eye(len(response))
-    return list(_judged(prior, response, signals,
-                        noise + _of_plane(signals), truth)[1:])
+    return list(_judged(prior, response, signals, {
+        PHOTO_NOISE: noise, SAMPLE_PLANE: _of_plane(signals)}, truth)[1:])
 
 
 def _of_plane(signals: np.ndarray) -> np.ndarray:
@@ -280,14 +284,15 @@ def _of_plane(signals: np.ndarray) -> np.ndarray:
 
 
 def _judged(prior: LogitMixture, response: np.ndarray, signals: np.ndarray,
-            covariance: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, ...]:
+            causes: Mapping[str, np.ndarray], truth: np.ndarray) -> tuple[np.ndarray, ...]:
     """Mean (n, 61) of each surface, then RMSE, width and share inside (n,); nothing is known of
     its gloss.
     """
-    coarse = response @ TO_FINE
+    coarse, errors = response @ TO_FINE, split_errors(signals, causes)
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        drawn = posteriors_in_states(prior, coarse, signals, covariance, gloss_states(
-            None, [""] * len(response))).marginals(prior, coarse)
+        drawn = posteriors_in_states(
+            prior, coarse, signals, errors.absolute, gloss_states(None, [""] * len(response)),
+            relative=errors.relative).marginals(prior, coarse)
         mean, (lower, upper) = mean_and_spread(drawn)[0], central_band(drawn, LEVEL)
     return (mean, np.sqrt(np.mean((mean - truth) ** 2, axis=1)),
             np.mean(upper - lower, axis=1), ((lower <= truth) & (truth <= upper)).mean(axis=1))
@@ -339,13 +344,12 @@ def _errors_after(shoot: Shoot, photo: _Photo, signals: SurfaceSignals, truth: n
     surfaces = [Surface(signals, index, photo.calibration, shoot.reflectances,
                         photo.fit.patch_error.own)
                 for index in some] if len(white) <= FEW_BANDS else None
-    response, covariances = joined_errors(measured, truth[some] @ TO_FINE.T, photos, white,
-                                          surfaces)
+    response, _, errors = joined_errors(measured, truth[some] @ TO_FINE.T, photos, white, surfaces)
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        return _simulated_errors(prior, response, covariances, truth[some])
+        return _simulated_errors(prior, response, errors, truth[some])
 
 
-def _simulated_errors(prior: LogitMixture, response: np.ndarray, covariance: np.ndarray,
+def _simulated_errors(prior: LogitMixture, response: np.ndarray, errors: Errors,
                       spectra: np.ndarray) -> tuple[float, float]:
     """Mean width of the bands of spectra (T, 61) from simulated signals, and root mean square
     CIEDE2000 of their means.
@@ -355,17 +359,19 @@ def _simulated_errors(prior: LogitMixture, response: np.ndarray, covariance: np.
     prior : LogitMixture
     response : (J, 301) array
         Of the bands to reflectances; rows sum to 1.
-    covariance : (T, J, J) array
-        Of the signals.
+    errors : Errors
+        Of T signals.
     spectra : (T, 61) array
     """
     coarse = response @ TO_FINE
-    values, vectors = np.linalg.eigh(covariance)
+    signals = spectra @ coarse.T
+    values, vectors = np.linalg.eigh(errors.total(signals))
     # of all roots the symmetric one: like covariances give like errors, whatever their eigenvectors
     root = (vectors * np.sqrt(np.maximum(values, 0))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     normal = np.random.default_rng(SEED).standard_normal((len(spectra), len(coarse)))
     off = (root @ normal[..., None])[..., 0]
     mean, ((lower, upper),) = calibrated_bands(prior, posterior(
-        prior, coarse, spectra @ coarse.T + off, covariance), (LEVEL,))
+        prior, coarse, signals + off, errors.absolute, relative=multiplying(errors.relative)),
+        (LEVEL,))
     colours = [reflectance_to_lab(PRIOR_GRID.nm, each) for each in (mean, spectra)]
     return float(np.mean(upper - lower)), float(np.sqrt(np.mean(ciede2000(*colours)**2)))

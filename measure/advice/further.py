@@ -1,7 +1,7 @@
 """A surface with one measurement more: a photo through a filter, under another lamp, a reading."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
 from spectrabox.measure.regions.moved_lamp import LEVEL
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, measurement
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.error_model import PHOTO_NOISE
+from spectrabox.radiometry.error_model import LIGHT_SCALE, PHOTO_NOISE, proportional_covariance
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import Calibration
@@ -43,9 +43,12 @@ def with_reading(unknown: Unknown, nm: float) -> SurfaceSignals:
     """
     now = unknown.signals
     row = Reading.at_wavelength(nm, 0.0).row(now.grid)
-    return _with_bands(now, row[None], block_diagonal(total_covariance(now),
-                                                      np.array([[READING_ERROR**2]])),
-                       tuple(_pad(states, 1) for states in now.states))
+    causes = {error.cause: block_diagonal(error.covariance[0], np.zeros((1, 1)))
+              for error in now.errors}
+    causes[PHOTO_NOISE] = causes.get(PHOTO_NOISE, 0.0) + block_diagonal(
+        np.zeros_like(total_covariance(now)), np.array([[READING_ERROR**2]]))
+    return _with_bands(now, row[None], causes, tuple(_pad(states, 1) for states in now.states),
+                       np.zeros(1))
 
 
 def may_add_photos(unknown: Unknown, bands: int, fitted: ChartFitted | None) -> bool:
@@ -84,14 +87,17 @@ def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndar
     now = replace(unknown.signals, states=())
     measured = measurement(now, 0)
     spectrum = interpolation_matrix(PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
-    response, covariances = joined_errors(
+    response, signals, errors = joined_errors(
         [measured], spectrum[None], photos, white, None if fitted is None else [
             Surface(now, 0, fitted.calibration, fitted.chart, fitted.patch_error)])
     further = response[measured.signal.size:]
     seen = [photo.same_lamp for photo in photos for dark in np.isin(
         np.arange(len(white)), photo.dark) if not dark]
     states = _states_with(unknown.signals.states, further @ spectrum, now.signal[0], seen, stated)
-    return None if states is None else _with_bands(unknown.signals, further, covariances[0], states)
+    causes = {PHOTO_NOISE: errors.absolute[0],
+              LIGHT_SCALE: proportional_covariance(signals[0], errors.relative[0])}
+    return None if states is None else _with_bands(unknown.signals, further, causes, states,
+                                                   signals[0, measured.signal.size:])
 
 
 def _states_with(states: tuple[CaptureStates, ...], further: np.ndarray, signal: np.ndarray,
@@ -110,16 +116,19 @@ def _states_with(states: tuple[CaptureStates, ...], further: np.ndarray, signal:
     return (gloss_states(stated, lamps + [lamps[0] if same else "another" for same in same_lamp]),)
 
 
-def _with_bands(now: SurfaceSignals, response: np.ndarray, covariance: np.ndarray,
-                states: tuple[CaptureStates, ...]) -> SurfaceSignals:
-    """The surface with bands of these responses (n, P) added, whose signals are not there yet."""
+def _with_bands(now: SurfaceSignals, response: np.ndarray, causes: Mapping[str, np.ndarray],
+                states: tuple[CaptureStates, ...], signals: np.ndarray) -> SurfaceSignals:
+    """The surface with bands of these responses (n, P) added, with the covariances (J, J) of all
+    errors by cause about its signals and some (n,) of these bands, which are not there yet.
+    """
     count = len(response)
     return replace(
         now, bands=now.bands + tuple(f"further {number + 1}" for number in range(count)),
         view_of_band=np.r_[now.view_of_band, np.full(count, now.view_of_band.max() + 1)],
         response=np.vstack([now.response, response]),
-        signal=np.hstack([now.signal, np.zeros((1, count))]),
-        errors=(SignalError(PHOTO_NOISE, covariance[None]),), states=states)
+        signal=np.hstack([now.signal, signals[None]]),
+        errors=tuple(SignalError(cause, covariance[None])
+                     for cause, covariance in causes.items()), states=states)
 
 
 def _pad(states: CaptureStates, bands: int) -> CaptureStates:

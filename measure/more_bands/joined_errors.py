@@ -25,8 +25,10 @@ from spectrabox.radiometry.error_model import (
     PHOTO_NOISE,
     RENDERING_NOISE,
     SENSITIVITIES,
+    Errors,
     filter_covariance,
     light_covariance,
+    proportional_covariance,
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID
@@ -58,9 +60,10 @@ class Surface:
 
 def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
                   photos: Sequence[FurtherPhoto], white: np.ndarray,
-                  surfaces: Sequence[Surface] | None) -> tuple[np.ndarray, np.ndarray]:
-    """Response (J, 301) and covariances (n, J, J) of what was measured of n surfaces of one photo
-    and of further photos of them, without bands that are dark.
+                  surfaces: Sequence[Surface] | None
+                  ) -> tuple[np.ndarray, np.ndarray, Errors]:
+    """Response (J, 301), expected signals (n, J) and their errors, of what was measured of n
+    surfaces of one photo and of further photos of them, without bands that are dark.
 
     Parameters
     ----------
@@ -75,19 +78,23 @@ def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
         None: photos err by noise alone.
     """
     before = np.array([one.noise_covariance for one in measured])
+    now = np.array([one.signal for one in measured])
+    shares = np.array([np.zeros_like(one.noise_covariance) if one.relative_covariance is None
+                       else one.relative_covariance for one in measured])
     if not photos:
-        return measured[0].relative_response, before
+        return measured[0].relative_response, now, Errors.of_total(before, now, shares)
     known, bands = measured[0].signal.size, len(white)
     response = np.vstack([measured[0].relative_response, *(photo.response for photo in photos)])
     # an error of the light makes all photos as bright as the first one: what shares a factor has to
     # be in proportion to signals that share it
-    now, expected = np.array([one.signal for one in measured]), spectra @ response.T
+    expected = spectra @ response.T
     brighter = np.sum(now * expected[:, :known], axis=1) / np.sum(expected[:, :known]**2, axis=1)
     signals = np.hstack([now, brighter[:, None] * expected[:, known:]])
     blocks = [slice(known + number * bands, known + (number + 1) * bands)
               for number in range(len(photos))]
     total = np.zeros((len(measured), len(response), len(response)))
     total[:, :known, :known] = before
+    multiplies = np.zeros_like(total)
     for index, signal in enumerate(signals):
         causes = {PHOTO_NOISE: before[index]}
         if surfaces is not None:
@@ -97,11 +104,21 @@ def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
             if cause in NOISES:
                 total[index] += _of_noise(own, white, signal, blocks, photos)
             elif cause not in OF_RESPONSE:
-                total[index] += _of_cause(cause, own, signal, blocks, photos)
+                added = _of_cause(cause, own, signal, blocks, photos)
+                total[index] += added
+                if CAUSES[cause].kind == "proportional":
+                    multiplies[index] += added
+                    multiplies[index, :known, :known] += covariance
     if surfaces is not None:
         total += _of_response(surfaces, signals, spectra, response, known, photos)
     seen = np.concatenate([np.ones(known, bool), *(photo.white >= DARK_BAND for photo in photos)])
-    return response[seen], np.array([symmetric(one) for one in total[:, seen][:, :, seen]])
+    if surfaces is None:
+        multiplies[:, :known, :known] = proportional_covariance(now, shares)
+    signals, total, multiplies = (each[:, seen] for each in (signals, total, multiplies))
+    inverse = np.divide(1.0, signals, out=np.zeros_like(signals), where=signals != 0)
+    return response[seen], signals, Errors.of_total(
+        np.array([symmetric(one) for one in total[:, :, seen]]), signals,
+        proportional_covariance(inverse, multiplies[:, :, seen]))
 
 
 def _of_noise(own: np.ndarray, white: np.ndarray, signal: np.ndarray, blocks: Sequence[slice],

@@ -23,6 +23,7 @@ from spectrabox.measure.pictures.pixel_errors import (
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SEEN
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
 from spectrabox.measure.pictures.shown_bands import ShownBands
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
@@ -176,23 +177,26 @@ class LitPhoto:
             grey_error, errors.white_at(weights) if direct else None,
             self.photo.variance[first:last].reshape(-1, bands) if direct else None)
 
-    def table_errors(self, light: int, signals: np.ndarray) -> list[np.ndarray]:
-        """Covariances (n, K, K) of signals (n, K) under one typical light, or in one set of bands,
-        at the best and at the worst known places.
+    def table_errors(self, light: int, signals: np.ndarray) -> list[Errors]:
+        """Errors of signals (n, K) under one typical light, or in one set of bands, at the best and
+        at the worst known places.
         """
         light, seen = self._light_and_bands(light)
         by_curves = self.errors.by_curves(signals, light, seen)
-        return [of_seen(self._errors_near(percentile, signals) + by_curves, seen)
+        near = [self._errors_near(percentile, signals, by_curves)
                 for percentile in (BEST_KNOWN, WORST_KNOWN)]
+        return [Errors(np.where(np.outer(seen, seen), errors.relative, 0.0),
+                       of_seen(errors.absolute, seen)) for errors in near]
 
-    def _errors_near(self, percentile: float, signals: np.ndarray) -> np.ndarray:
-        """Covariance (n, K, K) of signals at a place with more errors than a share of all."""
+    def _errors_near(self, percentile: float, signals: np.ndarray,
+                     by_curves: np.ndarray) -> Errors:
+        """Errors of signals at a place with more errors than a share of all."""
         order = np.argsort(self.grey_variance)
         node = order[round(percentile / 100 * (order.size - 1))]
         there = self.errors.white.rows(np.full(len(signals), node))
         constant, slope = self.noise
         variance = constant + slope * (signals * there.signal + self.errors.glare)
-        return self.errors.at_white(signals, there, variance)
+        return self.errors.errors(signals, there, variance, by_curves)
 
     def direct(self, block: PhotoBlock, *, coarse: bool = False) -> Uplifted:
         """Spectra of a block, each pixel by itself.
@@ -213,12 +217,11 @@ class LitPhoto:
         for number in np.unique(lights):
             own = np.flatnonzero(lights == number)
             light, seen = self._light_and_bands(number)
-            covariance = self.errors.at_white(within[own], block.white.rows(own),
-                                              block.variance[own])
-            if not coarse:
-                covariance += self.errors.by_curves(within[own], light, seen)
+            errors = self.errors.errors(
+                within[own], block.white.rows(own), block.variance[own],
+                None if coarse else self.errors.by_curves(within[own], light, seen))
             part = uplift_signals(self.prior, self.responses[number][seen], within[own][:, seen],
-                                  covariance[:, seen][..., seen],
+                                  Errors(*(each[:, seen][..., seen] for each in errors)),
                                   tolerance=COARSE_TOLERANCE if coarse else TOLERANCE)
             for name, values in vars(whole).items():
                 values[own] = getattr(part, name)

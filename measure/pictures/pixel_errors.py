@@ -18,9 +18,12 @@ from spectrabox.measure.pictures.illumination import (
     light_adaptation,
 )
 from spectrabox.radiometry.error_model import (
+    SENSITIVITIES,
+    Errors,
     filter_covariance,
     light_covariance,
     sensitivity_covariance,
+    split_errors,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.calibration import Calibration
@@ -111,6 +114,24 @@ class PixelErrors:
         own = variance * inverse**2
         covariance += own[:, :, None] * np.eye(signals.shape[1])
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
+
+    def errors(self, signals: np.ndarray, white: White, variance: np.ndarray,
+               by_curves: np.ndarray | None = None) -> Errors:
+        """All errors of signals (n, K), with those of the curves (n, K, K) if given: what white is
+        off by multiplies them, as do curves unless a band is nearly dark.
+
+        Parameters
+        ----------
+        signals, white, variance
+            As of `at_white`.
+        by_curves : (n, K, K) array, optional
+            From `by_curves`.
+        """
+        total, relative = self.at_white(signals, white, variance), white.log + self.relative
+        if by_curves is not None:
+            total = total + by_curves
+            relative = relative + split_errors(signals, {SENSITIVITIES: by_curves}).relative
+        return Errors.of_total(total, signals, relative)
 
     def by_curves(self, signals: np.ndarray, light: int,
                   seen: np.ndarray | None = None) -> np.ndarray:

@@ -18,6 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.local_posteriors import (
     MAX_CENTRES,
@@ -102,14 +103,14 @@ class PixelSource(Protocol):
 
     @property
     def error_levels(self) -> int:
-        """How many covariances ``table_errors`` gives."""
+        """How many errors ``table_errors`` gives."""
 
     def block(self, first: int, last: int) -> PixelBlock:
         """The pixels of rows ``first`` to ``last``."""
 
-    def table_errors(self, light: int, signals: np.ndarray) -> list[np.ndarray]:
-        """Covariances (n, K, K) of signals (n, K) under one light: one, or the smallest and the
-        largest of the picture.
+    def table_errors(self, light: int, signals: np.ndarray) -> list[Errors]:
+        """Errors of signals (n, K) under one light: one, or the smallest and the largest of the
+        picture.
         """
 
     def direct(self, block: Any) -> Uplifted:

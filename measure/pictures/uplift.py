@@ -19,6 +19,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     row_blocks,
     survey_rows,
 )
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.prior.uplift_table import (
@@ -74,8 +75,8 @@ class ImageSource:
         signals = self.image.read(first, last) / self.white
         return PixelBlock(signals.reshape(-1, self.image.bands), None, None)
 
-    def table_errors(self, light: int, signals: np.ndarray) -> list[np.ndarray]:
-        """Covariance (n, K, K) of signals (n, K)."""
+    def table_errors(self, light: int, signals: np.ndarray) -> list[Errors]:
+        """Errors of signals (n, K)."""
         return [relative_errors(signals, self.noise)]
 
     def direct(self, block: PixelBlock) -> Uplifted:

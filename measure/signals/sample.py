@@ -14,7 +14,7 @@ from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEstimate
 from spectrabox.measure.surfaces.swatch_correction import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.error_model import stated_causes
+from spectrabox.radiometry.error_model import split_errors, stated_causes
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
@@ -192,7 +192,9 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
 
 def _with_all_errors(base: SpectralMeasurement,
                      causes: Mapping[str, np.ndarray]) -> SpectralMeasurement:
-    return replace(base, noise_covariance=sum(causes.values(), np.zeros((base.signal.size,) * 2)))
+    relative = split_errors(base.signal, causes).relative
+    return replace(base, noise_covariance=sum(causes.values(), np.zeros((base.signal.size,) * 2)),
+                   relative_covariance=relative if relative.any() else None)
 
 
 def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasurement,

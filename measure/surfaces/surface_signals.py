@@ -19,13 +19,18 @@ from spectrabox.radiometry.error_model import (
     proportional_covariance,
     scale_covariances,
     sensitivity_covariance,
+    split_errors,
 )
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
 from spectrabox.radiometry.records.states import CaptureStates, added_by_cause
-from spectrabox.sampling.spectral_measurement import different_bands, gain_of_different
+from spectrabox.sampling.spectral_measurement import (
+    different_bands,
+    gain_of_different,
+    reduced_errors,
+)
 
 FEW_BANDS = 12      # whose signals draws reach one by one
 # correlation of the light scales of photos between which a lamp was moved: chart and card are the
@@ -156,11 +161,17 @@ def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
         Of the surface.
     """
     seen, chosen, gain = _independent(signals, index)
-    total = np.sum(list(errors_by_cause(signals, index).values()), axis=0)
-    states = _states_in_bands(signals, index)
-    return SpectralMeasurement(signals.grid, signals.response[seen][chosen],
-                               gain @ signals.signal[index][seen], symmetric(total),
-                               None if states is None else states.through(gain))
+    causes, states = _errors_in_bands(signals, index), _states_in_bands(signals, index)
+    signal, total = signals.signal[index][seen], np.sum(list(causes.values()), axis=0)
+    errors = split_errors(signal, causes)
+    different, repeated = different_bands(signals.response[seen])
+    reduced, noise, multiplies = reduced_errors(gain, repeated, signal, total, errors.relative) \
+        if np.array_equal(chosen, different) else (
+            gain @ signal, symmetric(gain @ total @ gain.T), errors.of_sums(gain, signal).relative)
+    return SpectralMeasurement(
+        signals.grid, signals.response[seen][chosen], reduced, noise,
+        None if states is None else states.through(gain),
+        multiplies if multiplies is not None and multiplies.any() else None)
 
 
 def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

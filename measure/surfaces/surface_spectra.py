@@ -14,6 +14,7 @@ from spectrabox.measure.surfaces.swatch_correction import corrected_samples, cor
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import (
+    Outcome,
     Progress,
     SpectralMeasurement,
     SpectrumSamples,
@@ -101,9 +102,13 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
     if options.method == "prior":
         posterior = solve_posterior(prior, seen)
         family_shares, states = posterior.family_shares, posterior.states
-        if draws is None:
+        unsaid = draws is not None and not posterior.says(draws.spectra.mean(axis=0))
+        if draws is None or unsaid:
             variance_shares = posterior.variance_shares(errors_by_cause(signals, index))
             draws = posterior.samples(options.draws, options.seed, options.coefficients)
+        if unsaid:      # of its own signal, which the draws of all surfaces at once left
+            draws = dataclasses.replace(draws, outcome=Outcome.UNSAID,
+                                        sentence=Outcome.UNSAID.value)
         if correction is not None:
             shared = in_bands(signals, correction.bands)
             evidence = solve_posterior(prior, measurement(shared, index)).log_evidence

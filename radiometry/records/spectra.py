@@ -61,6 +61,8 @@ class Outcome(Enum):
                  "calibration.")
     OUT_OF_REACH = ("No spectrum between 0 and 1 gives the signal; the draws are of the "
                     "smoothness prior and come as near to it as they can.")
+    UNSAID = ("The spectra found do not give this signal, by more than its stated errors allow: a "
+              "wider band of untested coverage is shown; check the calibration.")
     DISAGREES = ("The picture agrees with no spectra that the prior knows through this light "
                  "transport: the draws come as near as they can; check geometry, light and "
                  "calibration, or state a larger surface error.")
@@ -145,14 +147,17 @@ class SpectralMeasurement(Record):
 
     ``relative_response`` is sensitivity x light x weight in nm, divided by its sum in each band, so
     that every row sums to 1 and a reflectance of 1 gives a signal of 1. The noise is without what
-    the states of the capture add.
+    the states of the capture add. ``relative_covariance`` is that of the errors among it that
+    multiply the signal, of the logarithm of their factor (`error_model.split_errors`); None: all
+    errors add to it.
     """
 
     grid: WavelengthGrid
     relative_response: Annotated[np.ndarray, "K P"]
     signal: Annotated[np.ndarray, "K"]
-    noise_covariance: Annotated[np.ndarray, "K K"]
+    noise_covariance: Annotated[np.ndarray, "K K"]     # of all errors, about the signal
     states: CaptureStates | None = None
+    relative_covariance: Annotated[np.ndarray, "K K"] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
+from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import (
     SpectralMeasurement,
@@ -23,6 +24,7 @@ from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.spectral_measurement import (
     nearest_coefficients,
+    reduced_errors,
     response_on,
     without_states,
 )
@@ -283,7 +285,7 @@ def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasuremen
             joined = _averaged(joined, other)
         else:
             joined = _stacked(joined, other.relative_response, other.signal,
-                              other.noise_covariance)
+                              other.noise_covariance, other.relative_covariance)
     return joined
 
 
@@ -307,13 +309,29 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
         raise InputError("two patches said to be the same material differ by "
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")
+    both = np.hstack([np.eye(len(gain)) - gain, gain])
+    _, _, relative = reduced_errors(
+        both, np.tile(np.eye(len(gain)), (2, 1)), np.r_[first.signal, second.signal],
+        block_diagonal(first.noise_covariance, second.noise_covariance),
+        _of_both(first, second.relative_covariance, len(gain)))
     return SpectralMeasurement(first.grid, first.relative_response,
                                first.signal + gain @ difference,
-                               first.noise_covariance - gain @ first.noise_covariance)
+                               first.noise_covariance - gain @ first.noise_covariance,
+                               relative_covariance=relative)
+
+
+def _of_both(measurement: SpectralMeasurement, relative: np.ndarray | None,
+             more: int) -> np.ndarray | None:
+    """Covariance of what multiplies a measurement and further bands, so many; None for nothing."""
+    own, bands = measurement.relative_covariance, len(measurement.signal)
+    if own is None and relative is None:
+        return None
+    return block_diagonal(np.zeros((bands, bands)) if own is None else own,
+                          np.zeros((more, more)) if relative is None else relative)
 
 
 def _stacked(measurement: SpectralMeasurement, rows: np.ndarray, values: np.ndarray,
-             covariance: np.ndarray) -> SpectralMeasurement:
+             covariance: np.ndarray, relative: np.ndarray | None = None) -> SpectralMeasurement:
     bands, more = len(measurement.signal), len(values)
     noise = np.zeros((bands + more, bands + more))
     noise[:bands, :bands], noise[bands:, bands:] = measurement.noise_covariance, covariance
@@ -321,7 +339,8 @@ def _stacked(measurement: SpectralMeasurement, rows: np.ndarray, values: np.ndar
     return SpectralMeasurement(measurement.grid, np.vstack([measurement.relative_response, rows]),
                                np.r_[measurement.signal, values], noise,
                                None if states is None else states.through(np.eye(
-                                   bands + more, bands)))
+                                   bands + more, bands)),
+                               _of_both(measurement, relative, more))
 
 
 # ---- light reflected twice -----------------------------------------------------------------------

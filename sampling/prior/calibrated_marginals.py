@@ -15,6 +15,10 @@ C of dx: with H = -(C o C) (M p'')', o by element,
     mean K E(a),    variance K (-1/2 M p'' H) K',    third cumulant 3 K_p. H_p.
 
 They make a skewed marginal distribution (quantiles.py) at each wavelength.
+
+Where errors multiply, n bends the signal as a normal K n in the logit does (posterior_draws.py), so
+that this part of dx, of covariance C' = K N K', takes nothing back: C o C less C' o C' is what
+stands for C o C.
 """
 from __future__ import annotations
 
@@ -28,12 +32,14 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflecta
 from spectrabox.sampling.prior.mixture_posterior import (
     LEVEL,
     MixturePosterior,
+    RelativeErrors,
     band_factors,
-    with_floor,
+    seen_by,
 )
 from spectrabox.sampling.summary import READING_ERROR
 
-NEWTON_STEPS = 3            # of a centre to its signal; it begins near
+# of a centre to its signal; it begins near, but where errors multiply
+NEWTON_STEPS, MORE_STEPS = 3, 6
 MAX_STEP = 2.0              # logits
 SIGNALS = 32                # at a time, with some twenty components each: as well
 PAIRS = 64                  # of component and signal at a time: their covariances fit the cache
@@ -61,8 +67,9 @@ class _Pairs:
 
 
 def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-             covariance: np.ndarray,
-             mixture: MixturePosterior) -> tuple[MixturePosterior, np.ndarray]:
+                     covariance: np.ndarray, mixture: MixturePosterior,
+                     relative: RelativeErrors | None = None
+                     ) -> tuple[MixturePosterior, np.ndarray]:
     """The mixture of skewed components that draws follow, and the covariance (T, P, P') of their
     reflectances, linearised, between all wavelengths and every third, `COARSE`.
 
@@ -75,17 +82,21 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
         Of the signals' noise.
     mixture : MixturePosterior
         Of these signals.
+    relative : RelativeErrors, optional
+        With which it was solved.
     """
     if len(signals) > SIGNALS:
         blocks = [slice(start, start + SIGNALS) for start in range(0, len(signals), SIGNALS)]
         parts, covariances = zip(*(
             marginal_moments(prior, relative_response, signals[rows], covariance[rows],
-                             mixture.rows(rows)) for rows in blocks), strict=True)
+                             mixture.rows(rows),
+                             None if relative is None else relative.rows(rows))
+            for rows in blocks), strict=True)
         logits, variances, skews = (np.concatenate([getattr(part, name) for part in parts], axis=1)
                                     for name in ("logits", "variances", "skews"))
         return (replace(mixture, logits=logits, variances=variances, skews=skews),
                 np.concatenate(covariances))
-    pairs = _pairs(prior, relative_response, signals, covariance, mixture)
+    pairs = _pairs(prior, relative_response, signals, covariance, mixture, relative)
     p = reflectance(pairs.centre)
     slope = p * (1 - p)
     # the pairs of a signal follow one another, and every signal has some
@@ -95,6 +106,8 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
     bend = relative_response * (slope * (1 - 2 * p))[:, None, :]                    # M p''
     coarse_bend = (relative_response @ BETWEEN) * (slope * (1 - 2 * p))[:, None, COARSE]
     H = np.empty_like(gain)
+    along = gain @ pairs.noise
+    of_noise = np.zeros_like(own) if relative is None else np.sum(along * gain, axis=2)
     together = np.zeros((len(signals), PRIOR_GRID.nm.size, BETWEEN.shape[1]))
     # What follows is of single precision: with doubles it takes twice as long.
     coarse = prior.covariances[:, :, COARSE].astype(np.float32)
@@ -105,12 +118,16 @@ def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals
         rows = slice(start, start + PAIRS)
         C = _covariances(coarse[pairs.component[rows]], pairs, half, gain, rows)
         H[rows] = -np.square(C) @ turned_bend[rows]
+        if relative is not None:
+            own_part = along[rows].astype(np.float32) @ gain[rows, COARSE].astype(
+                np.float32).transpose(0, 2, 1)
+            H[rows] += np.square(own_part) @ turned_bend[rows]
         C *= slopes[rows, :, None]
         C *= slopes[rows, None, COARSE]
         C += aways[rows, :, None] * aways[rows, None, COARSE]
         at = np.flatnonzero(np.diff(pairs.signal[rows], prepend=-1))
         together[pairs.signal[rows][at]] += np.add.reduceat(C, at, axis=0)
-    mean = pairs.centre + (gain @ (-0.5 * (bend @ own[..., None])))[..., 0]
+    mean = pairs.centre + (gain @ (-0.5 * (bend @ (own - of_noise)[..., None])))[..., 0]
     variance = own + np.sum((gain @ (-0.5 * (coarse_bend @ H[:, COARSE]))) * gain, axis=2)
     third = 3 * np.sum(gain * H, axis=2)
     return _skewed(mixture, pairs, mean, np.maximum(variance, MIN_VARIANCE), third), together
@@ -149,9 +166,11 @@ def _skewed(mixture: MixturePosterior, pairs: _Pairs, mean: np.ndarray, variance
 
 
 def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-           covariance: np.ndarray, mixture: MixturePosterior) -> _Pairs:
+           covariance: np.ndarray, mixture: MixturePosterior,
+           relative: RelativeErrors | None) -> _Pairs:
     signal, component = np.nonzero(mixture.weights)
-    R = covariance[signal]
+    seen, R, floored = seen_by(component, signal, mixture, relative_response, signals, covariance,
+                               relative)
     mode = mixture.logits[component, signal]
     p = reflectance(mode)
     slope = p * (1 - p)
@@ -165,15 +184,14 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     base = with_stretch(base, jacobian, with_level, stretch)
     means = prior.means[component] + mixture.shift[signal, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
-    residual = signals[signal] - p @ relative_response.T \
-        + (slope * (mode - means)) @ relative_response.T
+    residual = seen - p @ relative_response.T + (slope * (mode - means)) @ relative_response.T
     # As `posterior_draws._component` has them.
     shrink = R @ np.linalg.inv(of_signal + R + 1e-12 * np.eye(R.shape[1]))
-    wanted = signals[signal] - (shrink @ residual[..., None])[..., 0]
+    wanted = seen - (shrink @ residual[..., None])[..., 0]
     factor = band_factors(prior, mixture, LEVEL)[signal]
     middle = np.einsum("tc,ctp->tp", mixture.weights, mixture.logits)[signal]
     centre = middle + factor * (mode - middle)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(NEWTON_STEPS if relative is None else MORE_STEPS):
         p = reflectance(centre)
         slopes = (relative_response * (p * (1 - p))[:, None, :]) @ base.transpose(0, 2, 1)
         missing = (wanted - p @ relative_response.T)[..., None]
@@ -181,8 +199,7 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
         length = np.abs(step).max(axis=1, keepdims=True)
         centre += step * np.minimum(1, MAX_STEP / np.maximum(length, MAX_STEP))
     return _Pairs(signal, component, mixture.weights[signal, component], with_level, stretch,
-                  factor, base, np.linalg.solve(of_signal + with_floor(R), base), R - shrink @ R,
-                  centre)
+                  factor, base, np.linalg.solve(of_signal + floored, base), R - shrink @ R, centre)
 
 
 def _moved(prior: LogitMixture, relative_response: np.ndarray, pairs: _Pairs,

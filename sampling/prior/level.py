@@ -9,7 +9,9 @@ families given a level stay as they were. A family that is stated keeps its own 
 
 w is that density of the level over the families' own. Errors of a signal's level are normal in
 reflectance, not in the logit, so the mode is sought in reflectance: the first density enters the
-evidence alone, and only the second moves the mode.
+evidence alone, and only the second moves the mode. Errors that are shares are normal in the
+logarithm of the reflectance T of the level: of the uniform density, T (1 - T) for a logit, they
+leave 1 - T to move the mode, by as much of the signal's variance as is theirs.
 
 About a level l0 a component of mean mu and covariance S, its level of mean m and variance s, stays
 normal. With b and c the first and second derivatives of the logarithm of what moves the mode,
@@ -85,7 +87,8 @@ def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray
                        mean, variance, with_level)
 
 
-def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray) -> Tilt:
+def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray,
+         share: np.ndarray | None = None) -> Tilt:
     """What w makes of components about levels (n,).
 
     Parameters
@@ -94,12 +97,17 @@ def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray) ->
     component : (n,) int array, or int
     level : (n,) array
         Mean logits.
+    share : (n,) array, optional
+        Of errors in proportion to the signal, in the variance of its level; none by default.
     """
     at = np.clip(level, GRID[0], GRID[-1])
     place = (at - GRID[0]) / (GRID[1] - GRID[0])
     below = np.minimum(place.astype(int), GRID.size - 2)
     part, near = place - below, weight.log_weight.take([below, below + 1], axis=1)
     log_weight, slope, bend = (1 - part) * near[:, 0] + part * near[:, 1]
+    if share is not None:
+        T = 1 / (1 + np.exp(-at))
+        slope, bend = slope + share * (1 - T), bend - share * T * (1 - T)
     m, s = weight.mean[component], weight.variance[component]
     bend = np.minimum(bend, MOST_OF_CURVATURE / s)
     variance = s / (1 - bend * s)

@@ -6,6 +6,7 @@ Q of mixture_posterior.py, r the residual at the mode and p' the mean slope of t
 
     mean(d) = mean + p' S J' (J S J' + R)^-1 d,     log weight(d) ~ -(r + d)' Q^-1 (r + d) / 2.
 
+Where errors multiply (mixture_posterior.py), d is that of the signal over what they multiply it by.
 A signal is answered by its nearest centre: the components are weighed anew, their means moved.
 Near are signals with nearly the same logits, as a linear estimate of the spectrum has them: their
 bend is what the first order leaves out. Half of the centres are as far from each other as can be,
@@ -20,6 +21,7 @@ import numpy as np
 from scipy.linalg import qr
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, MIN_VARIANCE, marginal_moments
 from spectrabox.sampling.prior.level import with_stretch
 from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance, reflectance_moments
@@ -28,8 +30,11 @@ from spectrabox.sampling.prior.mixture_posterior import (
     HERMITE_WEIGHTS,
     MixturePosterior,
     allowed_misfit,
+    multiplying,
     posterior,
+    seen_by,
     surprise_limit,
+    unsaid,
     with_floor,
 )
 from spectrabox.sampling.prior.quantiles import stretched
@@ -50,7 +55,7 @@ GREY = 0.3                  # signal whose errors are typical
 COMPARED_AT_ONCE = 2048     # signals with all centres: stays in the cache
 TINY = 1e-12                # keeps a signal without errors solvable
 
-Errors = Callable[[np.ndarray], list[np.ndarray]]   # signals (n, K) to one or two covariances
+ErrorsOf = Callable[[np.ndarray], list[Errors]]     # of signals (n, K): one or two of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +77,8 @@ class LocalPosteriors:
     variance: np.ndarray        # (n, Q)
     apart: np.ndarray           # (n, Q) from the centre's mean to the component's
     surprise: np.ndarray        # (M,) least of all components less that of the pairs
-    misfit: np.ndarray          # (M,) of the allowed one
-    limit: np.ndarray           # () surprise of a familiar signal, at most
+    misfit: np.ndarray          # (M,) of the allowed one, or by how much its signal is unsaid
+    limit: np.ndarray           # (M,) surprise of a familiar signal, at most
 
     at_once = 65_536            # signals: many to a centre
 
@@ -105,7 +110,7 @@ class LocalPosteriors:
             values[rows, :wavelengths] = np.clip(mean, 0, 1)
             values[rows, wavelengths:-1] = np.sqrt(np.maximum(variance, MIN_VARIANCE))
             values[rows, -1] = np.maximum((self.surprise[centre] + chi_square.min(axis=1))
-                                          / self.limit, self.misfit[centre])
+                                          / self.limit[centre], self.misfit[centre])
         return values
 
     def _weights(self, own: slice, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +132,7 @@ class LocalPosteriors:
                               or [np.zeros(0, int)])
 
 
-def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors: Errors,
+def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors: ErrorsOf,
                      signals: np.ndarray, level: np.ndarray | None, mean: slice,
                      deviation: slice, progress: Progress = lambda share: None,
                      map_parts: MapParts = map) -> LocalPosteriors:
@@ -138,7 +143,7 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
     prior : LogitMixture
     relative_response : (K, 61) array
         Rows summing to 1.
-    errors : function from signals (n, K) to a list of their covariances (n, K, K)
+    errors : function from signals (n, K) to a list of their errors
         One, or the smallest and the largest.
     signals : (n, K) array
         That all signals are like.
@@ -152,7 +157,8 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
     """
     some = slice(None, None, -(-len(signals) // CHOSEN_AMONG))
     signals, level = signals[some].astype(float), None if level is None else level[some]
-    grey = errors(np.full((1, signals.shape[1]), GREY))[0][0]
+    mid_grey = np.full((1, signals.shape[1]), GREY)
+    grey = errors(mid_grey)[0].total(mid_grey)[0]
     expected, spread = reflectance_moments(prior)
     gain, response = informative_bands(spread, relative_response, grey)
     seen = response @ spread
@@ -163,15 +169,17 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
     axes = axes[:, -FEATURES:]
     features = features_of(estimate, axes, few, level)
     chosen = _centres(features)
-    smallest, *larger = errors(np.clip(signals[chosen], 0, MAX_SIGNAL))
+    at = np.clip(signals[chosen], 0, MAX_SIGNAL)
+    smallest, *larger = errors(at)
     if larger and level is not None:
-        smallest = smallest + level[chosen, None, None] * (larger[0] - smallest)
-    covariance = gain @ smallest @ gain.T
+        smallest = Errors(*(low + level[chosen, None, None] * (high - low)
+                            for low, high in zip(smallest, larger[0], strict=True)))
+    own = smallest if len(gain) == len(gain.T) else smallest.of_sums(gain, at)
 
     def part(start: int) -> tuple[np.ndarray, ...]:
         rows = slice(start, start + BATCH)
         with threadpool_limits(1, "blas"):  # threads within small products would only wait
-            return _around(prior, response, few[chosen[rows]], covariance[rows], mean, deviation)
+            return _around(prior, response, few[chosen[rows]], own.rows(rows), mean, deviation)
 
     parts = []
     for done in map_parts(part, range(0, chosen.size, BATCH)):
@@ -179,8 +187,7 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
         progress(min(len(parts) * BATCH / chosen.size, 1))
     counts, *pairs = (np.concatenate(each) for each in zip(*parts, strict=True))
     return LocalPosteriors(np.append(0, np.cumsum(counts)), *(each.astype(np.float32) for each in (
-        gain, estimate, axes, features[chosen], few[chosen], *pairs,
-        np.array(surprise_limit(prior, len(response))))))
+        gain, estimate, axes, features[chosen], few[chosen], *pairs)))
 
 
 def features_of(estimate: np.ndarray, axes: np.ndarray, signals: np.ndarray,
@@ -204,10 +211,12 @@ def _centres(features: np.ndarray) -> np.ndarray:
 
 
 def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-            covariance: np.ndarray, mean: slice, deviation: slice) -> tuple[np.ndarray, ...]:
+            errors: Errors, mean: slice, deviation: slice) -> tuple[np.ndarray, ...]:
     """The number of each centre's pairs, and the arrays of LocalPosteriors from ``log_weight``."""
-    mixture = posterior(prior, relative_response, signals, covariance, tolerance=TABLE_TOLERANCE)
-    drawn, _ = marginal_moments(prior, relative_response, signals, covariance, mixture)
+    covariance, relative = errors.absolute, multiplying(errors.relative)
+    mixture = posterior(prior, relative_response, signals, covariance, tolerance=TABLE_TOLERANCE,
+                        relative=relative)
+    drawn, _ = marginal_moments(prior, relative_response, signals, covariance, mixture, relative)
     centre, component = np.nonzero(mixture.weights)
     weights, mode = mixture.weights[centre, component], mixture.logits[component, centre]
     p = reflectance(mode)
@@ -221,23 +230,27 @@ def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndar
     base = with_stretch(base, jacobian, with_level, mixture.stretch[centre, component])
     means = prior.means[component] + mixture.shift[centre, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
-    residual = signals[centre] + (slope * (mode - means) - p) \
-        @ relative_response.T
-    root = np.linalg.inv(np.linalg.cholesky(of_signal + with_floor(covariance)[centre])) \
-        .transpose(0, 2, 1)
+    seen, noise, floored = seen_by(component, centre, mixture, relative_response, signals,
+                                   covariance, relative)
+    residual = seen + (slope * (mode - means) - p) @ relative_response.T
+    root = np.linalg.inv(np.linalg.cholesky(of_signal + floored)).transpose(0, 2, 1)
     whitened = np.einsum("nkl,nk->nl", root, residual)
     chi_square = np.sum(whitened**2, axis=1)
     # without the floor, as draws reproduce the signal
-    change = np.linalg.solve(of_signal + covariance[centre] + TINY * np.eye(len(relative_response)),
-                             base)
+    change = np.linalg.solve(of_signal + noise + TINY * np.eye(len(relative_response)), base)
+    if mixture.log_errors is not None:      # of the signal, over what it is multiplied by
+        less = np.exp(-mixture.log_errors[component, centre])[..., None]
+        root, change = less * root, less * change
     first, second, bend = _reflectances(drawn, component, centre)
     start = np.flatnonzero(np.diff(centre, prepend=-1))
     whole = np.add.reduceat(weights[:, None] * first, start, axis=0)[centre]
     surprise = mixture.surprise - np.minimum.reduceat(chi_square, start)
+    unlike = np.maximum(mixture.misfit / allowed_misfit(covariance), unsaid(
+        relative_response, whole[start], signals, covariance, relative))
     return (np.bincount(centre), np.log(weights) + chi_square / 2, root, whitened,
             np.concatenate([first[:, None], bend[:, None] * change], axis=1)[..., mean],
-            (second - first**2)[:, deviation], (first - whole)[:, deviation], surprise,
-            mixture.misfit / allowed_misfit(covariance))
+            (second - first**2)[:, deviation], (first - whole)[:, deviation], surprise, unlike,
+            surprise_limit(prior, len(relative_response), mixture.noise_share))
 
 
 def _reflectances(drawn: MixturePosterior, component: np.ndarray, centre: np.ndarray

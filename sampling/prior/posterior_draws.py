@@ -6,6 +6,10 @@ wide as the calibrated band. Each draw then gets a noise n from its posterior N(
 R), and Newton steps along S J' take it to the signal y - n to 1e-10. Noise-free signals (R = 0) are
 reproduced to that accuracy; no draw leaves (0, 1).
 
+Where errors multiply, a component has a signal w and a noise n of its own (`seen_by`), and a draw
+goes to the signal of the logits c - K n: c are those of its centre, moved to w, and J K = 1 there.
+To first order that is w - n, and never beyond black and white, where so wide an error would reach.
+
 The projection moves a draw across the directions that the camera sees, where the posterior is
 narrow; along the directions that it does not see the draw stays where it is. Within a component the
 law is that of Laplace's approximation, not exact: the calibration is what makes the bands hold.
@@ -22,12 +26,14 @@ from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     LEVEL,
     MixturePosterior,
+    RelativeErrors,
     band_factors,
-    with_floor,
+    seen_by,
 )
 
 SIGNAL_ATOL = 1e-10             # of white
 NEWTON_STEPS = 12
+CENTRE_STEPS, SINGULAR = 30, 1e12       # of a centre to its signal; where no step is to be found
 MAX_STEP = 3.0                  # logits
 BLOCK = 2048
 # Maximum number of redraws of what did not reach its signal: where the noise reaches far beyond
@@ -42,13 +48,25 @@ class _Component:
     centre: np.ndarray          # (P,) logits
     root: np.ndarray            # (P, P) square root of the posterior's covariance
     gain: np.ndarray            # (P, K)
-    noise_mean: np.ndarray      # (K,)
+    wanted: np.ndarray          # (K,) signal less the mean of its noise
     noise_root: np.ndarray      # (K, r)
+    # (P,) logits that give it, and (P, r) by which the noise moves them; None: it is taken off
+    bent: tuple[np.ndarray, np.ndarray] | None
+
+    def signals(self, relative_response: np.ndarray, draws: int,
+                rng: np.random.Generator) -> np.ndarray:
+        """Signals (n, K) that draws go to."""
+        noise = rng.standard_normal((draws, self.noise_root.shape[1]))
+        if self.bent is None:
+            return np.asarray(self.wanted - noise @ self.noise_root.T)
+        logits, root = self.bent
+        return np.asarray(reflectance(logits - noise @ root.T) @ relative_response.T)
 
 
 def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
                       relative_response: np.ndarray, signal: np.ndarray, noise: np.ndarray,
-                      draws: int, seed: int, *, approximate: bool = False) -> np.ndarray:
+                      draws: int, seed: int, *, approximate: bool = False,
+                      relative: RelativeErrors | None = None) -> np.ndarray:
     """Reflectances (T, 61) drawn from the posterior of one signal.
 
     Parameters
@@ -65,6 +83,8 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
         T; the same seed gives the same draws bit for bit.
     approximate : bool
         The signal cannot be reached: take draws that come near to it.
+    relative : RelativeErrors, optional
+        Of the one signal, with which its posterior was solved.
 
     Raises
     ------
@@ -73,8 +93,11 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
     """
     chosen = np.flatnonzero(mixture.weights[0])
     factor = band_factors(prior, mixture, LEVEL)[0]
-    components = [_component(prior, mixture, relative_response, signal, noise, factor, int(index))
-                  for index in chosen]
+    seen = seen_by(chosen, np.zeros(chosen.size, int), mixture, relative_response, signal[None],
+                   noise[None], relative)
+    components = [_component(prior, mixture, relative_response, factor, int(index), *each,
+                             bent=relative is not None)
+                  for index, *each in zip(chosen, *seen, strict=True)]
     spectra = np.empty((draws, relative_response.shape[1]))
     blocks = range(0, draws, BLOCK)
     for start, own_seed in zip(blocks, np.random.SeedSequence(seed).spawn(len(blocks)),
@@ -86,8 +109,8 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
             failed = []
             for index, component in enumerate(components):
                 rows = missing[number == index]
-                spectra[rows], reached = _of_component(component, relative_response, signal,
-                                                       rows.size, rng)
+                spectra[rows], reached = _of_component(component, relative_response, rows.size,
+                                                       rng)
                 failed.append(rows[~reached])
             missing = np.concatenate(failed)
             if not missing.size or approximate:
@@ -100,7 +123,8 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
 
 
 def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response: np.ndarray,
-               signal: np.ndarray, R: np.ndarray, factor: np.ndarray, index: int) -> _Component:
+               factor: np.ndarray, index: int, signal: np.ndarray, R: np.ndarray,
+               floored: np.ndarray, *, bent: bool) -> _Component:
     centre = mixture.logits[index, 0]
     p = reflectance(centre)
     jacobian = relative_response * (p * (1 - p))
@@ -110,24 +134,43 @@ def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response
     prior_of_signal = jacobian @ base
     residual = signal - relative_response @ p \
         + jacobian @ (centre - prior.means[index] - mixture.shift[0, index] * with_level)
-    Q = prior_of_signal + with_floor(R)
+    Q = prior_of_signal + floored
     covariance = own - base @ np.linalg.solve(Q, base.T)
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     middle = mixture.weights[0] @ mixture.logits[:, 0]
     root = factor[:, None] * vectors * np.sqrt(np.maximum(values, 0))
     shrink = R @ np.linalg.inv(prior_of_signal + R + 1e-12 * np.eye(len(R)))
-    return _Component(middle + factor * (centre - middle), root,
-                      base @ np.linalg.inv(prior_of_signal), shrink @ residual,
-                      noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2))
+    wanted = signal - shrink @ residual
+    start = middle + factor * (centre - middle)
+    noise_root = noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2)
+    return _Component(start, root, base @ np.linalg.inv(prior_of_signal), wanted, noise_root,
+                      _bent(relative_response, start, base, wanted, noise_root) if bent else None)
 
 
-def _of_component(component: _Component, relative_response: np.ndarray, signal: np.ndarray,
-                  draws: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _bent(relative_response: np.ndarray, logits: np.ndarray, base: np.ndarray, wanted: np.ndarray,
+          noise_root: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Logits (P,) near to some that give a signal (K,), along base (P, K), and by how much noise
+    (K, r) moves them (P, r); None where they cannot.
+    """
+    for _ in range(CENTRE_STEPS):
+        p = reflectance(logits)
+        slope = (relative_response * (p * (1 - p))) @ base
+        missing = wanted - relative_response @ p
+        if np.linalg.cond(slope) > SINGULAR:
+            return None
+        if np.abs(missing).max() < SIGNAL_ATOL:
+            return logits, base @ np.linalg.solve(slope, noise_root)
+        step = base @ np.linalg.solve(slope, missing)
+        logits = logits + step * min(1.0, MAX_STEP / max(float(np.abs(step).max()), 1e-12))
+    return None
+
+
+def _of_component(component: _Component, relative_response: np.ndarray, draws: int,
+                  rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Reflectances (n, P) of one component at their own signals, and which of them got there."""
-    M, bands = relative_response, len(signal)
+    M, bands = relative_response, len(component.wanted)
     x = rng.standard_normal((draws, component.root.shape[1])) @ component.root.T + component.centre
-    noise = rng.standard_normal((draws, component.noise_root.shape[1]))
-    wanted = signal - (component.noise_mean + noise @ component.noise_root.T)
+    wanted = component.signals(M, draws, rng)
     # d(signal)/d(step) of every draw is the sum over wavelengths of p (1 - p) times these products.
     products = (M[:, None, :] * component.gain.T).reshape(bands * bands, -1).T
     for _ in range(NEWTON_STEPS):

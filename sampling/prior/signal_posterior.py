@@ -9,7 +9,7 @@ the states in which the capture may have been (`state_posteriors`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ from spectrabox.sampling.prior.mixture_posterior import (
     allowed_misfit,
     central_band,
     mean_and_spread,
+    unsaid,
 )
 from spectrabox.sampling.prior.posterior_draws import draw_reflectances
 from spectrabox.sampling.prior.state_posteriors import (
@@ -77,7 +78,8 @@ class SignalPosterior:
         Which mean, band, draws and shares of variance come from: the same, or the smoothness
         prior's.
     outcome : Outcome
-        FAMILIAR, UNFAMILIAR, BEYOND_LEARNT (smoothness prior), or TOO_ROUGH and OUT_OF_REACH, whose
+        FAMILIAR, UNFAMILIAR; BEYOND_LEARNT, and UNSAID where what was found does not give the
+        signal within its stated errors (smoothness prior); or TOO_ROUGH and OUT_OF_REACH, whose
         draws, of the smoothness prior as well, do not reproduce the signal.
     """
 
@@ -121,7 +123,8 @@ class SignalPosterior:
     def _moments(self) -> list[tuple[MixturePosterior, np.ndarray]]:
         """Of each part the mixture that draws follow, and their covariance (1, 61, 21)."""
         return [marginal_moments(self.prior, part.relative_response, part.signal[None],
-                                 part.noise[None], part.mixture) for part in self.parts]
+                                 part.noise[None], part.mixture, part.relative)
+                for part in self.parts]
 
     @cached_property
     def _marginals(self) -> MixturePosterior:
@@ -136,6 +139,13 @@ class SignalPosterior:
     def mean(self) -> np.ndarray:
         """Mean reflectance (61,)."""
         return np.asarray(self._mean_and_deviation[0][0])
+
+    def says(self, mean: np.ndarray) -> bool:
+        """Whether a mean reflectance (61,) gives the signal within the stated errors, in some
+        state.
+        """
+        return any(unsaid(part.relative_response, mean[None], part.signal[None],
+                          part.noise[None], part.relative)[0] <= 1 for part in self.parts)
 
     @property
     def standard_deviation(self) -> np.ndarray:
@@ -183,9 +193,10 @@ class SignalPosterior:
         mixture = merged([part.mixture for part in self.parts],
                          np.array([[part.share] for part in self.parts]))
         likely = max(self.parts, key=lambda part: part.share)
-        return error_budgets(self.prior, likely.relative_response, likely.signal[None], mixture,
-                             grown_over_states(self.prior, self.parts, self.measurement.states,
-                                               causes))
+        seen = likely.signal if likely.relative is None \
+            else likely.relative_response @ likely.answer[0]
+        return error_budgets(self.prior, likely.relative_response, seen[None], mixture,
+                             grown_over_states(self.prior, self.parts, self.measurement, causes))
 
     def variance_shares(self, causes: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Share of each cause in the mean variance over wavelength; they sum to 1.
@@ -218,8 +229,7 @@ class SignalPosterior:
         """
         check_draw_count(count)
         check_seed(seed)
-        states = self.measurement.states
-        if states is None:
+        if self.measurement.states is None:
             return self._draws_in(self.parts[0], count, seed), None
         own, *seeds = np.random.SeedSequence(seed).generate_state(1 + len(self.parts)).tolist()
         rng = np.random.default_rng(own)
@@ -228,17 +238,15 @@ class SignalPosterior:
         for part, some, part_seed in zip(self.parts, counts.tolist(), seeds, strict=True):
             if some:
                 spectra.append(self._draws_in(part, some, part_seed))
-                variables.append(draw_variables(
-                    states, part.state,
-                    self.measurement.signal - spectra[-1] @ self.relative_response.T,
-                    self.measurement.noise_covariance, rng))
+                variables.append(draw_variables(self.measurement, part.state,
+                                                spectra[-1] @ self.relative_response.T, rng))
         order = rng.permutation(count)      # else state after state
         return np.concatenate(spectra)[order], np.concatenate(variables)[order]
 
     def _draws_in(self, part: StatePosterior, count: int, seed: int) -> np.ndarray:
         return draw_reflectances(self.prior, part.mixture, part.relative_response,
-                                 _inside(part.signal, part.noise), part.noise, count, seed,
-                                 approximate=self.outcome in APPROXIMATE)
+                                 _inside(part.signal, part.total_noise), part.noise, count, seed,
+                                 approximate=self.outcome in APPROXIMATE, relative=part.relative)
 
     def samples(self, count: int, seed: int, coefficients: int) -> SpectrumSamples:
         """The draws as a record, with the splines of N = ``coefficients`` nearest to each; of more
@@ -304,17 +312,22 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     check_measurement(measurement)
     response = response_on(measurement, PRIOR_GRID)
     learnt, evidence, novelty = solve_in_states(prior, response, measurement)
-    if novelty <= 1 or _reached(learnt):
-        return SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
-                               Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
+    reached = novelty <= 1 or _reached(learnt)
+    found = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
+                            Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
+    if reached and found.says(found.mean):
+        return found
     smooth = smoothness_prior()
     wider, _, _ = solve_in_states(smooth, response, measurement)
-    outcome = Outcome.BEYOND_LEARNT
+    widened = replace(found, prior=smooth, parts=wider)
+    outcome = Outcome.UNSAID if reached or not widened.says(widened.mean) \
+        else Outcome.BEYOND_LEARNT
     if not _reached(wider):
         outcome = Outcome.TOO_ROUGH if any(
-            is_reachable(MeasurementOperator(part.relative_response, part.signal, part.noise))
+            is_reachable(MeasurementOperator(part.relative_response, part.signal,
+                                             part.total_noise))
             for part in wider) else Outcome.OUT_OF_REACH
-    return SignalPosterior(measurement, response, prior, learnt, evidence, smooth, wider, outcome)
+    return replace(widened, outcome=outcome)
 
 
 def _reached(parts: tuple[StatePosterior, ...]) -> bool:

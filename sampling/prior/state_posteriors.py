@@ -2,7 +2,8 @@
 
 In each state what the capture adds to a signal is Gaussian (`CaptureStates`): the signal less its
 mean, with its covariance among the noise, has a mixture as posterior. The posterior over all states
-is these mixtures, each by its evidence and the state's probability beforehand.
+is these mixtures, each by its evidence and the state's probability beforehand. Errors that multiply
+a signal multiply what a state adds to it as well.
 
 How usual a spectrum the signal would be of is weak evidence on the state, and a wrong one of dark
 greys: so much of it is not counted (`USUALNESS`).
@@ -15,19 +16,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp, ndtr, softmax
 
-from spectrabox.radiometry.covariance import symmetric, symmetric_root
+from spectrabox.radiometry.covariance import symmetric_root, with_rank
+from spectrabox.radiometry.error_model import Errors, proportional_covariance
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
-from spectrabox.sampling.error_budget import grown_by_causes
+from spectrabox.sampling.error_budget import about_answer, grown_by_causes
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
-from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     NEGLIGIBLE,
     TOLERANCE,
     MixturePosterior,
     Pairs,
+    RelativeErrors,
     linearised,
     mean_and_spread,
+    multiplying,
     novelty,
     posterior,
     with_floor,
@@ -36,7 +40,8 @@ from spectrabox.sampling.spectral_measurement import (
     RANK,
     different_bands,
     gain_of_different,
-    with_rank,
+    reduced_errors,
+    response_on,
 )
 
 # Nats of evidence on the state that are not counted where they come of how usual the spectra are
@@ -57,8 +62,25 @@ class StatePosterior:
     gain: np.ndarray                # (r, K) that estimates the signals of different bands from all
     relative_response: np.ndarray   # (r, P)
     signal: np.ndarray              # (r,) less what the state adds
-    noise: np.ndarray               # (r, r) with what the state adds
+    noise: np.ndarray               # (r, r) with what the state adds, less what multiplies
     mixture: MixturePosterior       # of this one signal
+    relative: RelativeErrors | None = None      # of the one signal; None where no error multiplies
+
+    @property
+    def answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """The reflectance (P,) at the mode of the most probable component, and the logarithm (r,)
+        of what multiplies its signal.
+        """
+        likely = int(np.argmax(self.mixture.weights[0]))
+        errors = self.mixture.log_errors
+        return (reflectance(self.mixture.logits[likely, 0]),
+                np.zeros(self.signal.size) if errors is None else errors[likely, 0])
+
+    @property
+    def total_noise(self) -> np.ndarray:
+        """Covariance (r, r) of all errors about the signal."""
+        return self.noise if self.relative is None else self.noise + proportional_covariance(
+            self.signal + self.relative.added, self.relative.covariance[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +91,7 @@ class ManyInStates:
     signals: np.ndarray                 # (H, T, K) less what each state adds
     noises: np.ndarray                  # (H, T, K, K) with it
     shares: np.ndarray                  # (H, T) posterior probabilities of the states
+    relatives: list[RelativeErrors | None]      # H
 
     def novelty(self, prior: LogitMixture) -> np.ndarray:
         """Novelty (T,) of the signals, in the state that explains each best."""
@@ -78,13 +101,15 @@ class ManyInStates:
     def marginals(self, prior: LogitMixture, relative_response: np.ndarray) -> MixturePosterior:
         """The mixtures that draws of the signals follow, over all states."""
         return merged([marginal_moments(prior, relative_response, *each)[0] for each
-                       in zip(self.signals, self.noises, self.mixtures, strict=True)], self.shares)
+                       in zip(self.signals, self.noises, self.mixtures, self.relatives,
+                              strict=True)], self.shares)
 
 
 def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                          covariances: np.ndarray, states: CaptureStates | None,
                          start: ManyInStates | None = None, *,
-                         tolerance: float = TOLERANCE) -> ManyInStates:
+                         tolerance: float = TOLERANCE,
+                         relative: np.ndarray | None = None) -> ManyInStates:
     """Posteriors of T signals in each of H states.
 
     Parameters
@@ -101,23 +126,28 @@ def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, sig
         Of the same signals under other noise.
     tolerance : float
         As of `mixture_posterior.posterior`.
+    relative : (T, K, K) array, optional
+        Covariance of the errors that multiply the signals, which are not among the noise.
     """
     if states is None:
         before = None if start is None else start.mixtures[0]
+        own = multiplying(relative)
         mixture = posterior(prior, relative_response, signals, covariances, before,
-                            tolerance=tolerance)
+                            tolerance=tolerance, relative=own)
         return ManyInStates([mixture], signals[None], covariances[None],
-                            np.ones((1, len(signals))))
+                            np.ones((1, len(signals))), [own])
     off = signals - states.added[:, None]
     noises = covariances + states.added_covariances[:, None]
+    relatives = [multiplying(relative, *added) for added
+                 in zip(states.added, states.added_covariances, strict=True)]
     mixtures: list[MixturePosterior] = []
     for state, (seen, noise) in enumerate(zip(off, noises, strict=True)):
         before = start.mixtures[state] if start is not None else mixtures[-1] if mixtures else None
         mixtures.append(posterior(prior, relative_response, seen, noise, before,
-                                  tolerance=tolerance))
+                                  tolerance=tolerance, relative=relatives[state]))
     shares, _ = state_shares(np.log(states.weights)[:, None],
                              np.array([mixture.log_evidence for mixture in mixtures]))
-    return ManyInStates(mixtures, off, noises, shares)
+    return ManyInStates(mixtures, off, noises, shares, relatives)
 
 
 def state_shares(beforehand: np.ndarray, evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,9 +187,11 @@ def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
     """
     signal, noise, states = measurement.signal, measurement.noise_covariance, measurement.states
     if states is None:
-        mixture = posterior(prior, relative_response, signal[None], noise)
+        errors = Errors.of_total(noise, signal, measurement.relative_covariance)
+        relative, noise = multiplying(errors.relative[None]), errors.absolute
+        mixture = posterior(prior, relative_response, signal[None], noise, relative=relative)
         part = StatePosterior(0, 1.0, np.eye(signal.size), relative_response, signal, noise,
-                              mixture)
+                              mixture, relative)
         return (part,), float(mixture.log_evidence[0]), float(novelty(prior, mixture, noise)[0])
     different, repeated = different_bands(relative_response)
     response = relative_response[different]
@@ -169,12 +201,17 @@ def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
                                                     strict=True)):
         own = noise + covariance
         gain, of_differences = _different(signal - added, own, repeated)
-        seen, own = gain @ (signal - added), symmetric(gain @ own @ gain.T)
-        mixture = posterior(prior, response, seen[None], own,
-                            parts[-1].mixture if parts else None)
+        whole, own, shares_of = reduced_errors(gain, repeated, signal, own,
+                                               measurement.relative_covariance)
+        errors = Errors.of_total(own, whole, shares_of)
+        relative = multiplying(errors.relative[None], gain @ added, gain @ covariance @ gain.T)
+        seen = gain @ (signal - added)
+        mixture = posterior(prior, response, seen[None], errors.absolute,
+                            parts[-1].mixture if parts else None, relative=relative)
         beforehand[state] += of_differences
         evidence[state] = mixture.log_evidence[0]
-        parts.append(StatePosterior(state, 0.0, gain, response, seen, own, mixture))
+        parts.append(StatePosterior(state, 0.0, gain, response, seen, errors.absolute, mixture,
+                                    relative))
     shares, log_evidence = state_shares(beforehand[:, None], evidence[:, None])
     return (tuple(replace(part, share=float(share)) for part, share
                   in zip(parts, shares[:, 0], strict=True) if share > 0), float(log_evidence[0]),
@@ -190,7 +227,7 @@ def _different(signal: np.ndarray, noise: np.ndarray,
     if bands == count:
         return np.eye(bands), 0.0
     contrasts = np.linalg.svd(repeated.T)[2][count:]            # (K - r, K), of no different bands
-    spread, off = contrasts @ with_rank(noise) @ contrasts.T, contrasts @ signal
+    spread, off = contrasts @ with_rank(noise, RANK) @ contrasts.T, contrasts @ signal
     return gain_of_different(noise, repeated), float(
         -(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
           + off.size * np.log(2 * np.pi)) / 2)
@@ -207,6 +244,7 @@ def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixtureP
     if len(mixtures) == 1:
         return mixtures[0]
     skews = [mixture.skews for mixture in mixtures if mixture.skews is not None]
+    log_errors = [mixture.log_errors for mixture in mixtures if mixture.log_errors is not None]
     return MixturePosterior(
         np.hstack([share[:, None] * mixture.weights
                    for share, mixture in zip(shares, mixtures, strict=True)]),
@@ -221,11 +259,12 @@ def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixtureP
                 for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
         np.sum([share * mixture.growth
                 for share, mixture in zip(shares, mixtures, strict=True)], axis=0),
-        np.concatenate(skews) if skews else None)
+        np.concatenate(skews) if skews else None,
+        np.concatenate(log_errors) if log_errors else None)
 
 
 def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
-                      states: CaptureStates | None,
+                      measurement: SpectralMeasurement,
                       causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What errors add to the variance (1, P) of the reflectance by cause: within the states, and by
     what differs between them.
@@ -235,13 +274,23 @@ def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
     prior : LogitMixture
         Whose posterior the parts are.
     parts : sequence of StatePosterior
-    states : CaptureStates or None
+    measurement : SpectralMeasurement
     causes : mapping to (K, K) arrays
         Covariances of the noise without what the states add, by name.
     """
     grown: dict[str, np.ndarray] = {}
+    states = measurement.states
+    _, repeated = different_bands(measurement.relative_response)
     for part in parts:
         own = dict(causes)
+        if part.relative is not None:
+            answer, log_errors = part.answer
+            given = response_on(measurement, PRIOR_GRID) @ answer
+            if states is not None:
+                given, log_errors = given + states.added[part.state], repeated @ log_errors
+            own = {name: covariance[0] for name, covariance in about_answer(
+                {name: covariance[None] for name, covariance in causes.items()},
+                measurement.signal[None], np.maximum(given, 0)[None], log_errors[None]).items()}
         if states is not None:
             for cause in dict.fromkeys(states.causes):
                 pattern = states.of_cause(cause)
@@ -309,10 +358,19 @@ def _given_components(prior: LogitMixture, relative_response: np.ndarray,
     at its mode.
     """
     count, state = chosen.size, part.state
-    noise = with_floor(measurement.noise_covariance + states.added_covariances[state])
+    errors = Errors.of_total(measurement.noise_covariance, measurement.signal,
+                             measurement.relative_covariance)
+    noise = with_floor(errors.absolute + states.added_covariances[state])
+    relative = multiplying(np.repeat(errors.relative[None], count, axis=0), states.added[state],
+                           states.added_covariances[state])
+    log_errors = part.mixture.log_errors
+    if log_errors is not None:
+        _, repeated = different_bands(relative_response)
+        log_errors = log_errors[chosen, 0] @ repeated.T
     pairs = Pairs((slice(None), 0), chosen, relative_response,
                   np.repeat((measurement.signal - states.added[state])[None], count, axis=0),
-                  np.repeat(noise[None], count, axis=0), part.mixture.logits[chosen, 0])
+                  np.repeat(noise[None], count, axis=0), part.mixture.logits[chosen, 0], relative,
+                  log_errors)
     here = linearised(prior, pairs, np.arange(count))
     added = states.pattern @ states.covariances[state]          # (K, V) with the signal
     gain = np.linalg.solve(here.Q, np.broadcast_to(added, (count, *added.shape)))
@@ -334,20 +392,26 @@ def _not_less(mean: np.ndarray, deviation: np.ndarray,
             np.where(certain, 0.0, spread))
 
 
-def draw_variables(states: CaptureStates, state: int, left: np.ndarray, noise: np.ndarray,
+def draw_variables(measurement: SpectralMeasurement, state: int, given: np.ndarray,
                    rng: np.random.Generator) -> np.ndarray:
     """Variables (T, V) that go with spectra drawn in one state, none less than it can be.
 
     Parameters
     ----------
-    states : CaptureStates
+    measurement : SpectralMeasurement
+        Whose capture has states.
     state : int
-    left : (T, K) array
-        Of the signal, once those of the spectra are taken off.
-    noise : (K, K) array
-        Without what the states add.
+    given : (T, K) array
+        Signals of the spectra. What multiplies them does so as it does their mean.
     rng : numpy Generator
     """
+    states, left, noise = measurement.states, measurement.signal - given, \
+        measurement.noise_covariance
+    assert states is not None
+    if measurement.relative_covariance is not None:
+        errors = Errors.of_total(noise, measurement.signal, measurement.relative_covariance)
+        noise = errors.absolute + proportional_covariance(
+            given.mean(axis=0) + states.added[state], errors.relative)
     covariance = states.covariances[state]
     gain = covariance @ states.pattern.T @ np.linalg.pinv(
         noise + states.added_covariances[state], rcond=RANK, hermitian=True)

@@ -12,17 +12,25 @@ from dataclasses import dataclass, fields
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.error_budget import error_budgets, grown_by_causes, shares_by_cause
+from spectrabox.sampling.error_budget import (
+    about_answer,
+    error_budgets,
+    grown_by_causes,
+    shares_by_cause,
+)
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
-from spectrabox.sampling.prior.mixture import LogitMixture, smoothness_prior
+from spectrabox.sampling.prior.mixture import LogitMixture, reflectance, smoothness_prior
 from spectrabox.sampling.prior.mixture_posterior import (
     MixturePosterior,
     allowed_misfit,
     central_band,
     mean_and_spread,
+    multiplying,
     novelty,
     posterior,
+    unsaid,
 )
 from spectrabox.sampling.spectral_measurement import check_bands
 
@@ -31,8 +39,9 @@ BATCH = 250         # signals: those of one batch are carried with as many compo
 
 @dataclass(frozen=True)
 class PriorSummaries:
-    """Of T signals. The outcomes are FAMILIAR, UNFAMILIAR, BEYOND_LEARNT, or TOO_ROUGH for those
-    that no spectrum of the priors gives, whose numbers are then of no use.
+    """Of T signals. The outcomes are FAMILIAR, UNFAMILIAR, BEYOND_LEARNT, UNSAID where mean and
+    signal disagree, or TOO_ROUGH for those that no spectrum of the priors gives, whose numbers are
+    then of no use.
     """
 
     mean: np.ndarray                    # (T, 61)
@@ -78,35 +87,48 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
 
 def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
            causes: dict[str, np.ndarray], level: float) -> PriorSummaries:
-    noise = np.sum(list(causes.values()), axis=0)
-    mixture = posterior(prior, relative_response, signals, noise)
-    allowed = allowed_misfit(noise)
-    beyond = mixture.misfit > allowed
+    errors = split_errors(signals, causes)
+    relative = multiplying(errors.relative)
+    mixture = posterior(prior, relative_response, signals, errors.absolute, relative=relative)
+    allowed = allowed_misfit(errors.absolute)
     summary = _of_mixture(prior, relative_response, signals, causes, mixture, level)
-    summary.outcome[novelty(prior, mixture, noise) > 1] = Outcome.UNFAMILIAR
-    if not beyond.any():
+    summary.outcome[novelty(prior, mixture, errors.absolute) > 1] = Outcome.UNFAMILIAR
+    beyond = mixture.misfit > allowed
+    doubtful = unsaid(relative_response, summary.mean, signals, errors.absolute, relative) > 1
+    some = np.flatnonzero(beyond | doubtful)
+    if not some.size:
         return summary
-    smooth = smoothness_prior()
-    wider = posterior(smooth, relative_response, signals[beyond], noise[beyond])
-    wider_summary = _of_mixture(smooth, relative_response, signals[beyond], {
-        name: covariance[beyond] for name, covariance in causes.items()}, wider, level)
-    for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm", "budget"):
-        getattr(summary, name)[beyond] = getattr(wider_summary, name)
+    summary.outcome[doubtful] = Outcome.UNSAID
     summary.outcome[beyond] = Outcome.BEYOND_LEARNT
-    too_rough = np.flatnonzero(beyond)[wider.misfit > allowed[beyond]]
-    summary.outcome[too_rough] = Outcome.TOO_ROUGH
+    smooth = smoothness_prior()
+    wider = posterior(smooth, relative_response, signals[some], errors.absolute[some],
+                      relative=None if relative is None else relative.rows(some))
+    wider_summary = _of_mixture(smooth, relative_response, signals[some], {
+        name: covariance[some] for name, covariance in causes.items()}, wider, level)
+    for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm", "budget"):
+        getattr(summary, name)[some] = getattr(wider_summary, name)
+    summary.outcome[unsaid(relative_response, summary.mean, signals, errors.absolute,
+                           relative) > 1] = Outcome.UNSAID
+    summary.outcome[some[wider.misfit > allowed[some]]] = Outcome.TOO_ROUGH
     return summary
 
 
 def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                 causes: dict[str, np.ndarray], mixture: MixturePosterior,
                 level: float) -> PriorSummaries:
-    noise = np.sum(list(causes.values()), axis=0)
-    drawn, covariance = marginal_moments(prior, relative_response, signals, noise, mixture)
+    errors = split_errors(signals, causes)
+    relative = multiplying(errors.relative)
+    drawn, covariance = marginal_moments(prior, relative_response, signals, errors.absolute,
+                                         mixture, relative)
     mean, spread = mean_and_spread(drawn)
     lower, upper = central_band(drawn, level)
+    seen = signals
+    if relative is not None and mixture.log_errors is not None:
+        likely, rows = np.argmax(mixture.weights, axis=1), np.arange(len(signals))
+        seen = reflectance(mixture.logits[likely, rows]) @ relative_response.T
+        causes = about_answer(causes, signals, seen, mixture.log_errors[likely, rows])
     grown = grown_by_causes(prior, relative_response, mixture, causes)
-    shares = shares_by_cause(error_budgets(prior, relative_response, signals, mixture, grown))
+    shares = shares_by_cause(error_budgets(prior, relative_response, seen, mixture, grown))
     return PriorSummaries(mean, spread, lower, upper, next_readings_nm(covariance, spread),
                           prior.shares(mixture.weights), np.column_stack(list(shares.values())),
                           np.full(len(mean), Outcome.FAMILIAR, dtype=object))

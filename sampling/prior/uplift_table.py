@@ -17,14 +17,17 @@ import numpy as np
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import (
     TOLERANCE,
     mean_and_spread,
+    multiplying,
     novelty,
     posterior,
+    unsaid,
 )
 
 SIDE = 25                   # odd, so that grey is on the lattice
@@ -60,7 +63,7 @@ class UpliftTable:
 
 
 def build_tables(prior: LogitMixture, relative_response: np.ndarray,
-                 errors: Callable[[np.ndarray], list[np.ndarray]], wanted: np.ndarray,
+                 errors: Callable[[np.ndarray], list[Errors]], wanted: np.ndarray,
                  progress: Progress = lambda share: None,
                  map_parts: MapParts = map) -> list[UpliftTable]:
     """The posterior of three-band signals on a lattice, 1000 to 2000 points a second, for several
@@ -71,7 +74,7 @@ def build_tables(prior: LogitMixture, relative_response: np.ndarray,
     prior : LogitMixture
     relative_response : (3, 61) array
         Rows summing to 1.
-    errors : function from signals (n, 3) to a list of their covariances (n, 3, 3)
+    errors : function from signals (n, 3) to a list of their errors
         One for each table.
     wanted : (side, side, side) bool array
         Points that are needed, from `points_around`.
@@ -112,8 +115,8 @@ def lattice(side: int) -> np.ndarray:
     return np.minimum(np.stack([level * first, level, level * third], axis=-1), MAX_SIGNAL)
 
 
-def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
-    """Covariance (n, K, K) of signals (n, K) of which every band errs for itself, by a share.
+def relative_errors(signals: np.ndarray, noise: float) -> Errors:
+    """Errors of signals (n, K) of which every band errs for itself, by a share.
 
     Parameters
     ----------
@@ -122,11 +125,12 @@ def relative_errors(signals: np.ndarray, noise: float) -> np.ndarray:
     noise : float
         Relative standard error of every band.
     """
-    return np.einsum("tk,kl->tkl", (noise * signals)**2, np.eye(signals.shape[1]))
+    alike = np.zeros((*signals.shape, signals.shape[1]))
+    return Errors(alike + noise**2 * np.eye(signals.shape[1]), alike)
 
 
 def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                   covariance: np.ndarray, *, tolerance: float = TOLERANCE) -> Uplifted:
+                   errors: Errors, *, tolerance: float = TOLERANCE) -> Uplifted:
     """Mean and standard deviation behind signals with errors of their own, each by itself.
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
@@ -138,31 +142,33 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
         Rows summing to 1.
     signals : (n, K) array
         Relative to white.
-    covariance : (n, K, K) array
+    errors : Errors
+        Of the n signals.
     tolerance : float
         Change of a logit that ends the way to a mode.
     """
-    return _uplifted(prior, relative_response, signals, [covariance], lambda share: None,
+    return _uplifted(prior, relative_response, signals, [errors], lambda share: None,
                      tolerance)[0]
 
 
 def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-              covariances: Sequence[np.ndarray], progress: Progress,
+              errors: Sequence[Errors], progress: Progress,
               tolerance: float, map_parts: MapParts = map) -> list[Uplifted]:
-    """What signals say under each of several errors (n, K, K)."""
+    """What signals say under each of several errors."""
     shape = len(signals), PRIOR_GRID.nm.size
-    every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals)))
-             for _ in covariances]
+    every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals))) for _ in errors]
 
     def compute(start: int) -> int:
         rows, mixture = slice(start, start + BATCH), None
-        for uplifted, covariance in zip(every, covariances, strict=True):
-            mixture = posterior(prior, relative_response, signals[rows], covariance[rows],
-                                mixture, tolerance=tolerance)
-            drawn, _ = marginal_moments(prior, relative_response, signals[rows],
-                                        covariance[rows], mixture)
+        for uplifted, own in zip(every, errors, strict=True):
+            noise, relative = own.absolute[rows], multiplying(own.relative[rows])
+            mixture = posterior(prior, relative_response, signals[rows], noise, mixture,
+                                tolerance=tolerance, relative=relative)
+            drawn, _ = marginal_moments(prior, relative_response, signals[rows], noise, mixture,
+                                        relative)
             uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(drawn)
-            uplifted.novelty[rows] = novelty(prior, mixture, covariance[rows])
+            uplifted.novelty[rows] = np.maximum(novelty(prior, mixture, noise), unsaid(
+                relative_response, uplifted.mean[rows], signals[rows], noise, relative))
         return start
 
     with threadpool_limits(1, "blas"):      # threads within small products would only wait
