@@ -244,7 +244,7 @@ def _regions(rng: np.random.Generator, surfaces: np.ndarray) -> dict[str, Region
     return regions
 
 
-def answers_of(case: Case, sets: int) -> Iterator[tuple[str, FlatSpectra | SpectraboxError]]:
+def answers_of(case: Case, sets: int) -> Iterator[tuple[str, FlatSpectra | Exception]]:
     """Answers of one calibration, or why there is none: for the regions of a case, and for as many
     other sets of regions.
 
@@ -263,7 +263,7 @@ def answers_of(case: Case, sets: int) -> Iterator[tuple[str, FlatSpectra | Spect
         keeper = MemoryKeeper(kept=dict(kept))
         try:
             yield words, FlatSpectra(capture, measure(capture, keeper))
-        except SpectraboxError as error:
+        except Exception as error:      # noqa: BLE001 - one that is no refusal is counted as failed
             yield words, error
         kept = {name: keeper.kept[name] for name in ("chart", "calibrate") if name in keeper.kept}
         if len(kept) < 2:
@@ -388,10 +388,14 @@ class Tally:
             print(f"{name.upper()} {words}\n{traceback.format_exc()}", flush=True)
             return None
 
-    def answer(self, words: str, answer: FlatSpectra | SceneSpectra | SpectraboxError) -> None:
+    def answer(self, words: str, answer: FlatSpectra | SceneSpectra | Exception) -> None:
         """Every extra of an answer."""
         if isinstance(answer, SpectraboxError):
             self.refused[f"{type(answer).__name__}: {str(answer)[:70]}"] += 1
+            return
+        if isinstance(answer, Exception):
+            self.failed["answer"] += 1
+            print(f"ANSWER {words}", *traceback.format_exception(answer), sep="\n", flush=True)
             return
         self.answers += 1
         with tempfile.TemporaryDirectory() as folder:

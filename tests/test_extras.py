@@ -16,6 +16,8 @@ import spectrabox as sb
 from spectrabox.measure.advice.flat_actions import flat_photos_of, with_lamp_moved, with_level
 from spectrabox.measure.advice.forecast import Unknown, outlook_after
 from spectrabox.measure.extras import attempt
+from spectrabox.measure.regions.flat_signals import flat_signals
+from spectrabox.measure.regions.white import white_at_regions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
@@ -250,3 +252,14 @@ def test_a_black_surface_gets_advice(measured):
     assert with_level(unknown) is unknown
     after = with_lamp_moved(flat_photos_of(capture, records), "cube")
     assert np.isfinite(outlook_after(with_level(unknown), after).width)
+
+
+def test_a_region_that_no_photo_shows_in_any_band_is_refused_by_name(measured):
+    folder, _ = measured
+    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")}, progress=False)
+    sample = flat_photos_of(*result.found.advise.args)
+    (photo,) = sample.photos
+    white = white_at_regions(photo, {}, sample.errors)
+    clipped = replace(white, samples=replace(white.samples, clipped=np.ones((1, 3), bool)))
+    with pytest.raises(sb.CheckError, match="no band of any photo tells anything of region 'cube'"):
+        flat_signals([photo], [clipped], {"cube": ()}, {}, sample.bands, sample.errors)

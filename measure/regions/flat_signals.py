@@ -31,6 +31,7 @@ from spectrabox.radiometry.error_model import (
     proportional_covariance,
     sensitivity_covariance,
 )
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.gloss import SAME_SURFACE, gloss_states
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
@@ -76,6 +77,11 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     bands : sequence of K str
         Names of the camera's bands.
     errors : FlatErrors
+
+    Raises
+    ------
+    CheckError
+        If no band of any photo shows a region that is not known.
     """
     responses = [photo.response for photo in photos]
     of_photo = first_alike(photos)
@@ -108,6 +114,11 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
             covariance[index] += common_to_photos(cause, covariance[index], signal[index], lamps,
                                                   errors.disagreement)
     signal[silent] = np.nan
+    for name, seen in zip(names, np.isfinite(signal).any(axis=1), strict=True):
+        if not seen and name not in known:
+            raise CheckError(f"no band of any photo tells anything of region {name!r}: it is "
+                             "saturated there, or too dark by the light that the chart shows; "
+                             "take a photo at another exposure, or leave the region out")
     response = np.vstack([responses[number] for number in distinct])
     spectra = np.array([known[name] if name in known
                         else _expected_spectrum(families[name], response, signal[index])
