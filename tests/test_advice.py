@@ -159,7 +159,7 @@ def test_under_a_light_that_is_hardly_known_a_gel_brings_little(plain):
         # it tells of the shape of the spectrum, which is a sixth of the band at most
         assert after.width > 0.8 * before.width
     known = outlook_after(dark, now)
-    assert known.width < 0.5 * before.width
+    assert known.width < 0.6 * before.width
 
 
 def test_the_narrowest_comes_first_and_little_is_not_said(plain):
