@@ -152,7 +152,7 @@ def test_the_chart_command_says_the_edition_with_its_evidence(tmp_path, monkeypa
     assert told.edition == "since November 2014" and told.evidence > 2
     assert f"the photo speaks for it by {told.evidence:.1f} nats" in told.says
     run = CliRunner().invoke(app, ["chart", "chart.dng", "--json"])
-    assert json.loads(run.stdout)["edition"] == vars(told)
+    assert json.loads(run.stdout)["edition"] == told.facts
     assert CliRunner().invoke(app, ["chart", "chart.dng"]).output.splitlines()[-1] == \
         f"edition {told.says}"
     earlier = photographed(tmp_path, BEFORE_2014.mean, 1).edition
