@@ -1,5 +1,6 @@
 """The ledger's judgements, what it keeps, and that what is recorded is whole."""
 import itertools
+import os
 import re
 from types import SimpleNamespace
 
@@ -165,9 +166,21 @@ def test_an_answer_that_is_lost_ends_in_4_and_says_why(measured, capsys):
     assert ledger.main([]) == 4
     said = capsys.readouterr().out
     assert "simulated/shoots, case 4: ValueError: zero-size array" in said
-    assert "simulated/all/answered" in said
-    # recorded all the same, a lost answer still fails: RMSE of it is not known
-    assert ledger.main(["--record", "*", "--reason", "no"]) == 4
+    assert "incomplete: simulated/shoots/RMSE: no value of case 4" in said
+    assert ledger.main(["--record", "*", "--reason", "such shoots are refused"]) == 0
+    assert ledger.main([]) == 0
+    kept = recorded.read_recorded(recorded.FILE)["simulated/shoots/RMSE"]
+    assert kept.reasons[-1].endswith(": worse: such shoots are refused")
+
+
+def test_a_row_that_is_measured_no_more_ends_in_4(measured, capsys):
+    assert ledger.main(["--record", "*", "--reason", "as it is"]) == 0
+    kept = recorded.read_recorded(recorded.FILE)
+    recorded.write_recorded(kept | {"simulated/gone/RMSE": kept["simulated/shoots/RMSE"]},
+                            recorded.FILE)
+    assert ledger.main(["--only", "simulated/shoots"]) == 0
+    assert ledger.main([]) == 4
+    assert "simulated/gone/RMSE: it was not measured" in capsys.readouterr().out
 
 
 def test_rows_of_other_blocks_stay_as_they_are_recorded(measured):
@@ -184,9 +197,10 @@ def test_rows_of_other_blocks_stay_as_they_are_recorded(measured):
 def test_tasks_are_measured_apart_and_one_that_fails_takes_no_other_with_it():
     done = task.measure_all([task.Task("simulated/a", "0", dict, ([("held", 0.9)],)),
                              task.Task("simulated/a", "1", dict, (7,)),
+                             task.Task("simulated/a", "2", os._exit, (1,)),
                              task.Task("simulated/b", "0", dict, ([("held", 0.8)],))], 1)
     assert done.rows == {"simulated/a/held": {"0": 0.9}, "simulated/b/held": {"0": 0.8}}
-    assert list(done.faults) == [("simulated/a", "1")]
+    assert list(done.faults) == [("simulated/a", "1"), ("simulated/a", "2")]
     assert done.faults["simulated/a", "1"].startswith("TypeError: ")
 
 

@@ -6,8 +6,9 @@
 Ends in 4 where a row is worse than recorded by more than its error, was never recorded, or lacks
 an answer that is recorded; else in 0. ``--record`` takes rows by name, or patterns such as
 "simulated/greys*" and "*"; a row that is worse is recorded with its reason, which is to stand in
-CHANGELOG.md as well. Measured data are found by --data or SPECTRABOX_DATA; rows that need them stay
-as recorded where there are none. No row needs a network.
+CHANGELOG.md as well. A row that is measured no more is taken out of ledger.toml by hand. Measured
+data are found by --data or SPECTRABOX_DATA; rows that need them stay as recorded where there are
+none. No row needs a network.
 """
 from __future__ import annotations
 
@@ -31,6 +32,7 @@ from benchmarks.ledger import (
 )
 
 GROUPS = ("real", "simulated", "signals", "speed")
+DATA = "real/"          # rows that need measured data
 FILES = (real, boxes, simulated, signals, speed)      # the longest tasks first
 
 
@@ -52,31 +54,17 @@ def main(words: list[str] | None = None) -> int:
     data = None if asked.data is None else Path(asked.data)
     if data is not None and not data.is_dir():
         parser.error(f"{data} is no folder of measured data")
-    started = time.perf_counter()
     every = [one for file in FILES for one in file.tasks(data)]
     wanted = [one for one in every
               if not asked.only or any(_within(one.block, name) for name in asked.only)]
     if not wanted:
         parser.error(f"nothing is named {', '.join(asked.only)}; there are "
                      f"{', '.join(dict.fromkeys(one.block for one in every))}")
-    commit = recorded.commit_now()
-    done = task.measure_all(wanted, asked.workers)
-    known = recorded.read_recorded(recorded.FILE)
-    blocks = {one.block for one in wanted}
-    for group in GROUPS:
-        whole = [one for one in every if one.group == group]
-        if whole and set(whole) <= set(wanted):
-            blocks.add(f"{group}/all")
-            done.rows[f"{group}/all/answered"] = {
-                f"{one.block.split('/')[1]} {one.case}":
-                float((one.block, one.case) not in done.faults) for one in whole}
-    judgements = {name: judged_row(name, done, known, blocks)
-                  for name in dict.fromkeys([*done.rows, *known])}
+    started, commit = time.perf_counter(), recorded.commit_now()
+    done, known = task.measure_all(wanted, asked.workers), recorded.read_recorded(recorded.FILE)
+    judgements = judged_rows(done, known, {one.block for one in wanted}, whole=not asked.only)
     for name in [name for name in done.rows
                  if any(fnmatch.fnmatch(name, pattern) for pattern in asked.record)]:
-        if judgements[name].word == "incomplete":
-            print(f"{name} is not recorded: {judgements[name].says}", file=sys.stderr)
-            continue
         known = recorded.record(known, name, done.rows[name], commit, asked.reason,
                                 judgements[name])
         judgements[name] = rows.Judgement("recorded")
@@ -85,15 +73,15 @@ def main(words: list[str] | None = None) -> int:
         recorded.write_recorded({name: known[name] for name in sorted(known, key=_order)},
                                 recorded.FILE)
     if asked.record or not asked.only:
-        table.write(lines, commit, data is not None)
+        table.write(lines, commit)
     print(table.text(lines))
-    failed = {name: judgement for name, judgement in judgements.items() if judgement.fails}
     print(f"\n{len(done.rows)} rows of {len(wanted)} cases in "
           f"{time.perf_counter() - started:.0f} s, {sum(done.seconds.values()):.0f} s of processor")
     if data is None:
         print("real: skipped, no measured data; name their folder with --data or SPECTRABOX_DATA")
     for (block, case), fault in done.faults.items():
         print(f"no answer: {block}, case {case}: {fault}")
+    failed = {name: judgement for name, judgement in judgements.items() if judgement.fails}
     for name, judgement in failed.items():
         print(f"{judgement.word}: {name}: {judgement.says or table.change_of(name, judgement)}")
     if failed:
@@ -102,13 +90,26 @@ def main(words: list[str] | None = None) -> int:
     return 4 if failed else 0
 
 
-def judged_row(name: str, done: task.Measured, known: dict[str, recorded.Recorded],
-               blocks: set[str]) -> rows.Judgement:
-    """What one row came to; a recorded one of a block that was measured must be there."""
-    before = known[name].cases if name in known else None
-    block = name.rsplit("/", 1)[0]
-    found = done.rows.get(name, {} if block in blocks else None)
-    return rows.judged(rows.kind_of(name), found, before)
+def judged_rows(done: task.Measured, known: dict[str, recorded.Recorded], blocks: set[str],
+                whole: bool) -> dict[str, rows.Judgement]:
+    """What every row came to that was measured or is recorded.
+
+    Parameters
+    ----------
+    done : task.Measured
+    known : dict of Recorded
+    blocks : set of str
+        That were measured: a recorded row of theirs must be there.
+    whole : bool
+        Whether all of the ledger was: then all recorded rows must be, but those of data.
+    """
+    judgements = {}
+    for name in dict.fromkeys([*done.rows, *known]):
+        there = name.rsplit("/", 1)[0] in blocks or (whole and not name.startswith(DATA))
+        found = done.rows.get(name, {} if there else None)
+        judgements[name] = rows.judged(rows.kind_of(name), found,
+                                       known[name].cases if name in known else None)
+    return judgements
 
 
 def _within(block: str, name: str) -> bool:

@@ -86,19 +86,23 @@ REPORTED = {
 
 
 def tasks(data: Path | None) -> Iterator[Task]:
-    """One task for each photo, and one for all files."""
+    """One task for each photo and file; of folders that the data lack, none."""
     if data is None:
         return
     for cube in ("grey", "yellow"):
-        yield Task("real/box", cube, box, (data / "yale_box", cube))
-    for name in PHOTOS:
-        yield Task("real/charts", name, chart, (data / "raw_charts" / f"{name}.dng",))
-        yield Task("real/marked", name, marked, (data / "raw_charts" / f"{name}.dng",))
-    yield Task("real/filters", "flea3", filters, (data / "flea3_chart",))
-    for file, (nm, value) in GENUINE.items():
-        yield Task("real/genuine files", Path(file).name, read_right, (data / file, nm, value))
-    yield Task("real/genuine files", Path(RECORDING).name, replayed, (data / RECORDING,))
-    for file, (nm, value) in REPORTED.items():
+        if (data / "yale_box").is_dir():
+            yield Task("real/box", cube, box, (data / "yale_box", cube))
+    for name in PHOTOS if (data / "raw_charts").is_dir() else ():
+        photo = data / "raw_charts" / f"{name}.dng"
+        yield Task("real/charts", name, chart, (photo,))
+        yield Task("real/marked", name, marked, (photo,))
+    if (data / "flea3_chart").is_dir():
+        yield Task("real/filters", "flea3", filters, (data / "flea3_chart",))
+    if (data / "asd").is_dir():
+        for file, (nm, value) in GENUINE.items():
+            yield Task("real/genuine files", Path(file).name, read_right, (data / file, nm, value))
+        yield Task("real/genuine files", Path(RECORDING).name, replayed, (data / RECORDING,))
+    for file, (nm, value) in REPORTED.items() if (data / "field5").is_dir() else ():
         yield Task("real/reported files", Path(file).name, read_right,
                    (data / "field5" / file, nm, value))
 

@@ -68,10 +68,12 @@ def record(rows: Mapping[str, Recorded], name: str, cases: Mapping[str, float], 
         Its numbers.
     commit, reason : str
     judgement : Judgement
-        Beside what was recorded: that it was worse is written down with the reason.
+        Beside what was recorded: that it was worse, or lacks an answer, is written down with the
+        reason.
     """
     before = rows.get(name)
-    said = f"{commit}: {'worse: ' if judgement.word == 'worse' else ''}{reason}"
+    lost = judgement.word in ("worse", "incomplete")
+    said = f"{commit}: {'worse: ' * lost}{reason}"
     rounded = {case: float(f"{value:.{DIGITS}g}") for case, value in cases.items()}
     return {**rows, name: Recorded(rounded, commit, (*(before.reasons if before else ()), said))}
 

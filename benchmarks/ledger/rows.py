@@ -57,7 +57,6 @@ KINDS = {
     "relative bias": Kind("nearer zero", 0.002, 0.01),          # of mean reflectance, as a share
     "PASS": Kind("more", 0.01, 0.01, digits=2),     # share of shoots
     "false PASS": Kind("less", 0.01, 0.01, digits=2),           # that hold less than .9
-    "answered": Kind("more", certain=True),         # share of what was asked for
     "advice": Kind("more", certain=True),           # share of shoots of which there is any
     "read right": Kind("more", certain=True),       # share of files
     "times": Kind("", digits=1),                    # `import numpy, scipy.optimize`
@@ -133,6 +132,8 @@ def judged(kind: Kind, found: Mapping[str, float] | None,
         return Judgement("incomplete", says="a value is not a number")
     if recorded is None:
         return Judgement("not recorded", says="record it: --record ROW --reason WORDS")
+    if not found:
+        return Judgement("incomplete", says="it was not measured")
     missing = sorted(set(recorded) - set(found))
     if missing:
         return Judgement("incomplete", says=f"no value of case {', '.join(missing)}")

@@ -101,11 +101,20 @@ def markdown(lines: Sequence[Line]) -> str:
     return "\n".join(shown) + "\n"
 
 
-def write(lines: Sequence[Line], commit: str, with_data: bool) -> None:
-    """Write the tables into the page, below what is written there by hand."""
+def write(lines: Sequence[Line], commit: str) -> None:
+    """Write the tables into the page, below what is written there by hand.
+
+    Parameters
+    ----------
+    lines : sequence of Line
+    commit : str
+        That was measured.
+    """
     above = PAGE.read_text(encoding="utf-8").split(BEGIN)[0]
-    skipped = "" if with_data else " without measured data: the rows of real were not measured"
-    write_text_whole(PAGE, f"{above}{BEGIN}\n\n`make ledger` at commit {commit}{skipped}.\n"
+    missing = ", ".join(dict.fromkeys(line.name.split("/", 1)[0] for line in lines
+                                      if line.word == "not measured"))
+    left_out = f" Left out in that run: rows of {missing}." if missing else ""
+    write_text_whole(PAGE, f"{above}{BEGIN}\n\n`make ledger` at commit {commit}.{left_out}\n"
                            f"{markdown(lines)}")
 
 

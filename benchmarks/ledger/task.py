@@ -8,6 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent import futures
+from concurrent.futures import process
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,11 +36,6 @@ class Task:
     measure: Callable[..., dict[str, float]]
     arguments: tuple[Any, ...] = ()
 
-    @property
-    def group(self) -> str:
-        """First part of the block's name."""
-        return self.block.split("/", 1)[0]
-
 
 @dataclass
 class Measured:
@@ -66,23 +62,44 @@ def measure_all(tasks: Iterable[Task], workers: int = WORKERS) -> Measured:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"
     tasks, done = list(tasks), Measured()
-    with futures.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(_tried, task): task for task in tasks}
-        for count, future in enumerate(futures.as_completed(waiting), 1):
-            task = waiting[future]
-            try:
-                numbers, fault, seconds = future.result()
-            except futures.process.BrokenProcessPool:
-                numbers, fault, seconds = {}, "the process was ended", 0.0
-            for kind, number in numbers.items():
-                done.rows.setdefault(f"{task.block}/{kind}", {})[task.case] = number
-            if fault:
-                done.faults[task.block, task.case] = fault
-            done.seconds[task.block] = done.seconds.get(task.block, 0.0) + seconds
-            print(f"{count}/{len(tasks)} {task.block} {task.case} {seconds:.1f} s"
-                  + f": {fault}" * bool(fault), file=sys.stderr, flush=True)
+    left = tasks
+    while left:
+        ended = _measure_until_one_ends(left, workers, done)
+        left = [task for number, task in enumerate(left) if number not in ended]
+        if left and workers == 1:       # in order: the first one left has ended its process
+            _put(done, left.pop(0), {}, "it ended its process", 0.0)
+        workers = 1
     # as the tasks came, whichever ended first
     return Measured(dict(_ordered(done, tasks)), done.faults, done.seconds)
+
+
+def _measure_until_one_ends(tasks: list[Task], workers: int, done: Measured) -> set[int]:
+    """Measure tasks until all are, or one takes the workers with it: the numbers of those that
+    were.
+    """
+    finished = set[int]()
+    with futures.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        waiting = {pool.submit(_tried, task): number for number, task in enumerate(tasks)}
+        for future in futures.as_completed(waiting):
+            number = waiting[future]
+            try:
+                _put(done, tasks[number], *future.result())
+            except process.BrokenProcessPool:
+                continue
+            finished.add(number)
+    return finished
+
+
+def _put(done: Measured, task: Task, numbers: dict[str, float], fault: str,
+         seconds: float) -> None:
+    """Add what came of one task."""
+    for kind, number in numbers.items():
+        done.rows.setdefault(f"{task.block}/{kind}", {})[task.case] = number
+    if fault:
+        done.faults[task.block, task.case] = fault
+    done.seconds[task.block] = done.seconds.get(task.block, 0.0) + seconds
+    print(f"{task.block} {task.case} {seconds:.1f} s" + f": {fault}" * bool(fault),
+          file=sys.stderr, flush=True)
 
 
 def _ordered(done: Measured, tasks: list[Task]) -> Iterator[tuple[str, dict[str, float]]]:
