@@ -425,6 +425,18 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     tally = Tally()
+    try:
+        _try_all(tally, asked)
+    except KeyboardInterrupt:
+        print("stopped")
+    print(f"{tally.answers} answers, {sum(tally.refused.values())} refused, "
+          f"failed {dict(tally.failed)}")
+    for sentence, count in tally.refused.most_common(15):
+        print(f"  {count:4d} {sentence}")
+    return 1 if tally.failed else 0
+
+
+def _try_all(tally: Tally, asked: argparse.Namespace) -> None:
     for seed in range(asked.seed, asked.seed + asked.signals):
         tally.signal(seed)
     for seed in range(asked.seed, asked.seed + asked.cases):
@@ -437,11 +449,6 @@ def main() -> int:
                 tally.answer(*scene_answer(finished, seed))
             except SpectraboxError as error:
                 tally.answer(f"scene {seed}", error)
-    print(f"{tally.answers} answers, {sum(tally.refused.values())} refused, "
-          f"failed {dict(tally.failed)}")
-    for sentence, count in tally.refused.most_common(15):
-        print(f"  {count:4d} {sentence}")
-    return 1 if tally.failed else 0
 
 
 if __name__ == "__main__":
