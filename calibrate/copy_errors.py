@@ -145,7 +145,9 @@ def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
     covariance = np.eye(terms.size) - errors.T @ explained.inverse @ errors + away.T @ away
     gains = explained.weighted @ others.T - 0.5 * np.einsum(
         "ey,yz,ez->e", others, explained.inverse, others)       # (C, E), nats
-    log_odds = logsumexp(gains, b=explained.weights[:, None], axis=0)
+    with np.errstate(divide="ignore"):      # a component whose weight is 0 says nothing
+        log_weights = np.log(explained.weights)
+    log_odds = logsumexp(gains + log_weights[:, None], axis=0)
     patches, _, own = copies.own.shape
     nm = grid.nm
     readings = (nm >= LEVEL_FROM_NM, (nm >= BLUE_NM[0]) & (nm <= BLUE_NM[1]),
