@@ -74,7 +74,7 @@ def main(words: list[str] | None = None) -> int:
                                 recorded.FILE)
     if asked.record or not asked.only:
         table.write(lines, commit)
-    print(table.text(lines))
+    print(table.text([line for line in lines if not asked.only or line.word != "not measured"]))
     print(f"\n{len(done.rows)} rows of {len(wanted)} cases in "
           f"{time.perf_counter() - started:.0f} s, {sum(done.seconds.values()):.0f} s of processor")
     if data is None:
