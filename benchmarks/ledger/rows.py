@@ -139,11 +139,9 @@ def judged(kind: Kind, found: Mapping[str, float] | None,
         return Judgement("incomplete", says=f"no value of case {', '.join(missing)}")
     if set(found) - set(recorded):
         return Judgement("not recorded", says="it has cases that are not recorded")
-    names = list(recorded)
-    losses = loss_of(kind, np.array([found[name] for name in names]),
-                     np.array([recorded[name] for name in names]))
-    loss, few = float(losses.mean()), losses.size < FEWEST_DRAWN
-    error = np.nan if few else float(losses.std(ddof=1) / np.sqrt(losses.size))
+    before, now = (np.array([each[name] for name in recorded]) for each in (recorded, found))
+    loss, few = loss_of(kind, before.mean(), now.mean()), before.size < FEWEST_DRAWN
+    error = np.nan if few else float((now - before).std(ddof=1) / np.sqrt(before.size))
     if not kind.better:
         return Judgement("printed", loss, error)
     floor = kind.few if few and not kind.certain else kind.floor
@@ -152,14 +150,10 @@ def judged(kind: Kind, found: Mapping[str, float] | None,
     return Judgement(word, loss, error)
 
 
-def loss_of(kind: Kind, found: np.ndarray, recorded: np.ndarray) -> np.ndarray:
-    """By how much each case (C,) is worse; their mean is what the row lost.
-
-    Of a bias the mean's distance from zero counts, so that cases on either side of zero are no
-    loss: each case counts with the sign of its mean.
-    """
+def loss_of(kind: Kind, before: float, now: float) -> float:
+    """By how much a mean is worse than before."""
     if kind.better == "more":
-        return recorded - found
+        return float(before - now)
     if kind.better == "nearer zero":
-        return np.asarray(np.sign(found.mean()) * found - np.sign(recorded.mean()) * recorded)
-    return found - recorded
+        return float(abs(now) - abs(before))
+    return float(now - before)
