@@ -134,6 +134,7 @@ def measured(tmp_path, monkeypatch):
         {name: dict(one) for name, one in now.rows.items()}, dict(now.faults)))
     monkeypatch.setattr(recorded, "FILE", tmp_path / "ledger.toml")
     monkeypatch.setattr(table, "PAGE", tmp_path / "ledger.md")
+    monkeypatch.setattr(ledger, "LAST", tmp_path / "build" / "ledger.json")
     monkeypatch.delenv("SPECTRABOX_DATA", raising=False)
     table.PAGE.write_text(f"# By hand\n\n{table.BEGIN}\nold\n")
     return now
@@ -157,6 +158,19 @@ def test_a_worse_row_ends_in_4_until_it_is_recorded_with_a_reason(measured, caps
     assert kept.reasons[-1].endswith(": worse: harder shoots")
     text = table.PAGE.read_text()
     assert text.startswith("# By hand\n") and "old" not in text and "simulated" in text
+
+
+def test_what_the_last_run_measured_is_recorded_without_measuring_again(measured, monkeypatch):
+    with pytest.raises(SystemExit):
+        ledger.main(["--last"])                                 # there is none
+    measured.faults["simulated/shoots", "9"] = "ValueError: no light"
+    assert ledger.main([]) == 4
+    monkeypatch.delattr(task, "measure_all")
+    assert ledger.main(["--last", "--record", "*", "--reason", "as it is"]) == 0
+    assert ledger.main(["--last"]) == 0
+    kept = recorded.read_recorded(recorded.FILE)["simulated/shoots/RMSE"]
+    assert kept.cases == pytest.approx(measured.rows["simulated/shoots/RMSE"], rel=1e-5)
+    assert task.Measured.stored(ledger.LAST).faults == measured.faults
 
 
 def test_an_answer_that_is_lost_ends_in_4_and_says_why(measured, capsys):

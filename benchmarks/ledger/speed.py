@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ast
 import io
-import os
 import subprocess
 import sys
 import tempfile
@@ -33,6 +32,15 @@ COMMANDS = {
                         "SESSION/signals.csv"),
     "uplift of 1 Mpx": ("uplift", "SESSION/picture.exr", "-o", "SESSION/uplifted",
                         "--sensitivity", CAMERA, "--light", LIGHT)}
+# runs a command and says its processor seconds and memory: a process of its own, since a command
+# counts the memory of the process that starts it as its own
+LAUNCHER = """
+import resource, subprocess, sys
+ran = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss)
+sys.exit(ran.returncode)
+"""
 QUIET = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
          tokenize.ENDMARKER}
 
@@ -94,15 +102,13 @@ def spent(words: list[str]) -> tuple[float, float]:
     RuntimeError
         If it fails.
     """
-    with tempfile.TemporaryFile() as said:
-        started = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=said)
-        _, status, usage = os.wait4(started.pid, 0)
-        started.returncode = os.waitstatus_to_exitcode(status)
-        if started.returncode:
-            said.seek(0)
-            raise RuntimeError(f"{' '.join(words[2:])} ended in {started.returncode}: "
-                               f"{said.read().decode().strip()[-300:]}")
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+    ran = subprocess.run([sys.executable, "-S", "-c", LAUNCHER, *words], cwd=ROOT,
+                         capture_output=True, text=True, check=False)
+    if ran.returncode:
+        raise RuntimeError(f"{' '.join(words[2:])} ended in {ran.returncode}: "
+                           f"{ran.stderr.strip()[-300:]}")
+    seconds, kilobytes = map(float, ran.stdout.split())
+    return seconds, kilobytes / 1024
 
 
 def code() -> dict[str, float]:

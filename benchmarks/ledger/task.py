@@ -1,6 +1,7 @@
 """What is measured in one go, and several of these at a time."""
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import sys
@@ -12,6 +13,8 @@ from concurrent.futures import process
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from spectrabox.radiometry.files import write_text_whole
 
 WORKERS = 2
 
@@ -37,7 +40,7 @@ class Task:
     arguments: tuple[Any, ...] = ()
 
 
-@dataclass
+@dataclass(frozen=True)
 class Measured:
     """What came of tasks.
 
@@ -49,11 +52,33 @@ class Measured:
         What a task without an answer ended in, by (block, case).
     seconds : dict
         Of processor, by block.
+    blocks : tuple of str
+        That were measured.
+    whole : bool
+        Whether these are all.
+    commit : str
+        That was measured.
     """
 
     rows: dict[str, dict[str, float]] = field(default_factory=dict)
     faults: dict[tuple[str, str], str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    blocks: tuple[str, ...] = ()
+    whole: bool = False
+    commit: str = ""
+
+    def store(self, path: Path) -> None:
+        """Write it down."""
+        path.parent.mkdir(exist_ok=True)
+        faults = [[*where, fault] for where, fault in self.faults.items()]
+        write_text_whole(path, json.dumps(vars(self) | {"faults": faults}, indent=1))
+
+    @classmethod
+    def stored(cls, path: Path) -> Measured:
+        """What was written down."""
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        faults = {(block, case): fault for block, case, fault in kept["faults"]}
+        return cls(**kept | {"faults": faults, "blocks": tuple(kept["blocks"])})
 
 
 def measure_all(tasks: Iterable[Task], workers: int = WORKERS) -> Measured:
