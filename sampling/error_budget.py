@@ -103,8 +103,7 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: n
         Relative to white, without what is not the reflectance's; with errors that multiply them,
         those of the answer.
     mixture : MixturePosterior
-        Of the signals, with all errors; the modes without them are sought from its own, unless it
-        has several states.
+        Of the signals, with all errors.
     grown : mapping to (T, P) arrays
         From `grown_by_causes`.
     """
@@ -112,9 +111,7 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: n
     total = np.sum(list(grown.values()), axis=0)
     left = variance
     if np.any(total > 0):
-        start = mixture if len(mixture.logits) == len(prior.means) else None
-        perfect = posterior(prior, relative_response, signals, np.zeros((signals.shape[1],) * 2),
-                            start)
+        perfect = posterior(prior, relative_response, signals, np.zeros((signals.shape[1],) * 2))
         left = np.where(total > 0, np.minimum(mean_and_spread(perfect)[1]**2, variance), variance)
     return {METAMERISM: left} | {name: (variance - left) * each / np.where(total > 0, total, 1.0)
                                  for name, each in grown.items()}
