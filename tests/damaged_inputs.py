@@ -36,7 +36,6 @@ from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_tab
 from spectrabox.reconstruct.scene.edit_scene import scene_with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.tracer.trace_checkpoint import PassSums, TraceCheckpoint
-from spectrabox.sampling.evaluation.cubes import open_cube
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import SHIPPED, load_prior
 from spectrabox.session.camera.patch_files import read_patches
@@ -148,7 +147,7 @@ Rows = Iterator[tuple[str, Path, Callable[[Path], Any], bool]]
 
 
 def _all(folder: Path) -> Rows:
-    for room in (_spectra, _scenes, _photos, _stored, _priors, _libraries, _cubes, _tables):
+    for room in (_spectra, _scenes, _photos, _stored, _priors, _libraries, _tables):
         inside = folder / room.__name__.strip("_")
         inside.mkdir(parents=True)
         yield from room(inside)
@@ -301,24 +300,6 @@ def r_file() -> bytes:
     tagged = struct.pack(">i", 2 | 1 << 10) + symbol
     return (b"RDX2\nX\n" + struct.pack(">iii", 2, 0x30402, 0x20300) + tagged + words("frame")
             + frame + tagged + words("names") + names + struct.pack(">ii", 254, 254))
-
-
-def _cubes(folder: Path) -> Rows:
-    cube = np.random.default_rng(4).uniform(0, 1, (6, 5, NM.size))
-    np.save(folder / "a.npy", cube)
-    np.savez_compressed(folder / "a.npz", cube=cube, nm=NM)
-    scipy.io.savemat(folder / "a.mat", {"cube": cube, "wavelengths": NM}, do_compression=True)
-    (folder / "b.hdr").write_text(
-        f"ENVI\nsamples = 5\nlines = 6\nbands = {NM.size}\ndata type = 4\ninterleave = bip\n"
-        f"byte order = 0\nwavelength units = nm\nwavelength = {{{', '.join(map(str, NM))}}}\n")
-    cube.astype("<f4").tofile(folder / "b.img")
-    for name in ("a.npy", "a.npz", "a.mat", "b.hdr", "b.img"):
-        yield f"cube {name[1:]}", folder / name, _read_cube, name == "b.hdr"
-
-
-def _read_cube(path: Path) -> None:
-    cube = open_cube(path, NM if path.suffix == ".npy" else None)
-    cube.rows(0, min(cube.height, 8))
 
 
 def _tables(folder: Path) -> Rows:

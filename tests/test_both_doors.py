@@ -27,8 +27,7 @@ WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "line", "sa
          "posterior_facts", "judgement_text", "rows", "copy_facts", "edition_sentence",
          "edition_told", "evidence_since", "evidence_words", "difference_sentence",
          "difference_summary", "patch_differences",
-         "chart_copy_notes", "_copy_sentences", "left_out", "parse_wavelengths", "point_region",
-         "_checked"}
+         "chart_copy_notes", "_copy_sentences", "left_out"}
 
 
 def entered(call):
@@ -125,20 +124,6 @@ def write_library(folder):
         values = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centre) / 60)**2)
         (folder / f"{number}.csv").write_text("nm,value\n" + "".join(
             f"{at},{value:.5f}\n" for at, value in zip(nm, values, strict=True)))
-
-
-def test_a_picture_judged(tmp_path):
-    nm = np.arange(400, 701, 10)
-    truth = 0.2 + 0.5 / (1 + np.exp((580 - nm) / 15))
-    np.save(tmp_path / "cube.npy", np.tile(truth + 0.01, (3, 3, 1)))
-    (tmp_path / "truth.csv").write_text("nm,a\n" + "".join(
-        f"{at},{value:.6f}\n" for at, value in zip(nm, truth, strict=True)))
-    judged, said = both(lambda: sb.judge(tmp_path / "cube.npy", {"a": (1, 1, 2, 2)},
-                                         tmp_path / "truth.csv", nm=nm),
-                        "judge", tmp_path / "cube.npy", "--wavelengths", "400:700:10",
-                        "--point", "a=1,1", "--truth", tmp_path / "truth.csv")
-    assert {row["method"]: row["rmse"] for row in judged.rows} == {
-        method: scores["rmse"] for method, scores in said["regions"][0]["judged"].items()}
 
 
 @pytest.fixture(scope="module")

@@ -104,7 +104,7 @@ def test_the_page_is_read_as_it_is_written():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A finished session of flat samples, a picture, a cube, a table, curves and chart photo."""
+    """A finished session of flat samples, a picture, a table, curves and chart photo."""
     folder = tmp_path_factory.mktemp("contract")
     (folder / "flat").mkdir()
     write_flat(folder / "flat")
@@ -116,13 +116,10 @@ def folder(tmp_path_factory):
     shutil.copytree(folder / "flat", folder / "again")
     nm = np.arange(400, 701, 10)
     curves = 0.2 + 0.6 / (1 + np.exp((np.array([[500], [600]]) - nm) / 20))
-    np.save(folder / "cube.npy", np.tile(curves[0], (6, 5, 1)))
     (folder / "truth.csv").write_text("# quantity: reflectance\nnm,a,b\n" + "".join(
         f"{each},{first:.6f},{second:.6f}\n" for each, first, second in zip(nm, *curves,
                                                                             strict=True)),
         encoding="utf-8")
-    (folder / "regions.toml").write_text("[regions.a]\nrect = [1, 0, 2, 4]\n",
-                                         encoding="utf-8")
     (folder / "curves.csv").write_text("nm,R,G,B\n" + "".join(
         f"{each},{','.join(f'{value:.6g}' for value in row)}\n"
         for each, row in zip(np.arange(400, 701, 5), cameras(1, 90)[0].T, strict=True)),
@@ -176,8 +173,6 @@ CALLS = {
     "advise": [(*CAMERA, "--signal", "0.2,0.3,0.15", "--lamps", "A"), ("DIR/flat", "--lamps", "A"),
                ("--light", "FL11", "--sensitivity", "DIR/curves.csv", "--surfaces", "1",
                 "--lamps", "D65,A")],
-    "judge": [("DIR/cube.npy", "--wavelengths", "400:700:10", "--regions", "DIR/regions.toml",
-               "--truth", "DIR/truth.csv", "--samples", "1000", *CAMERA, "--out", "DIR/j.csv")],
     "chart": [("DIR/flat/photos/sample.dng",)],
     "develop": [("DIR/flat/photos/sample.dng", "-o", "DIR/developed.exr")],
     "meter list": [()],
@@ -228,7 +223,6 @@ def test_a_command_answers_with_the_keys_of_the_page(command, folder):
     (3, ("run", "DIR/none")), (3, ("sample", *CAMERA)),    # and without a signal
     (3, ("spectrum", "show", "DIR/none.csv")), (3, ("new", "DIR/flat")),
     (3, ("sample", *CAMERA, "--signal", "1,2")),
-    (3, ("judge", "DIR/none.npy", "--point", "1,1")),
     (3, ("relight", "DIR/flat")),                               # no scene
     (4, ("chart", "DIR/grey.exr")),
     (5, ("sample", *CAMERA, "--signal", "0.21,0.33,0.14", "--method", "paper", "--coefficients",

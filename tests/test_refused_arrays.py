@@ -29,23 +29,6 @@ def test_a_library_in_per_cent_is_called_so(ask):
         ask(np.array([["a", "b"]]))
 
 
-def judged(regions, truth):
-    return sb.judge(np.full((8, 8, NM.size), 0.3), regions, truth, nm=NM, truth_nm=NM)
-
-
-def test_a_region_without_a_truth_of_its_name_is_not_judged_by_another():
-    boxes = {"p": (1, 1, 3, 3), "r": (4, 4, 6, 6)}
-    with pytest.raises(sb.InputError, match="no truth is given for 'p', 'r'; there are 'x'"):
-        judged(boxes, {"x": np.full(NM.size, 0.3)})
-    with pytest.raises(sb.InputError, match=r"truth 'p' of shape \(30,\) and wavelengths of shape"):
-        judged({"p": boxes["p"]}, {"p": np.full(30, 0.3)})
-    for box in ((1, 1, 3), (1, 1, np.nan, 3), "abcd"):
-        with pytest.raises(sb.InputError, match="region 'p'"):
-            judged({"p": box}, {"p": np.full(NM.size, 0.3)})
-    with pytest.raises(sb.InputError, match="no region is given"):
-        judged({}, {"p": np.full(NM.size, 0.3)})
-
-
 CAMERA = {"camera": "Nikon 5100 (NPL)", "light": "D65"}
 SIGNAL = [0.3, 0.2, 0.1]
 

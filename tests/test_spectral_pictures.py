@@ -15,7 +15,6 @@ from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import layer_names, spectral_layers
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, read_table
 from spectrabox.reconstruct.rendering.renderer import all_cores, start_mitsuba
-from spectrabox.sampling.evaluation.cubes import open_cube
 from spectrabox.session.commands.spectrum import convert
 
 OTHERS = Path(colour.__file__).parent / "io" / "tests" / "resources"    # files of its own tests
@@ -110,13 +109,6 @@ def test_spy_reads_our_envi_images(pictures):
         # the grid of 5 nm on which spectra are estimated, whatever share of it is kept
         assert image.bands.bandwidths == [5.0] * nm.size
         assert "not what the camera resolves" in image.metadata["description"]
-
-
-def test_our_own_judge_reads_our_envi_images(pictures):
-    for _, path, nm, values in files_of(pictures, "envi"):
-        cube = open_cube(path)
-        np.testing.assert_array_equal(cube.nm, nm)
-        np.testing.assert_array_equal(cube.rows(0, HEIGHT), values)
 
 
 def test_our_own_pictures_are_shown_as_their_mean(pictures):

@@ -18,7 +18,6 @@ REFUSED = {
     "uplift": (["uplift", "a.exr", *SIGNAL[:4], "--out", "b.exr"], "a folder is needed"),
     "certify": (["certify", ".", "--out", "a.html"], ".md (the certificate"),
     "prior train": (["prior", "train", ".", "--out", "a"], ".npz (the prior)"),
-    "judge": (["judge", "a.npy", "--out", "a.exr"], ".csv (the regions' spectra)"),
     "spectrum convert": (["spectrum", "convert", "a.csv", "--out", "a.txt"],
                          ".csv (CSV), .sp (Argyll's CGATS), .spdx (IES TM-27)"),
     "several spectra": (["spectrum", "convert", "a.csv", "b.csv", "--out", "c", "--to", ".mat"],

@@ -1,5 +1,4 @@
-"""Figure 9: against an image-based result, imported as a hyperspectral picture and judged by the
-same measures.
+"""Figure 9: against an image-based result, a hyperspectral picture judged by the same measures.
 
 The paper compares with MST++, whose weights are not at hand. In its place stands a stated stand-in:
 a multilayer perceptron (scikit-learn, 3-64-64-31) that maps an RGB pixel to 31 reflectances, fitted
@@ -12,25 +11,28 @@ from __future__ import annotations
 
 import argparse
 import json
-import tempfile
 import warnings
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from spectrabox.measure.signals.options import JudgeOptions
-from spectrabox.measure.signals.picture_judgement import PictureJudgement, judge_picture
-from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records.spectra import SpectralMeasurement
+from spectrabox.measure.signals.sample import measurement_of_signal
+from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.radiometry.spectra.spectrum_files import read_table
-from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.evaluation.cube_regions import CubeRegion, read_regions
-from spectrabox.sampling.evaluation.cubes import open_cube
-from spectrabox.sampling.evaluation.scores_by_method import judgement_text
+from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table
+from spectrabox.sampling.draw_methods import METHODS, draw_spectra
+from spectrabox.sampling.evaluation.scores_by_method import (
+    BAND_SCORES,
+    ScoredSpectrum,
+    SpectrumScores,
+    judged,
+    judgement_text,
+)
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 
@@ -38,7 +40,9 @@ NM = np.arange(400, 701, 10.0)
 TRAINING = ("CES99", "NIST CQS test colours", "CIE 13.3 test colours")
 SIDE, NOISE, DARKEST = 40, 0.005, 0.35
 OBSERVER, LIGHT = "CIE 1931 2 Degree Standard Observer", "D65"
-OPTIONS = JudgeOptions(("D65", "A", "FL11"), samples=2000, seed=0, coefficients=7)
+LIGHTS = ("D65", "A", "FL11")       # of the colour differences
+SAMPLES, SEED, COEFFICIENTS = 2000, 0, 7
+KEPT = 2000                         # pixels of a region whose scatter is the picture's band
 
 
 def fine_response() -> np.ndarray:
@@ -51,9 +55,60 @@ def response() -> np.ndarray:
     return fine_response() @ interpolation_matrix(PRIOR_GRID.nm, visible_grid(1).nm)
 
 
-def signal_noise() -> np.ndarray:
-    """Covariance (3, 3) of the mean of a patch's pixels."""
-    return np.eye(3) * (NOISE / SIDE) ** 2
+@dataclass(frozen=True)
+class Judgement:
+    """Regions of a picture: their pixels (n, C), scores by region and method, and averages."""
+
+    pixels: list[np.ndarray]
+    scored: list[ScoredSpectrum]
+    averages: list[ScoredSpectrum]
+
+
+def judge_picture(regions: Sequence[np.ndarray], nm: np.ndarray, names: Sequence[str],
+                  truths: np.ndarray, signals: Sequence[np.ndarray],
+                  noise: np.ndarray | None = None) -> Judgement:
+    """The spectra of a picture's regions, and our methods beside them, against the truth.
+
+    Parameters
+    ----------
+    regions : sequence of (n, C) arrays
+        Pixels, as reflectances at ``nm``.
+    nm : (C,) array
+    names : sequence of str
+    truths : (R, 61) array
+    signals : sequence of (3,) arrays
+        What our methods see of each region.
+    noise : (3,) array, optional
+        Standard errors of these.
+    """
+    rng, prior = np.random.default_rng(SEED), load_prior()
+    scored = []
+    for pixels, name, truth, signal in zip(regions, names, truths, signals, strict=True):
+        kept = pixels[np.sort(rng.choice(len(pixels), min(KEPT, len(pixels)), replace=False))]
+        imported = on_grid(nm, np.vstack([pixels.mean(axis=0), kept]), grid_from_nm(PRIOR_GRID.nm),
+                           name)
+        by_method = {"imported picture": (imported[0], imported[1:])}
+        measurement = measurement_of_signal(fine_response(), signal, noise=noise)
+        for method in tuple(METHODS)[::-1]:
+            spectra = draw_spectra(measurement, method, SAMPLES, SEED, COEFFICIENTS, prior).spectra
+            by_method[method] = (spectra.mean(axis=0), spectra)
+        scored += [ScoredSpectrum(name, method, judged(PRIOR_GRID.nm, truth, mean, LIGHTS, draws))
+                   for method, (mean, draws) in by_method.items()]
+    return Judgement(list(regions), scored, averaged(scored))
+
+
+def averaged(rows: Sequence[ScoredSpectrum]) -> list[ScoredSpectrum]:
+    """One row a method: its scores averaged over the regions."""
+    averages = []
+    for method in dict.fromkeys(row.method for row in rows):
+        mine = [asdict(row.scores) for row in rows if row.method == method]
+        means: dict[str, Any] = {
+            key: float(np.mean([one[key] for one in mine]))
+            for key in ("rmse", "spectral_angle", "rmse_best_scale", *dict(BAND_SCORES))}
+        means["delta_e00"] = {light: float(np.mean([one["delta_e00"][light] for one in mine]))
+                              for light in LIGHTS}
+        averages.append(ScoredSpectrum(f"mean of {len(mine)}", method, SpectrumScores(**means)))
+    return averages
 
 
 def network(curves: np.ndarray, rng: np.random.Generator) -> MLPRegressor:
@@ -82,7 +137,7 @@ def shaded_picture(chart: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return picture * (1 + NOISE * rng.standard_normal(picture.shape))
 
 
-def picture(judgement: PictureJudgement, chart: np.ndarray, signals: list[np.ndarray],
+def picture(judgement: Judgement, chart: np.ndarray, signals: list[np.ndarray],
             path: Path) -> None:
     """Mean and scatter of the imported picture beside mean, band and draws of the learnt prior, for
     three patches.
@@ -94,12 +149,11 @@ def picture(judgement: PictureJudgement, chart: np.ndarray, signals: list[np.nda
     figure, axes = plt.subplots(1, 4, figsize=(13, 3.4))
     prior = load_prior()
     for axis, index in zip(axes, (6, 13, 15), strict=False):
-        mean = judgement.regions[index].mean
-        spread = judgement.regions[index].standard_deviation
-        measurement = SpectralMeasurement(visible_grid(1), fine_response(), signals[index],
-                                          signal_noise())
-        draws = draw_spectra(measurement, "prior", OPTIONS.samples, OPTIONS.seed,
-                             OPTIONS.coefficients, prior).spectra
+        mean = judgement.pixels[index].mean(axis=0)
+        spread = judgement.pixels[index].std(axis=0, ddof=1)
+        measurement = measurement_of_signal(fine_response(), signals[index],
+                                            noise=np.full(3, NOISE / SIDE))
+        draws = draw_spectra(measurement, "prior", SAMPLES, SEED, COEFFICIENTS, prior).spectra
         axis.fill_between(PRIOR_GRID.nm, *np.quantile(draws, [0.025, 0.975], axis=0),
                           color="tab:green",
                           alpha=0.2)
@@ -112,7 +166,7 @@ def picture(judgement: PictureJudgement, chart: np.ndarray, signals: list[np.nda
         axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=7)
-    averages = {row["method"]: row for row in judgement.means}
+    averages = {row.method: asdict(row.scores) for row in judgement.averages}
     names = list(averages)
     for offset, key in enumerate(("rmse", "rmse_best_scale")):
         axes[3].bar(np.arange(len(names)) + 0.4 * offset,
@@ -131,21 +185,21 @@ def filter_wheel(data: Path) -> str:
     patch.
     """
     import cv2
+    from scipy.io import loadmat
     folder = data / "flea3_chart"
     truths = read_table(folder / "spectra_averaged.csv")
     names = truths.names[11:35]
-    cube = open_cube(folder / "multispectral_images" / "d2_colorChecker30cm_dHyper.mat",
-                     np.arange(400, 701, 50.0))
-    mask = folder / "colorChecker_labels" / "d2_colorChecker30cm_550nm_labels.png"
-    with tempfile.TemporaryDirectory() as scratch:
-        toml = Path(scratch) / "regions.toml"
-        (Path(scratch) / "labels.png").write_bytes(mask.read_bytes())
-        toml.write_text("".join(f'[regions."{name}"]\nmask = "labels.png"\nlabel = {index}\n'
-                                for index, name in enumerate(names, 1)))
-        regions = read_regions(toml, cube.width, cube.height,
-                               lambda path: np.asarray(cv2.imread(str(path), -1)))
-    judgement = judge_picture(cube, regions, truths, fine_response(), load_prior(),
-                              replace(OPTIONS, white_region=names[18]))
+    cube = loadmat(folder / "multispectral_images" / "d2_colorChecker30cm_dHyper.mat")["I_hyper"]
+    labels = cv2.imread(str(folder / "colorChecker_labels"
+                            / "d2_colorChecker30cm_550nm_labels.png"), -1)
+    known = np.array([truths.values[truths.names.index(name)] for name in names])
+    nm, white = np.arange(400, 701, 50.0), 18
+    regions = [cube[labels == label].astype(float) for label in range(1, 25)]
+    factor = known[white, np.searchsorted(truths.nm, nm)] / regions[white].mean(axis=0)
+    on_each_nm = known[:, np.searchsorted(truths.nm, visible_grid(1).nm)]
+    judgement = judge_picture([pixels * factor for pixels in regions], nm, names,
+                              known[:, np.searchsorted(truths.nm, PRIOR_GRID.nm)],
+                              list(on_each_nm @ fine_response().T))
     return judgement_text(judgement.scored + judgement.averages)
 
 
@@ -167,26 +221,16 @@ def main() -> None:
     rgb = shaded_picture(chart, rng)
     cube = np.clip(network(curves, rng).predict(rgb.reshape(-1, 3)), 0, 1).reshape(*rgb.shape[:2],
                                                                                    NM.size)
-    with tempfile.TemporaryDirectory() as scratch:
-        np.save(Path(scratch) / "network.npy", cube.astype(np.float32))
-        truth = Path(scratch) / "truth.csv"
-        truth.write_text("nm," + ",".join(f"patch {i + 1}" for i in range(24)) + "\n" + "\n".join(
-            ",".join(f"{value:.8g}" for value in row)
-            for row in zip(PRIOR_GRID.nm, *chart, strict=True)))
-        regions = [CubeRegion(f"patch {i + 1}", None, (SIDE * i, 0, SIDE * (i + 1), SIDE),
-                              None) for i in range(24)]
-        signals = [(rgb[:, SIDE * i:SIDE * (i + 1)] / shading()).mean(axis=(0, 1))
-                   for i in range(24)]
-        judgement = judge_picture(open_cube(Path(scratch) / "network.npy", NM), regions,
-                                  read_table(truth), fine_response(), load_prior(), OPTIONS,
-                                  signals=signals, noise=np.full(3, NOISE / SIDE))
+    columns = [slice(SIDE * index, SIDE * (index + 1)) for index in range(24)]
+    signals = [(rgb[:, each] / shading()).mean(axis=(0, 1)) for each in columns]
+    judgement = judge_picture([cube[:, each].reshape(-1, NM.size) for each in columns], NM,
+                              [f"patch {index + 1}" for index in range(24)], chart, signals,
+                              np.full(3, NOISE / SIDE))
     text = judgement_text(judgement.scored + judgement.averages)
     picture(judgement, chart, signals, arguments.out)
     if arguments.json:
-        print(json.dumps({"means": {row["method"]: {key: value for key, value in row.items()
-                                    if key not in ("region", "method")}
-                    for row in judgement.means}, "fitted_on": len(curves),
-                          "picture": str(arguments.out)}))
+        print(json.dumps({"means": {row.method: asdict(row.scores) for row in judgement.averages},
+                          "fitted_on": len(curves), "picture": str(arguments.out)}))
         return
     print("Paper: the spectra of an image-based network (MST++) are far from the truth. Stand-in "
           f"network, fitted on {len(curves)} spectra:")

@@ -1,4 +1,4 @@
-"""How spectra behind signals are drawn and judged: options with their defaults.
+"""How spectra behind signals are drawn: options with their defaults.
 
 The functions of the library and the options of the commands have their defaults from here, which
 therefore imports nothing that computes.
@@ -6,8 +6,6 @@ therefore imports nothing that computes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 
 
 @dataclass(frozen=True)
@@ -40,36 +38,3 @@ class SampleOptions:
     start: str = "bounded"
     keep: int | None = None
     refine: int | None = None
-
-
-@dataclass(frozen=True)
-class JudgeOptions:
-    """How regions of a picture are read and judged.
-
-    Attributes
-    ----------
-    lights : names
-        Of the colour differences.
-    samples, seed, coefficients : int
-        Of our methods, as in `SampleOptions`.
-    baseline : bool
-        Whether other authors' single spectra are judged too.
-    column : str, optional
-        Of the truth for all regions.
-    full_scale : float
-        What reflectance 1 reads in the picture.
-    white_region : str, optional
-        Region of known reflectance to divide by.
-    camera : str
-        That our methods see with, and its light, in words.
-    """
-
-    lights: tuple[str, ...] = DELTA_LIGHTS
-    samples: int = SampleOptions.samples
-    seed: int = SampleOptions.seed
-    coefficients: int = SampleOptions.coefficients
-    baseline: bool = False
-    column: str | None = None
-    full_scale: float = 1.0
-    white_region: str | None = None
-    camera: str = "the camera"

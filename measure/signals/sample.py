@@ -20,6 +20,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.error_budget import METAMERISM
+from spectrabox.sampling.evaluation.scores_by_method import baselines, judged
 from spectrabox.sampling.further.learnt_swatches import SwatchCorrection
 from spectrabox.sampling.further.more_measurements import (
     Reading,
@@ -262,6 +263,36 @@ def _certificate(prior: LogitMixture, shares: dict[str, float],
         return (), "No certificate: bands of the smoothness prior were never judged."
     families = family_coverages(shares, prior.stated, prior.certificates)
     return families, certified_sentence(families)
+
+
+def compared(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray | None,
+             lights: tuple[str, ...], with_baselines: bool) -> SignalEstimate:
+    """The estimate beside other authors' spectra, and all of them judged where the truth is known.
+
+    Parameters
+    ----------
+    estimate : SignalEstimate
+        With draws.
+    options : SampleOptions
+        Of the estimate.
+    truth : (61,) array, optional
+        Reflectance at 400, 405 ... 700 nm.
+    lights : names
+        Of the colour differences.
+    with_baselines : bool
+        The greedy sampler has no draws for some signals that can be reached.
+    """
+    others = baselines(estimate.measurement, options.samples, options.seed, options.coefficients) \
+        if with_baselines else {}
+    scores = None
+    if truth is not None:
+        assert estimate.draws is not None
+        spectra = estimate.draws.spectra
+        ours = {options.method: (spectra.mean(axis=0), spectra)}
+        scores = {name: judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
+                  for name, other in (ours | others).items() if other is not None}
+    singles = {name: None if other is None else other[0] for name, other in others.items()}
+    return replace(estimate, baselines=singles if with_baselines else None, judged=scores)
 
 
 def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,

@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
-from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.evaluation.metrics import (
     best_scale,
     coverage,
@@ -21,7 +19,7 @@ from spectrabox.sampling.evaluation.metrics import (
     spectral_angle,
     winkler_score,
 )
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.baselines import baseline_spectra, greedy_draws
 from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.summary import TAIL_DRAWS
@@ -49,9 +47,9 @@ class SpectrumScores:
         CIEDE2000 by light.
     coverage : float, optional
         Share of wavelengths in the 95 % band.
-    whole_curve : bool, optional
-        Whether the widened band that holds 95 % of whole draws holds the whole truth; a share in
-        means.
+    whole_curve : bool or float, optional
+        Whether the widened band that holds 95 % of whole draws holds the whole truth; as a mean,
+        of what share.
     width, sharpness, winkler : float, optional
         Of the 95 % band; width of the 50 % band; interval score.
     """
@@ -69,7 +67,7 @@ class SpectrumScores:
 
 @dataclass(frozen=True)
 class ScoredSpectrum:
-    """The scores of a method in a region, or their means over regions."""
+    """The scores of a method for a signal or a region, or their means."""
 
     region: str
     method: str
@@ -104,19 +102,6 @@ def judged(nm: np.ndarray, truth: np.ndarray, estimate: np.ndarray, lights: tupl
                    winkler=winkler_score(lower, upper, truth, LEVEL))
 
 
-def estimates(measurement: SpectralMeasurement, methods: tuple[str, ...], draws: int, seed: int,
-              coefficients: int, prior: LogitMixture | None = None) -> dict[str, Estimate]:
-    """Mean and draws by method for one signal; a method that has no draws is left out."""
-    by_method: dict[str, Estimate] = {}
-    for method in methods:
-        try:
-            spectra = draw_spectra(measurement, method, draws, seed, coefficients, prior).spectra
-        except ConvergenceError:
-            continue
-        by_method[method] = (spectra.mean(axis=0), spectra)
-    return by_method
-
-
 def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
               coefficients: int) -> dict[str, Estimate | None]:
     """Single spectra of other authors, and a greedy sampler's mean and draws; None if it has none.
@@ -126,59 +111,6 @@ def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
     greedy = (spectra.mean(axis=0), spectra) if len(spectra) else None
     singles = {name: (spectrum, None) for name, spectrum in baseline_spectra(measurement).items()}
     return {**singles, GREEDY: greedy}
-
-
-def beside(measurement: SpectralMeasurement, nm: np.ndarray, truth: np.ndarray,
-           lights: tuple[str, ...], draws: int, seed: int, coefficients: int, prior: LogitMixture,
-           with_baselines: bool) -> dict[str, SpectrumScores]:
-    """Our methods, and other authors', on one signal, judged against the truth.
-
-    Nine parameters: what is judged, by what measures, and how to draw.
-
-    Parameters
-    ----------
-    measurement : SpectralMeasurement
-    nm, truth : (P,) arrays
-        Some of the 61 wavelengths, and the reflectance there.
-    lights : names
-        Of the colour differences.
-    draws, seed, coefficients, prior
-        See `sampling.draw_methods.draw_spectra`.
-    with_baselines : bool
-        Whether other authors' methods are judged too.
-
-    Returns
-    -------
-    dict of SpectrumScores
-        By method.
-    """
-    by_method: dict[str, Estimate | None] = {
-        **estimates(measurement, tuple(METHODS)[::-1], draws, seed, coefficients, prior)}
-    if with_baselines:
-        by_method |= baselines(measurement, draws, seed, coefficients)
-    columns = np.searchsorted(PRIOR_GRID.nm, nm)
-    return {name: judged(nm, truth, estimate[0][columns], lights,
-                         None if estimate[1] is None else estimate[1][:, columns])
-            for name, estimate in by_method.items() if estimate is not None}
-
-
-def means(rows: Sequence[ScoredSpectrum]) -> list[ScoredSpectrum]:
-    """One row a method: its scores averaged over the regions of ``rows``, those of a band where
-    there is one.
-    """
-    averages = []
-    for method in dict.fromkeys(row.method for row in rows):
-        mine = [row.scores for row in rows if row.method == method]
-        angle, plain, scaled = (float(np.mean([getattr(one, name) for one in mine]))
-                                for name in ("spectral_angle", "rmse", "rmse_best_scale"))
-        banded = [one for one in mine if one.coverage is not None]
-        of_band = {name: float(np.mean([getattr(one, name) for one in banded]))
-                   for name, _ in BAND_SCORES} if banded else {}
-        differences = {light: float(np.mean([one.delta_e00[light] for one in mine]))
-                       for light in mine[0].delta_e00}
-        averages.append(ScoredSpectrum(f"mean of {len(mine)}", method, SpectrumScores(
-            plain, angle, scaled, differences, **of_band)))
-    return averages
 
 
 def judgement_text(rows: Sequence[ScoredSpectrum]) -> str:

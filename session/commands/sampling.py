@@ -1,5 +1,4 @@
-"""Commands on signals and spectra without a session: sample, uplift, certify, judge, match, prior
-train.
+"""Commands on signals and spectra without a session: sample, uplift, certify, match, prior train.
 """
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from spectrabox.measure.signals.options import JudgeOptions, SampleOptions
+from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
 from spectrabox.session.commands.requests import (
@@ -19,14 +18,12 @@ from spectrabox.session.commands.requests import (
     Families,
     Light,
     MeasuredSignal,
-    Noise,
     OptionalLight,
     OptionalSensitivity,
     PriorFile,
     Seed,
     Sensitivity,
     UpliftRequest,
-    White,
 )
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
@@ -47,7 +44,7 @@ MATCHES_SHOWN, LEFT_OUT_NAMED = 10, 3       # rows of a table, and sentences on 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (sample, uplift, certify, judge, match):
+    for function in (sample, uplift, certify, match):
         app.command()(function)
     prior = Commands(help="What is known of reflectances beforehand, the prior: learn one from "
                           "your own measurements.")
@@ -154,7 +151,7 @@ def sample(
     estimates = sample_signals(capture, options, with_draws=one or baseline
                                or _ends_in(out, ".npz"))
     if baseline or true is not None:
-        from spectrabox.measure.signals.picture_judgement import compared
+        from spectrabox.measure.signals.sample import compared
         estimates = [compared(estimate, options, true, delta_light, baseline)
                      for estimate in estimates]
     written: dict[str, Path] = {}
@@ -245,85 +242,6 @@ def certify(
         write_text_whole(out, page)
         facts["page"] = out
     return Answer(facts, page)
-
-
-@Command
-def judge(
-    *,
-    sensitivity: Sensitivity = OBSERVER,
-    light: Light = "D65",
-    prior: PriorFile = None,
-    family: Families = (),
-    cube: Annotated[Path, typer.Argument(
-        metavar="CUBE", help="ENVI, .npy, .npz, .mat or spectral EXR.")],
-    truth: Annotated[Path | None, typer.Option(
-        metavar="FILE", help="Measured spectra; without it nothing is judged.")] = None,
-    column: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Column of the truth for all regions.")] = None,
-    regions: Annotated[Path | None, typer.Option(
-        metavar="TOML", help="Regions: [regions.NAME] with rect, point or mask.")] = None,
-    point: Annotated[tuple[str, ...], typer.Option(
-        metavar="[NAME=]X,Y", help="One pixel.")] = (),
-    wavelengths: Annotated[str | None, typer.Option(
-        metavar="FIRST:LAST:STEP|FILE", help="In nm: 400:700:10, a list, or a text file.")] = None,
-    variable: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Of which array in a .npz or .mat.")] = None,
-    full_scale: Annotated[float, typer.Option(
-        help="What reflectance 1 reads in the picture.")] = JudgeOptions.full_scale,
-    white_region: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Region of known reflectance to divide by.")] = None,
-    signals: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="What our methods see, one row a region; the truths' own signals "
-        "otherwise.")] = None,
-    white: White = None,
-    noise: Noise = None,
-    delta_light: DeltaLights = DELTA_LIGHTS,
-    coefficients: Coefficients = SampleOptions.coefficients,
-    samples: Annotated[int, typer.Option(help="Draws of our methods.")] = SampleOptions.samples,
-    seed: Seed = SampleOptions.seed,
-    baseline: Baseline = False,
-    out: Annotated[Path | None, typer.Option(
-        "--out", "-o", metavar="CSV", help="Where to write the regions' spectra.")] = None,
-) -> Answer:
-    """Score another method's hyperspectral picture next to ours, by the same measures."""
-    check_ending(out, {".csv": "the regions' spectra"})
-    from spectrabox.capture.photo.image_files import read_plane
-    from spectrabox.measure.signals.picture_judgement import judge_picture
-    from spectrabox.measure.signals.spectral_pictures import open_picture
-    from spectrabox.radiometry.grid import FINE_GRID
-    from spectrabox.radiometry.spectra.named_spectra import named_curves, relative_response
-    from spectrabox.radiometry.spectra.spectrum_files import read_table
-    from spectrabox.sampling.evaluation.cube_regions import point_region, read_regions
-    from spectrabox.sampling.evaluation.cubes import parse_wavelengths
-    from spectrabox.sampling.prior.mixture import load_prior, of_families
-    from spectrabox.session.signals.signal_options import (
-        optional_noise,
-        optional_numbers,
-        read_signals,
-    )
-    picture = open_picture(cube, None if wavelengths is None else parse_wavelengths(wavelengths),
-                           variable)
-    outlined = [point_region(text, picture.width, picture.height) for text in point]
-    if regions is not None:
-        outlined += read_regions(regions, picture.width, picture.height,
-                                 lambda path: read_plane(path)[0])
-    if not outlined:
-        raise InputError("no region was given; give --regions FILE.toml or --point x,y")
-    response = relative_response(sensitivity, light, FINE_GRID)
-    bands = len(response)
-    options = JudgeOptions(delta_light, samples, seed, coefficients, baseline, column, full_scale,
-                           white_region, f"{sensitivity} under {light}")
-    judgement = judge_picture(
-        picture, outlined, None if truth is None else read_table(truth), response,
-        of_families(load_prior(prior), family), options,
-        signals=None if signals is None else read_signals(
-            signals, named_curves(sensitivity)[2]),
-        white=optional_numbers(white, bands, "white"), noise=optional_noise(noise, bands))
-    facts = judgement.facts()
-    if out is not None:
-        _write_regions(out, picture.nm, judgement.columns(), cube.name)
-        facts["file"] = out
-    return Answer(facts, judgement.text())
 
 
 @Command
@@ -441,15 +359,6 @@ def _write_columns(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray]) -
     from spectrabox.radiometry.spectra.spectrum_files import table_text
     write_text_whole(path, table_text(nm, columns, quantity=Quantity.REFLECTANCE,
                                       source="spectrabox sample"))
-
-
-def _write_regions(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray], cube: str) -> None:
-    from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.radiometry.records.spectra import Quantity
-    from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
-    write_text_whole(path, plain_text(nm, columns))
-    write_text_whole(metadata_path(path), metadata_text(
-        path.name, columns, quantity=Quantity.REFLECTANCE, source=f"regions of {cube}"))
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:

@@ -83,9 +83,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "certify": ("spectrabox certify measured-paints",
                 f"spectrabox certify measured-paints --sensitivity {CAMERA} --light D65 \\\n"
                 "    --out certificate.md"),
-    "judge": ("spectrabox judge cube.npy --wavelengths 400:700:10 --point wall=2,1",
-              "spectrabox judge cube.npy --wavelengths 400:700:10 --point wall=2,1 \\\n"
-              "    --truth mybox/spectra/truth_green.csv --column value"),
     "match": ("spectrabox match mybox CES99",
               "spectrabox match mybox \"BabelColor Average\" --only cube"),
     "prior train": ("spectrabox prior train measured-paints --out mine.npz",
@@ -118,7 +115,6 @@ BROUGHT_ALONG = {
     "lens.json": "'spectrabox geometry lens' writes it",
     "paints.csv": "reflectances of the scene's surfaces, a column for each",
     "wall.toml": "where the wall's rectangle and the lamp are",
-    "cube.npy": "a picture of spectra, rows x columns x wavelengths",
     "fixtures/transcripts": "in the source of spectrabox"}
 
 

@@ -1,7 +1,7 @@
-"""Priors on reflectances: training, certificates, and other methods' spectra judged."""
+"""Priors on reflectances: training and certificates."""
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,22 +15,12 @@ from spectrabox.api.arguments import (
     relative_response,
 )
 from spectrabox.api.array_arguments import as_number, as_numbers, as_wavelengths
-from spectrabox.measure.signals.options import JudgeOptions
-from spectrabox.measure.signals.picture_judgement import (
-    PictureJudgement,
-    judge_picture,
-)
 from spectrabox.measure.signals.prior_training import train_prior as learn_prior
-from spectrabox.measure.signals.spectral_pictures import open_picture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
-from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.evaluation.certificate import Certificate
 from spectrabox.sampling.evaluation.certificate import certify as certify_library
-from spectrabox.sampling.evaluation.cube_regions import CubeRegion
-from spectrabox.sampling.evaluation.cubes import Cube
 from spectrabox.sampling.prior.libraries import (
     ReflectanceLibrary,
     left_out_words,
@@ -146,111 +136,6 @@ def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
     """
     return certify_library(as_prior(prior, families_of(families)), _library(library, nm, "library"),
                            _coarse(camera, light), as_number(noise, "noise"), seed, DELTA_LIGHTS)
-
-
-def judge(cube: str | Path | ArrayLike, regions: Mapping[str, Sequence[int]],
-          truth: str | Path | Mapping[str, ArrayLike], *, nm: ArrayLike | None = None,
-          truth_nm: ArrayLike | None = None, camera: CameraLike = OBSERVER,
-          light: LightLike = "D65", white_region: str | None = None,
-          full_scale: float = 1.0) -> PictureJudgement:
-    """Score another method's cube of spectra next to ours.
-
-    Parameters
-    ----------
-    cube : path or (H, W, C) array
-        Reflectances, of an ENVI, MATLAB, Zarr or spectral EXR file, or as an array.
-    regions : mapping
-        From names to (x0, y0, x1, y1) in pixels, the ends not counted.
-    truth : path or mapping
-        Measured reflectances: a table with a column for each region, or of one column for all; or
-        arrays (Q,), one for each region by its name.
-    nm : (C,) array, optional
-        Wavelengths of the cube, where it is an array or its file does not state them.
-    truth_nm : (Q,) array, optional
-        Wavelengths of truths that are given as arrays.
-    camera, light
-        That our methods see the truth with.
-    white_region : str, optional
-        Region of known reflectance to divide by.
-    full_scale : float
-        What reflectance 1 reads in the cube.
-
-    Returns
-    -------
-    PictureJudgement
-        ``rows`` by region and method, ``means`` by method: RMSE, coverage, width, CIEDE2000.
-
-    Raises
-    ------
-    InputError
-        If cube and truth do not both cover 420 to 680 nm, a region leaves the cube, or has no
-        truth.
-
-    References
-    ----------
-    Interval score: Gneiting and Raftery 2007, Eq. 43; CIEDE2000: Sharma, Wu and Dalal 2005. The
-    other methods are named in docs/how-to/judge.md.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> nm = np.arange(400, 701, 10)
-    >>> truth = 0.2 + 0.5 * (nm > 580)
-    >>> cube = np.tile(truth + 0.01, (8, 8, 1))
-    >>> judgement = sb.judge(cube, {"patch": (1, 1, 7, 7)}, {"patch": truth}, nm=nm, truth_nm=nm)
-    >>> {row["method"]: row["rmse"] for row in judgement.rows}
-    """
-    if not isinstance(regions, Mapping):
-        raise InputError("regions are given by name: regions={name: (x0, y0, x1, y1)}")
-    if isinstance(cube, str | Path):
-        opened = open_picture(Path(cube), None if nm is None else np.asarray(nm, float), None)
-    else:
-        values = as_numbers(cube, "cube")
-        if nm is None or values.ndim != 3 or len(np.asarray(nm)) != values.shape[2]:
-            raise InputError("a cube that is given as an array needs (height, width, C) values and "
-                             "its C wavelengths nm")
-        height, width = values.shape[:2]
-        opened = Cube("cube", np.asarray(nm, dtype=float), height, width,
-                      lambda first, last: values[first:last])
-    if not regions:
-        raise InputError("no region is given; give regions={name: (x0, y0, x1, y1)}")
-    boxes = []
-    for name, box in regions.items():
-        corners = as_numbers(box, f"region {name!r}")
-        if corners.shape != (4,) or not np.all(np.isfinite(corners)):
-            raise InputError(f"region {name!r} is {box!r}; (x0, y0, x1, y1) in pixels is needed")
-        x0, y0, x1, y1 = (int(value) for value in corners)
-        if not (0 <= x0 < x1 <= opened.width and 0 <= y0 < y1 <= opened.height):
-            raise InputError(f"region {name!r} is {tuple(box)}; x0 < x1 up to {opened.width} and "
-                             f"y0 < y1 up to {opened.height} are needed")
-        boxes.append(CubeRegion(name, None, (x0, y0, x1, y1), None))
-    if isinstance(truth, Mapping):
-        table = _truths(truth, truth_nm, regions)
-    else:
-        table = read_table(Path(truth))
-    return judge_picture(opened, boxes, table, relative_response(camera, light), as_prior(None),
-                         JudgeOptions(DELTA_LIGHTS, full_scale=full_scale,
-                                      white_region=white_region))
-
-
-def _truths(truth: Mapping[str, ArrayLike], nm: ArrayLike | None,
-            regions: Collection[str]) -> SpectralTable:
-    """Measured reflectances of all regions, as a table."""
-    if nm is None:
-        raise InputError("truths that are given as arrays need their wavelengths truth_nm")
-    wavelengths = as_wavelengths(nm, "truth_nm")
-    if missing := [name for name in regions if name not in truth]:
-        raise InputError(f"no truth is given for {', '.join(map(repr, missing))}; there are "
-                         f"{', '.join(map(repr, truth)) or 'none'}")
-    if np.any(np.diff(wavelengths) <= 0):
-        raise InputError("truth_nm does not rise; give wavelengths in their order")
-    curves = {name: as_numbers(one, f"truth {name!r}") for name, one in truth.items()}
-    for name, values in curves.items():
-        if values.shape != wavelengths.shape:
-            raise InputError(f"truth {name!r} of shape {values.shape} and wavelengths of shape "
-                             f"{wavelengths.shape} were given; give one value for each wavelength")
-    return SpectralTable(wavelengths, tuple(curves), np.array(list(curves.values())),
-                         {"quantity": "reflectance"}, "truth")
 
 
 def _libraries(value: LibraryLike | Sequence[LibraryLike], family: str, nm: ArrayLike | None,
