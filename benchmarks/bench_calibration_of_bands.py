@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,8 +19,13 @@ from spectrabox.radiometry.colour_science import upsampled
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
-from spectrabox.sampling.evaluation.certificate import Certificate, certify
-from spectrabox.sampling.evaluation.metrics import rmse
+from spectrabox.sampling.evaluation.metrics import (
+    coverage,
+    coverage_error,
+    curve_coverage,
+    rmse,
+    winkler_score,
+)
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior.band_calibration import AT_95, judge, prior_without
 from spectrabox.sampling.prior.families.family_models import FAMILIES
@@ -31,6 +35,12 @@ from spectrabox.sampling.prior.libraries import (
     without_near_duplicates,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.mixture_posterior import (
+    calibrated_bands,
+    posterior,
+    surprise_limit,
+    widened,
+)
 from spectrabox.sampling.prior.training import enriched, fit_mixture, fitted_families, parts_of
 from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.uniform import into_reach
@@ -38,6 +48,56 @@ from spectrabox.sampling.uniform import into_reach
 TRAINING = {"cassava": "earth", "kremer_pigments": "paint", "ntu_watercolour": "paint",
             "rawtoaces190": "mixed", "usgs_minerals": "earth"}      # and their families
 PEERS = ("Otsu 2018", "Smits 1999", "Mallett 2019")
+BATCH = 200
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What the 95 % bands did on one library; ``unfamiliar`` is the share of signals that are said
+    to be unlike what the prior was learnt from.
+    """
+
+    name: str
+    curves: int
+    noise: float
+    rmse: float
+    coverage: float
+    error: float
+    width: float
+    curve_coverage: float
+    winkler: float
+    unfamiliar: float
+
+
+def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarray,
+            noise: float = 0.0, seed: int = 0) -> Certificate:
+    """Bands for the signals of every curve of a library, against the curve.
+
+    Parameters
+    ----------
+    response : (K, 61)
+        Rows summing to 1.
+    noise : float
+        Relative standard error of the signals, also drawn into them.
+    """
+    truth = library.reflectances
+    errors = noise * np.random.default_rng(seed).standard_normal((len(truth), len(response)))
+    mean, lower, upper = (np.empty_like(truth) for _ in range(3))
+    surprise = np.empty(len(truth))
+    for start in range(0, len(truth), BATCH):
+        rows = slice(start, start + BATCH)
+        clean = truth[rows] @ response.T
+        covariance = np.einsum("tk,kl->tkl", (noise * clean)**2, np.eye(len(response)))
+        mixture = posterior(prior, response, clean * (1 + errors[rows]), covariance)
+        mean[rows], ((lower[rows], upper[rows]),) = calibrated_bands(prior, mixture, (0.95,))
+        surprise[rows] = mixture.surprise
+    curve = widened(mean, lower, upper, prior.curve_factor)
+    return Certificate(
+        library.name, len(truth), noise, float(rmse(mean, truth).mean()),
+        coverage(lower, upper, truth), coverage_error((truth >= lower) & (truth <= upper)),
+        float(np.mean(upper - lower)), curve_coverage(*curve, truth),
+        winkler_score(lower, upper, truth),
+        float(np.mean(surprise > surprise_limit(prior, len(response)))))
 
 
 def response_of(camera: str, light: str) -> np.ndarray:
@@ -110,13 +170,6 @@ def peers(reflectances: np.ndarray, observer: np.ndarray) -> dict[str, float]:
                                         curve) for curve in reflectances])) for method in PEERS}
 
 
-def facts(one: Certificate) -> dict[str, Any]:
-    """What the table shows."""
-    return {"name": one.name, "curves": one.curves, "noise": one.noise, "rmse": one.rmse,
-            "coverage": one.coverage[0.95], "error": one.coverage_error, "width": one.width,
-            "curve_coverage": one.curve_coverage, "winkler": one.winkler}
-
-
 def some(library: ReflectanceLibrary, most: int) -> ReflectanceLibrary:
     """At most ``most`` curves, at random."""
     order = np.random.default_rng(1).permutation(len(library.reflectances))[:most]
@@ -127,6 +180,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path,
                         help="folder with reflectance/; without it only the shipped sets")
+    parser.add_argument("--library", type=Path, action="append", default=[],
+                        help="a folder of measured reflectances of your own, judged as well")
     parser.add_argument("--most", type=int, default=300,
                         help="curves of one library that are judged")
     parser.add_argument("--peers", type=int, default=25,
@@ -141,24 +196,25 @@ def main() -> None:
         priors = left_out_priors(libraries)
     never = [ReflectanceLibrary(name, values[np.all((values >= 0) & (values <= 1), axis=1)], {})
              for name, values in test_reflectances(PRIOR_GRID).items()]
+    never += [read_library(folder) for folder in arguments.library]
     rows = []
     for library in (*libraries, *never):
         judged = some(library, arguments.most)
-        row = facts(certify(priors.get(library.name, prior), judged, response))
+        row = asdict(certify(priors.get(library.name, prior), judged, response))
         few = judged.reflectances[:arguments.peers]
         row["uniform_rmse"], row["uniform_coverage"] = uniform_row(few, response)
         row["peers"] = peers(few, response)
         row["rmse_of_those"] = float(certify(priors.get(library.name, prior),
                                              ReflectanceLibrary("", few, {}), response).rmse)
         rows.append(row)
-    noisy = [{**facts(certify(prior, some(ReflectanceLibrary(name, values, {}), arguments.most),
+    noisy = [{**asdict(certify(prior, some(ReflectanceLibrary(name, values, {}), arguments.most),
                               matrix, noise)), "bands": len(matrix)}
              for name, values in (("BabelColor Average",
                                    test_reflectances(PRIOR_GRID)["BabelColor Average"]),
                                   ("NIST CQS test colours",
                                    test_reflectances(PRIOR_GRID)["NIST CQS test colours"]))
              for matrix in (response, eight_bands()) for noise in (0.0, 0.003, 0.01, 0.03)]
-    inside = facts(in_domain(libraries, response)) if libraries else None
+    inside = asdict(in_domain(libraries, response)) if libraries else None
     if arguments.json:
         print(json.dumps({"libraries": rows, "noise": noisy, "in_domain": inside}))
         return

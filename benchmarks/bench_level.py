@@ -50,7 +50,7 @@ def row(prior: LogitMixture, response: np.ndarray, truth: np.ndarray, light_erro
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--library", type=Path, help="folder of spectra, as of `certify`")
+    parser.add_argument("--library", type=Path, help="folder of measured spectra")
     parser.add_argument("--light-error", type=float, default=0.03)
     parser.add_argument("--count", type=int, default=200, help="of each set")
     parser.add_argument("--sensitivity", default="Nikon 5100 (NPL)")

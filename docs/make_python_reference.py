@@ -17,7 +17,7 @@ GROUPS = {
     "From signals": ["sample", "uplift", "match"],
     "From a name": ["camera"],
     "From an instrument": ["measure_spectrum"],
-    "Priors and their proof": ["train_prior", "certify"],
+    "Priors": ["train_prior"],
     "What to do next": ["advise"],
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "KnownCamera",

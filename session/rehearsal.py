@@ -17,7 +17,7 @@ from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import load_finished, stage_states
 
 NO_SCENE = ("a rehearsal traces the light of a scene, and this session has flat samples and no "
-            "scene; 'spectrabox certify' tests bands without one")
+            "scene")
 
 
 def rehearse(config: SessionConfig, times: int, seed: int, device: str,

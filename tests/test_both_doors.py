@@ -22,7 +22,7 @@ CAMERA, LIGHT, NOISE = "Nikon 5100 (NPL)", "LED-B3", 0.003
 SEEN = ("--sensitivity", CAMERA, "--light", LIGHT, "--noise", NOISE)
 # how an answer is laid out, and regions and wavelengths as options and files write them
 WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "line", "says", "title",
-         "light_words", "_cells", "_cell", "certificate_page", "condition_on_families",
+         "light_words", "_cells", "_cell", "condition_on_families",
          "coverage_facts", "held_out_facts", "held_out_sentence", "poor_patches",
          "posterior_facts", "judgement_text", "rows", "copy_facts", "edition_sentence",
          "edition_told", "evidence_since", "evidence_words", "difference_sentence",
@@ -107,23 +107,6 @@ def test_a_signal_of_a_material_with_swatches(tmp_path):
                           "sample", *SEEN, "--signal", "0.21,0.33,0.14", "--swatches",
                           tmp_path / "swatches.csv")
     same_spectrum(estimate, said)
-
-
-def test_a_library_certified(tmp_path):
-    write_library(tmp_path / "paints")
-    certificate, said = both(lambda: sb.certify(None, tmp_path / "paints", noise=0.01),
-                             "certify", tmp_path / "paints", "--noise", 0.01)
-    assert said["libraries"][0]["verdict"] == certificate.verdict
-    assert said["libraries"][0]["rmse"] == certificate.rmse
-
-
-def write_library(folder):
-    folder.mkdir()
-    nm = np.arange(400, 701, 5)
-    for number, centre in enumerate(np.linspace(430, 670, 12)):
-        values = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centre) / 60)**2)
-        (folder / f"{number}.csv").write_text("nm,value\n" + "".join(
-            f"{at},{value:.5f}\n" for at, value in zip(nm, values, strict=True)))
 
 
 @pytest.fixture(scope="module")

@@ -306,8 +306,6 @@ def write_files_of(words, folder):
     for file, write in FILES.items():
         if file in words and not (folder / file).exists():
             write(folder)
-    if "cube.npy" in words:
-        np.save(folder / "cube.npy", np.full((4, 5, 31), 0.3))
 
 
 def write_curves(folder):

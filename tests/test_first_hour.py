@@ -25,12 +25,6 @@ def test_a_missing_file_without_a_session_is_not_sought_in_one(words):
     assert "correct its name" in result.stderr and "session.toml" not in result.stderr
 
 
-def test_certify_names_the_folder_that_it_stands_in(tmp_path, monkeypatch):
-    (tmp_path / "paints").mkdir()
-    monkeypatch.chdir(tmp_path / "paints")
-    assert "paints holds no usable reflectance" in call("certify", ".").stderr
-
-
 def test_photos_of_a_camera_fit_may_stand_first_as_those_of_chart(captured):
     photo = captured / "photos" / "chart.dng"
     light = ["--light", captured / "spectra" / "light.csv", "--json"]

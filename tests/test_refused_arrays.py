@@ -9,7 +9,6 @@ GREYS = np.linspace(0.1, 0.8, 140)[:, None] * np.ones(NM.size)
 
 
 @pytest.mark.parametrize("ask", [
-    lambda rows: sb.certify(None, rows, nm=NM),
     lambda rows: sb.train_prior({"paint": rows}, nm=NM),
     lambda rows: sb.train_prior({"paint": [rows, GREYS]}, nm=NM)])
 @pytest.mark.parametrize("rows", [GREYS.T, GREYS[:, :30], np.full((140, 61), 0.3)])
@@ -20,7 +19,6 @@ def test_rows_that_are_not_at_the_wavelengths_are_refused_naming_both_shapes(ask
 
 
 @pytest.mark.parametrize("ask", [
-    lambda rows: sb.certify(None, rows, nm=NM),
     lambda rows: sb.train_prior({"paint": rows}, nm=NM)])
 def test_a_library_in_per_cent_is_called_so(ask):
     with pytest.raises(sb.InputError, match="far above 1: absorbance, or per cent"):

@@ -227,27 +227,6 @@ def write_folder(folder, seed, count):
     return folder
 
 
-def test_certify_writes_a_page(tmp_path):
-    folder = write_folder(tmp_path / "mine", 1, 12)
-    facts = json.loads(call("certify", folder, "--out", tmp_path / "page.md", "--json").stdout)
-    assert facts["libraries"][0]["curves"] == 12
-    held = [facts["libraries"][0]["coverage"][level] for level in ("0.5", "0.8", "0.9", "0.95")]
-    # bands of higher levels hold the others; twelve smooth curves lie in those of 95 %
-    assert held == sorted(held) and 0.3 < held[0] < held[-1] and held[-1] > 0.85
-    page = (tmp_path / "page.md").read_text()
-    assert "Coverage certificate" in page and f"{held[0]:.3f} / {held[1]:.3f}" in page
-    few = write_folder(tmp_path / "few", 2, 4)
-    assert "needs at least 10" in json.loads(call("certify", few, "--json", code=3).stdout)["error"]
-
-
-def test_a_certificate_says_when_the_prior_was_trained_on_the_library(tmp_path):
-    folder = write_folder(tmp_path / "kremer_pigments", 1, 12)
-    facts = json.loads(call("certify", folder, "--delta-light", "A",
-                            "--json").stdout)["libraries"][0]
-    assert facts["trained_on"] and "says nothing of other spectra" in facts["verdict"]
-    assert set(facts["delta_e00"]) == {"A"} and 0 < facts["sharpness"] < facts["width"]
-
-
 def test_a_stated_family_narrows_the_band_and_is_said():
     skin = ("--signal", "0.46,0.31,0.22", "--samples", 1000)
     free, said = sample(*skin), sample(*skin, "--family", "skin")
@@ -286,16 +265,6 @@ def test_a_signal_like_no_measured_one_has_no_certificate(tmp_path):
     known, unknown = sample("--signals", path)["results"]
     assert known["certificate"] == sample("--signal", "0.46,0.31,0.22")["certificate"]
     assert unknown["certified"] == []
-
-
-def test_a_certificate_tells_families_and_wavelengths_apart(tmp_path):
-    folder = write_folder(tmp_path / "mine", 1, 12)
-    facts = json.loads(call("certify", folder, "--family", "paint", "--family", "cloth",
-                            "--json").stdout)["libraries"][0]
-    assert facts["stated"] == ["paint", "textile"]
-    # shares of two families make up all
-    assert abs(sum(facts["shares"].values()) - 1) < 1e-9
-    assert len(facts["by_wavelength"]) == 10 and set(facts["by_family"]) <= {"paint", "textile"}
 
 
 def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):

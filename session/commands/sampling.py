@@ -1,4 +1,4 @@
-"""Commands on signals and spectra without a session: sample, uplift, certify, match, prior train.
+"""Commands on signals and spectra without a session: sample, uplift, match, prior train.
 """
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ MATCHES_SHOWN, LEFT_OUT_NAMED = 10, 3       # rows of a table, and sentences on 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (sample, uplift, certify, match):
+    for function in (sample, uplift, match):
         app.command()(function)
     prior = Commands(help="What is known of reflectances beforehand, the prior: learn one from "
                           "your own measurements.")
@@ -207,41 +207,6 @@ def uplift(request: UpliftRequest) -> Answer:
         "white": white, "white_from": white_from,
         "chart_residual": None if chart is None else chart.residual,
         "warnings": [chart.doubt] if chart is not None and chart.doubt else []}, text)
-
-
-@Command
-def certify(
-    *,
-    sensitivity: Sensitivity = OBSERVER,
-    light: Light = "D65",
-    prior: PriorFile = None,
-    family: Families = (),
-    folders: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="FOLDER...", help="Measured reflectances, one folder per library.")],
-    noise: Annotated[float, typer.Option(help="Relative standard error of the signals.")] = 0.0,
-    delta_light: DeltaLights = DELTA_LIGHTS,
-    out: Annotated[Path | None, typer.Option(
-        "--out", "-o", metavar="MD", help="Where to write the page.")] = None,
-) -> Answer:
-    """Test on your own measured spectra whether the bands hold the truth, as a certificate."""
-    check_ending(out, {".md": "the certificate as a page"})
-    from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.sampling.evaluation.certificate import certificate_page
-    from spectrabox.sampling.evaluation.certificate import certify as certify_library
-    from spectrabox.sampling.prior.libraries import read_library
-    from spectrabox.sampling.prior.mixture import load_prior, of_families
-    from spectrabox.session.signals.signal_options import response_of_names
-    known = of_families(load_prior(prior), family)
-    response = response_of_names(sensitivity, light)
-    certificates = [certify_library(known, read_library(folder), response, noise,
-                                    lights=delta_light) for folder in folders]
-    page = certificate_page(certificates, known, f"{sensitivity} under {light}")
-    facts = {"libraries": [certificate.facts() for certificate in certificates],
-             "prior": known.source, "noise": noise}
-    if out is not None:
-        write_text_whole(out, page)
-        facts["page"] = out
-    return Answer(facts, page)
 
 
 @Command

@@ -80,9 +80,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
                f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
                "    --light D65 --side 9 --to zarr --workers 2 --out arrays"),
     "advise": ("spectrabox advise painting", "spectrabox advise --light led --surfaces 2"),
-    "certify": ("spectrabox certify measured-paints",
-                f"spectrabox certify measured-paints --sensitivity {CAMERA} --light D65 \\\n"
-                "    --out certificate.md"),
     "match": ("spectrabox match mybox CES99",
               "spectrabox match mybox \"BabelColor Average\" --only cube"),
     "prior train": ("spectrabox prior train measured-paints --out mine.npz",

@@ -1,4 +1,4 @@
-"""Priors on reflectances: training and certificates."""
+"""Priors on reflectances, trained."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -10,17 +10,12 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import (
     CameraLike,
     LightLike,
-    as_prior,
-    families_of,
     relative_response,
 )
-from spectrabox.api.array_arguments import as_number, as_numbers, as_wavelengths
+from spectrabox.api.array_arguments import as_numbers, as_wavelengths
 from spectrabox.measure.signals.prior_training import train_prior as learn_prior
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
-from spectrabox.sampling.evaluation.certificate import Certificate
-from spectrabox.sampling.evaluation.certificate import certify as certify_library
 from spectrabox.sampling.prior.libraries import (
     ReflectanceLibrary,
     left_out_words,
@@ -85,57 +80,6 @@ def train_prior(libraries: Mapping[str, LibraryLike | Sequence[LibraryLike]], *,
         raise InputError("no library is given; give reflectances or folders of them by family")
     read = {family: _libraries(value, family, nm, seed) for family, value in libraries.items()}
     return learn_prior(read, _coarse(camera, light), seed).prior
-
-
-def certify(prior: str | Path | LogitMixture | None, library: LibraryLike, *,
-            nm: ArrayLike | None = None, camera: CameraLike = OBSERVER, light: LightLike = "D65",
-            noise: float = 0.0, families: str | Sequence[str] | None = None,
-            seed: int = 0) -> Certificate:
-    """Do the bands of a prior hold the spectra of a library that it never saw?
-
-    Parameters
-    ----------
-    prior : path, LogitMixture or None
-        None for the shipped one.
-    library : folder, or (n, P) array
-        Ten reflectances or more.
-    nm : (P,) array, optional
-        Wavelengths of a library that is given as an array.
-    camera, light
-        That see them.
-    noise : float
-        Relative standard error of the signals.
-    families : str or sequence of str, optional
-        What the surfaces are.
-    seed : int
-        Of the noise and the draws.
-
-    Returns
-    -------
-    Certificate
-        ``verdict``, a sentence; ``coverage`` by level, ``rmse``, ``width``, ``delta_e00``.
-
-    Raises
-    ------
-    InputError
-        For fewer than ten usable curves, or an array whose rows are not at ``nm``.
-
-    References
-    ----------
-    Interval score: Gneiting and Raftery 2007, Eq. 43. Measures and limits:
-    docs/results/certificate.md.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> nm = np.arange(400, 701, 5)
-    >>> centres = np.linspace(430, 670, 60)[:, None]
-    >>> reflectances = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centres) / 60) ** 2)
-    >>> certificate = sb.certify(None, reflectances, nm=nm, noise=0.01)
-    >>> certificate.verdict, certificate.coverage[0.95]
-    """
-    return certify_library(as_prior(prior, families_of(families)), _library(library, nm, "library"),
-                           _coarse(camera, light), as_number(noise, "noise"), seed, DELTA_LIGHTS)
 
 
 def _libraries(value: LibraryLike | Sequence[LibraryLike], family: str, nm: ArrayLike | None,
