@@ -133,9 +133,12 @@ def test_a_white_card_brings_what_was_said(folder, plain):
 def test_advice_is_of_a_result_a_session_or_a_folder_and_of_nothing_else(tmp_path):
     with pytest.raises(sb.InputError, match=r"session\.toml is missing"):
         sb.advise(tmp_path / "none")
-    for other in (5, (0.3, 0.2, 0.1)):
+    for other in (None, 5, (0.3, 0.2, 0.1)):
         with pytest.raises(sb.InputError, match=type(other).__name__):
             sb.advise(other)
+    with pytest.raises(sb.InputError, match="give both"):
+        sb.advise(sb.sample([0.3, 0.2, 0.1], camera="Nikon 5100 (NPL)", light="D65"),
+                  camera="Nikon 5100 (NPL)")
 
 
 def test_under_a_light_that_is_hardly_known_a_gel_brings_little(plain):

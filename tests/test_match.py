@@ -179,7 +179,8 @@ def test_lamps_of_a_session_are_ranked_and_the_present_one_brings_next_to_nothin
 
 
 def test_advice_says_what_it_needs(session):
-    for words, says in (((), "nothing to advise on"), ((session, "--light", "A"), "has its own"),
+    for words, says in (((), "nothing to advise on"), (("--light", "A"), "nothing to advise on"),
+                        ((session, "--light", "A"), "has its own"),
                         ((session, "--lamps", ","), "no lamp or filter was named"),
                         ((session, "--filters", session / "session.toml"), "session.toml")):
         outcome = CliRunner().invoke(app, ["advise", *map(str, words)])

@@ -81,7 +81,8 @@ def test_columns_that_are_named_by_numbers_stay_columns(tmp_path):
 WRONG = {"sample": ["sample", "--sensitivity", "Nikon 5100 (NPL)", "--signal", "0.3,0.3,0.2",
                     "--noise", "0.01,0.01,0.01", "--light", "{red}"],
          "camera fit": ["camera", "fit", "--chart", "{photo}", "--light", "{red}"],
-         "advise": ["advise", "--light", "{red}"]}
+         "advise": ["advise", "--sensitivity", "Nikon 5100 (NPL)", "--signal", "0.3,0.3,0.2",
+                    "--light", "{red}"]}
 
 
 @pytest.mark.parametrize("command", WRONG)

@@ -14,8 +14,8 @@ def register(app: typer.Typer) -> None:
 
 @Command
 def advise(request: AdviseRequest) -> Answer:
-    """Say what to do next, and how much narrower each would make the bands: of a finished session,
-    of one signal, or before the shoot of a camera and a light.
+    """Say what to do next, and how much narrower each would make the bands: of a finished
+    session, or of one signal.
     """
     from spectrabox.session.signals.advise_answer import advise_answer
     return Answer(*advise_answer(request))

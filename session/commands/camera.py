@@ -24,8 +24,7 @@ from spectrabox.session.terminal.command_line import (
 PRIORS = {".npz": "a prior on curves"}
 CURVES = {".csv": "the curves and their standard errors"}
 DRAWS = {".npz": "draws of the curves"}
-camera = Commands(help="Sensitivities of a camera: measured on a chart, known by its name, or "
-                       "forecast before the shoot.")
+camera = Commands(help="Sensitivities of a camera: measured on a chart, or known by its name.")
 
 
 def register(app: typer.Typer) -> None:

@@ -11,7 +11,6 @@ from typing import Annotated, Literal, get_args
 import typer
 
 from spectrabox.session.terminal.command_line import (
-    ChartLayout,
     Outside,
     Quiet,
 )
@@ -126,20 +125,11 @@ class AdviseRequest(MeasuredSignal):
         "--signal.")] = None
     sensitivity: OptionalSensitivity = None
     light: Annotated[str | None, typer.Option(
-        metavar="FILE|NAME", help="Of the signal: CSV of the light's spectrum, or a CIE name. "
-        "Before the shoot also unknown, 3200K, or a kind: daylight, halogen, led, "
-        "fluorescent.")] = None
+        metavar="FILE|NAME", help="Of the signal: CSV of the light's spectrum, or a CIE "
+        "name.")] = None
     noise: Annotated[str | None, typer.Option(
         metavar="E|E1,E2,E3", help="Standard error of the signal in its unit: one number for all "
-        "bands, or one for each. Before the shoot the relative error of a patch, 0.01 by "
-        "default.")] = None
+        "bands, or one for each.")] = None
     lamps: Lamps = None
     filters: Filters = None
-    reference: Reference = None
-    layout: ChartLayout = ""
-    prior_file: Annotated[Path | None, typer.Option(
-        "--prior", metavar="NPZ", help="Before the shoot: cameras like yours, of 'camera prior'; "
-        "the shipped ones by default.")] = None
-    surfaces: Annotated[int, typer.Option(
-        help="Before the shoot: surfaces of each family that are tried.")] = 20
     allow_outside: Outside = False

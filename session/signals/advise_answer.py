@@ -1,41 +1,30 @@
-"""The answers of ``spectrabox advise``: for a finished session, one signal, or before the shoot."""
+"""The answers of ``spectrabox advise``: for a finished session or one signal."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.prior.camera_prior import CameraPrior, load_camera_prior, shipped_prior
-from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.measure.advice.advice import Advice, Advised
 from spectrabox.measure.advice.advise import advice_on_capture, advice_on_signal, stated_outlook
-from spectrabox.measure.advice.at_hand import usual_at_hand
-from spectrabox.measure.advice.before_shoot import Expectation, Shoot, expected_spectra
-from spectrabox.measure.camera import light_words
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
 from spectrabox.measure.signals.signal_estimate import SignalCapture, unstated
 from spectrabox.measure.tables import text_table
-from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.filters import filters_at_hand
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.prior.mixture import load_prior
-from spectrabox.session.camera.camera_files import read_layout
 from spectrabox.session.commands.requests import AdviseRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.signals.measurement_file import further_measurements
 from spectrabox.session.signals.signal_options import numbers, optional_noise, optional_numbers
-
-CURVES_ERROR = 0.02         # relative, of measured curves: as [sensitivity] takes it by default
-PATCH_ERROR = 0.01          # relative, of a patch of a chart that is not photographed yet
 
 
 def advise_answer(request: AdviseRequest) -> tuple[dict[str, Any], str]:
@@ -56,11 +45,8 @@ def advise_answer(request: AdviseRequest) -> tuple[dict[str, Any], str]:
         return _answer(advice_on_capture(finished.capture, finished.records, hand))
     if request.signal is not None:
         return _on_signal(request, hand)
-    if request.light is None or _of_signal(request):
-        raise InputError("nothing to advise on: give the folder of a finished session, a --signal "
-                         "with --sensitivity and --light, or of a shoot that is planned --light "
-                         "and, where it is known, --sensitivity")
-    return _before_the_shoot(request, hand)
+    raise InputError("nothing to advise on: give the folder of a finished session, or a --signal "
+                     "with --sensitivity and --light")
 
 
 def read_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand | None:
@@ -116,54 +102,11 @@ def _on_signal(request: AdviseRequest, hand: LampsAtHand | None) -> tuple[dict[s
     return facts, "\n".join([text, *caveats])
 
 
-def _before_the_shoot(request: AdviseRequest,
-                      hand: LampsAtHand | None) -> tuple[dict[str, Any], str]:
-    assert request.light is not None
-    if request.sensitivity is not None and request.prior_file is not None:
-        raise InputError("--sensitivity and --prior both say what the camera is; give one")
-    if request.surfaces < 1:
-        raise InputError(f"--surfaces {request.surfaces} is too few; give at least 1")
-    noise = PATCH_ERROR if request.noise is None else float(numbers(request.noise, 1, "noise")[0])
-    if not 0 < noise < 1:
-        raise InputError(f"--noise {noise:g} is not between 0 and 1; 0.01 means 1 %")
-    light = named_spectra.stated_light(request.light, FINE_GRID)
-    chart = read_layout(request.layout)
-    shoot = Shoot(light, _cameras(request), reference_reflectances(request.reference, chart,
-                                                                   FINE_GRID),
-                  chart.centres_uv, noise)
-    expectation = expected_spectra(shoot, hand or usual_at_hand(), surfaces=request.surfaces)
-    return _answer(Advised(expectation.advice), expectation,
-                   title=f"spectra of surfaces beside the chart ({light_words(light)}, {noise:.1%} "
-                   "a patch)")
-
-
-def _cameras(request: AdviseRequest) -> CameraPrior:
-    if request.sensitivity is not None:
-        return prior_of_curves(FINE_GRID, named_spectra.sensitivities(request.sensitivity,
-                                                                      FINE_GRID), CURVES_ERROR)
-    return shipped_prior() if request.prior_file is None else load_camera_prior(request.prior_file)
-
-
-def _answer(advised: Advised, expected: Expectation | None = None, *,
-            taken: Sequence[str] = (), title: str = "") -> tuple[dict[str, Any], str]:
-    """JSON object and text of lists, and of what is expected of a shoot."""
-    facts = {**advised.facts, "taken": list(taken), "expected": None}
-    lines = []
-    if expected is not None:
-        mean = asdict(replace(expected.mean))
-        del mean["family"]
-        facts["expected"] = {"families": [asdict(one) for one in expected.families], "mean": mean,
-                             "rmse_daylight": expected.rmse_daylight,
-                             "will_do": not expected.doubts, "doubts": list(expected.doubts)}
-        lines.append(title)
-        lines.append(text_table(
-            ["family", "RMSE", "95 % band", "RMSE, all known", "band, all known"],
-            [[one.family, f"{one.rmse:.3f}", f"{one.width:.3f}", f"{one.rmse_known:.3f}",
-              f"{one.width_known:.3f}"] for one in (*expected.families, expected.mean)],
-            text=["family"]))
-        lines += expected.doubts or ("this lamp and this chart will do",)
+def _answer(advised: Advised, taken: Sequence[str] = ()) -> tuple[dict[str, Any], str]:
+    """JSON object and text of lists."""
+    facts = {**advised.facts, "taken": list(taken)}
     single = len(advised.by_surface) == 1
-    lines.append(_table(advised.overall, "what to do next"))
+    lines = [_table(advised.overall, "what to do next")]
     if not single:
         lines += [_table(each, name) for name, each in advised.by_surface.items()]
     return facts, "\n".join(lines)

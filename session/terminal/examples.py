@@ -79,7 +79,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
                "    --light D65 --side 9 --out uplifted",
                f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
                "    --light D65 --side 9 --to zarr --workers 2 --out arrays"),
-    "advise": ("spectrabox advise painting", "spectrabox advise --light led --surfaces 2"),
+    "advise": ("spectrabox advise painting",
+               "spectrabox advise painting --lamps A,LED-B3"),
     "match": ("spectrabox match mybox CES99",
               "spectrabox match mybox \"BabelColor Average\" --only cube"),
     "prior train": ("spectrabox prior train measured-paints --out mine.npz",

@@ -1,4 +1,4 @@
-"""What to do next: of results, of signals, and before the shoot."""
+"""What to do next, of results and of signals."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -10,60 +10,40 @@ from spectrabox.api.arguments import (
     LightLike,
     as_curves,
     as_filter,
-    as_light,
-    as_lit_chart,
     as_spectrum,
     one_blas_thread,
 )
 from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.estimates.measured_spectra import MeasuredSpectra
 from spectrabox.api.session import Session
-from spectrabox.calibrate.prior.camera_prior import load_camera_prior, shipped_prior
-from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.advice.advise import advice_on_signal
-from spectrabox.measure.advice.at_hand import usual_at_hand
-from spectrabox.measure.advice.before_shoot import Shoot, expected_spectra
 from spectrabox.measure.advice.forecast import Outlook, outlook_of_answer
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
-from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.filters import filters_at_hand
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
-CURVES_ERROR = 0.02         # relative, of the curves of a camera that is given
-
 
 @one_blas_thread
-def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path | None = None, *,
+def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path, *,
            lamps: Sequence[str] | Mapping[str, LightLike] | None = None,
            filters: str | Path | Mapping[str, FilterLike] | None = None,
-           camera: CameraLike | None = None, light: LightLike = "unknown", noise: float = 0.01,
-           layout: str | Path | Chart | None = None, reference: str | None = None,
-           camera_prior: str | Path | None = None, surfaces: int = 20) -> tuple[Advice, ...]:
+           camera: CameraLike | None = None, light: LightLike | None = None) -> tuple[Advice, ...]:
     """What to do next, the best first.
 
     Parameters
     ----------
-    known : result of `flat` or `reconstruct_scene`, Session or its folder, estimate, optional
-        None: before the shoot, of a camera, a light and a chart.
+    known : result of `flat` or `reconstruct_scene`, Session or its folder, or estimate
     lamps : sequence of names or files, or mapping, optional
         Lamps at hand; where neither they nor filters are given, common ones.
     filters : path or mapping, optional
         Filters at hand: a file, a folder of files, or transmittances by name.
     camera : name, path, CameraEstimate, Calibration or (nm, curves), optional
-        Before the shoot, or of a signal; before the shoot one like those of the prior by default.
+        That saw the signal of an estimate, so that lamps and filters are weighed for it.
     light : name, path, (nm, values) or Spectrum
-        Before the shoot, or of a signal with ``camera``.
-    noise : float
-        Before the shoot: relative error of a patch.
-    layout, reference
-        Before the shoot: as of `find_chart`.
-    camera_prior : path, optional
-        Before the shoot: a prior made by ``spectrabox camera prior``.
-    surfaces : int
-        Before the shoot: surfaces of each family that are tried.
+        Of that signal, with ``camera``.
 
     Returns
     -------
@@ -97,6 +77,9 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path | No
             return known.advice
         return known.found.advise(hand).overall
     if isinstance(known, SpectrumEstimate):
+        if (camera is None) != (light is None):
+            raise InputError("lamps and filters are weighed for a signal by its camera and its "
+                             "light: give both, camera= and light=")
         if hand is None and camera is None:
             return known.advise() if known.failed_extras else known.advice
         if known.measurement is None or known.prior is None or known.measurement.states is not None:
@@ -105,17 +88,9 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path | No
         return advice_on_signal(
             known.measurement, known.prior, found=_outlook_of(known), hand=hand,
             curves=None if camera is None else as_curves(camera),
-            present=None if camera is None else spectrum_on_grid(as_spectrum(light), FINE_GRID))
-    if known is not None:
-        raise InputError(f"advise() takes a result of flat or reconstruct_scene, a session or its "
-                         f"folder, an estimate, or nothing before the shoot, and got "
-                         f"{type(known).__name__}")
-    chart = as_lit_chart(layout, reference, None)
-    cameras = shipped_prior() if camera_prior is None else load_camera_prior(Path(camera_prior))
-    if camera is not None:
-        cameras = prior_of_curves(FINE_GRID, as_curves(camera), CURVES_ERROR)
-    shoot = Shoot(as_light(light), cameras, chart.reflectances, chart.layout.centres_uv, noise)
-    return expected_spectra(shoot, hand or usual_at_hand(), surfaces=surfaces).advice
+            present=None if light is None else spectrum_on_grid(as_spectrum(light), FINE_GRID))
+    raise InputError(f"advise() takes a result of flat or reconstruct_scene, a session or its "
+                     f"folder, or an estimate, and got {type(known).__name__}")
 
 
 def _outlook_of(known: SpectrumEstimate) -> Outlook | None:
