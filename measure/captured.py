@@ -243,11 +243,6 @@ class Region(Surface):
 
     outline: Outline = ()
     photos: tuple[str, ...] = ()            # titles of views that show it; none stands for all
-    swatch: np.ndarray | None = None        # (P,) measured, of the other samples' material
-
-    @property
-    def given(self) -> np.ndarray | None:
-        return self.known if self.known is not None else self.swatch
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,11 +306,6 @@ class Capture(ABC):
     @abstractmethod
     def surfaces(self) -> Mapping[str, Surface]:
         """What is measured, by name."""
-
-    @property
-    def swatches(self) -> Mapping[str, np.ndarray]:
-        """Reflectances (P,) of what is a swatch of the samples' material, by name."""
-        return {}
 
     def regions_in(self, view: View) -> Mapping[str, Region]:
         """The regions that the photo of a view shows; a scene has none."""
@@ -389,12 +379,6 @@ class FlatCapture(Capture):
         """Reflectances (P,) of the regions whose spectrum is known."""
         return {name: region.known for name, region in self.regions.items()
                 if region.known is not None}
-
-    @property
-    def swatches(self) -> dict[str, np.ndarray]:
-        """Reflectances (P,) of the regions that are swatches of the samples' material."""
-        return {name: region.swatch for name, region in self.regions.items()
-                if region.swatch is not None}
 
     @property
     def picture_views(self) -> tuple[View, ...]:

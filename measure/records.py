@@ -135,8 +135,6 @@ class SampleRecords(Record):
     """What the step "sample" makes."""
 
     spectra: dict[str, SurfaceSpectrum]         # by surface, those that are not known
-    swatches: str                               # what they did, in a sentence; empty without any
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +230,7 @@ class CaptureRecords:
         """What the steps noted, each note once."""
         of_signals = self.flat_signals.notes if "signals" in self._kept else ()
         return [*dict.fromkeys((*self.chart.notes, *self.photo.notes, *self.calibrate.notes,
-                                *of_signals, *self.sample.notes))]
+                                *of_signals))]
 
     def calibrations(self, views: tuple[View, ...]) -> list[Calibration]:
         """The calibration of every view, in their order."""

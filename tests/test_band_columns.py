@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.band_columns import columns_of_bands
-from spectrabox.sampling.further.swatch_files import read_swatches
 from spectrabox.session.cli import app
 from spectrabox.session.signals.signal_options import read_named_signals, read_signals
 
@@ -51,12 +50,3 @@ def test_the_command_answers_for_the_signal_that_is_named(tmp_path):
     plain = CliRunner().invoke(app, [*camera, "--signals", str(path)])
     assert json.loads(many.stdout)["results"][0]["mean"] \
         == json.loads(plain.stdout)["results"][0]["mean"]
-
-
-def test_signals_of_swatches_are_sorted_too(tmp_path):
-    path = tmp_path / "swatches.csv"
-    path.write_text("name,B,G,R,400,700\nochre,0.05,0.2,0.4,0.1,0.5\n")
-    assert read_swatches(path, "RGB")[0].tolist() == [[0.4, 0.2, 0.05]]
-    path.write_text("name,B,G,X,400,700\nochre,0.05,0.2,0.4,0.1,0.5\n")
-    with pytest.raises(InputError, match="columns named B, G, X"):
-        read_swatches(path, "RGB")

@@ -12,8 +12,6 @@ from flat_example import write_flat
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.session.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -92,21 +90,6 @@ def test_many_signals(tmp_path):
                            "sample", *SEEN, "--signals", tmp_path / "many.csv")
     for one in said["results"]:
         same_spectrum(estimates[one["name"]], one)
-
-
-def test_a_signal_of_a_material_with_swatches(tmp_path):
-    nm = np.arange(400, 701, 10)
-    values = 0.1 + 0.6 * np.exp(-0.5 * ((nm - np.linspace(450, 650, 12)[:, None]) / 50)**2)
-    seen = [np.interp(FINE_GRID.nm, nm, one) @ relative_response(CAMERA, LIGHT, FINE_GRID).T
-            for one in values]
-    (tmp_path / "swatches.csv").write_text("R,G,B," + ",".join(map(str, nm)) + "\n" + "".join(
-        ",".join(f"{value:.5f}" for value in (*signal, *one)) + "\n"
-        for signal, one in zip(seen, values, strict=True)))
-    estimate, said = both(lambda: sb.sample([0.21, 0.33, 0.14], camera=CAMERA, light=LIGHT,
-                                            noise=NOISE, swatches=tmp_path / "swatches.csv"),
-                          "sample", *SEEN, "--signal", "0.21,0.33,0.14", "--swatches",
-                          tmp_path / "swatches.csv")
-    same_spectrum(estimate, said)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from scipy import stats
 
 from spectrabox.measure.surfaces.surface_signals import (
     errors_by_cause,
-    in_bands,
     measurement,
     relative_errors,
     with_errors,
@@ -201,8 +200,6 @@ def test_signals_of_surfaces_carry_their_states_through_bands():
     assert list(errors_by_cause(signals, 1)) == [PHOTO_NOISE]
     expected = np.sqrt(states.covariance[0, 0]) / signal[0]
     np.testing.assert_allclose(relative_errors(signals, 0)[SURFACE_REFLECTION], expected)
-    few = in_bands(signals, np.array([0, 2, 3]))
-    assert measurement(few, 1).states.pattern.shape == (3, 1)
 
 
 def test_a_band_that_photos_repeat_is_one_band_to_what_knows_no_states():

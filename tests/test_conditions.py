@@ -10,7 +10,6 @@ import pytest
 from report_example import example_session, with_found
 
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.surfaces.swatch_correction import CORRECTED
 from spectrabox.measure.verdict.conditions import (
     COPY_FAULT,
     GLOSS_FAULT,
@@ -104,16 +103,6 @@ def test_a_light_that_is_little_of_a_band_warns_where_it_moves_lightness_by_two(
     # L* of a grey of 0.8 is 91.7: 4 % of its light is 1.4, 8 % is 2.9, 20 % is 7.6
     levels = [light_effect(grey(0.8, error, 0.1, tmp_path)).status for error in (0.04, 0.08, 0.2)]
     assert levels == [Status.PASS, Status.WARN, Status.FAIL]
-
-
-def test_a_spectrum_that_swatches_corrected_errs_by_no_more_than_its_answer(tmp_path):
-    plain = dataclasses.replace(grey(0.8, 0.3, 0.1, tmp_path), variance_shares={})
-    corrected = dataclasses.replace(plain, samples=dataclasses.replace(
-        plain.samples, method=plain.samples.method + CORRECTED))
-    assert light_effect(plain).status is Status.FAIL and light_effect(plain).share is None
-    effect = light_effect(corrected)
-    assert effect.lightness == plain.lab_error[0] < light_effect(plain).lightness
-    assert effect.share is None
 
 
 def test_the_plane_of_the_samples_is_not_the_light(tmp_path):

@@ -1,4 +1,4 @@
-"""A CR30 at the command line: calibrated, held on a paint, on swatches, on a chart's 24 patches."""
+"""A CR30 at the command line: calibrated, held on a paint, on a chart's 24 patches."""
 import csv
 import json
 import os
@@ -26,10 +26,8 @@ from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.spectrum_files import table_text
-from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 from spectrabox.session.cli import app
 from spectrabox.session.meters.chart_picture import _usual, chart_picture, nearer_patch
-from spectrabox.session.meters.results import column_of
 
 from tests.cr30_player import FOLDER, measurements, playing, steps_of
 
@@ -200,7 +198,7 @@ def test_a_written_chart_is_a_reference_of_its_layout(tmp_path):
     chart = chart_layout("Digital SG")
     known = reference_reflectances(None, chart, FINE_GRID)
     nm = np.arange(400.0, 701, 10)
-    columns = {column_of("chart", name): np.interp(nm, FINE_GRID.nm, row)
+    columns = {chart_and_patch(name)[1]: np.interp(nm, FINE_GRID.nm, row)
                for name, row in zip(patch_names(chart), known, strict=True)}
     (tmp_path / "chart.csv").write_text(table_text(nm, columns, quantity=Quantity.REFLECTANCE,
                                                    source="CR30"), encoding="utf-8")
@@ -215,16 +213,6 @@ def test_a_layout_is_of_a_chart_alone(tmp_path):
     assert code == 2 and "measure it with --as chart" in err
 
 
-def test_swatches_become_one_table_that_the_option_takes(tmp_path):
-    names = ("ochre", "sienna", "umber")
-    code, out, err = measure(tmp_path, playing(CHART[:3]), "--as", "swatches", "--name",
-                             ",".join(names), "--no-calibrate", "--no-wait")
-    assert code == 0, err
-    assert "--swatches" in out
-    spectra = read_swatch_spectra(tmp_path / "spectra" / "swatches.csv", names)
-    assert list(spectra) == list(names)
-
-
 def test_repeats_are_one_press_and_their_mean_has_a_standard_error(tmp_path):
     code, _, err = measure(tmp_path, playing([MANY[3], MANY[13], MANY[3]]), "--as", "paint",
                              "--name", "card", "--repeat", "3", "--no-calibrate", typed="\n")
@@ -236,9 +224,6 @@ def test_repeats_are_one_press_and_their_mean_has_a_standard_error(tmp_path):
 def test_a_light_is_no_thing_for_it(tmp_path):
     code, _, err = measure(tmp_path, playing([GREEN]), "--as", "light")
     assert code == 3 and "measures reflectance, no light" in err
-    code, _, err = run("measure", tmp_path, "--port", "x", "--instrument", "pr655", "--as",
-                       "swatches", "--name", "a,b")
-    assert code == 3 and "measures reflectance (cr30)" in err
 
 
 def test_a_series_interrupted_on_a_terminal_goes_on(tmp_path):
@@ -248,12 +233,12 @@ def test_a_series_interrupted_on_a_terminal_goes_on(tmp_path):
     with player:
         process = subprocess.Popen(
             [sys.executable, "-m", "spectrabox", "meter", "measure", str(tmp_path), "--port",
-             player.port, "--instrument", "cr30", "--as", "swatches", "--name", "a,b",
-             "--no-calibrate"], cwd=ROOT, stdin=slave, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, env={**os.environ, **PACE, "PYTHONPATH": str(ROOT)},
+             player.port, "--instrument", "cr30", "--as", "chart", "--no-calibrate"],
+            cwd=ROOT, stdin=slave, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            env={**os.environ, **PACE, "PYTHONPATH": str(ROOT)},
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
         os.write(master, b"\n")
-        reading = tmp_path / "spectra" / "readings" / "a" / "001.json"
+        reading = tmp_path / "spectra" / "readings" / "chart-01-dark-skin" / "001.json"
         end = time.monotonic() + 60
         while not reading.exists() and time.monotonic() < end:
             time.sleep(0.02)
@@ -263,10 +248,10 @@ def test_a_series_interrupted_on_a_terminal_goes_on(tmp_path):
     os.close(master)
     os.close(slave)
     assert process.returncode == 130 and reading.exists(), err
-    code, _, err = measure(tmp_path, playing([MANY[0]]), "--as", "swatches", "--name", "a,b",
-                           "--no-calibrate", "--no-wait")
+    code, _, err = measure(tmp_path, playing(CHART[1:]), "--as", "chart", "--no-calibrate",
+                           "--no-wait")
     assert code == 0, err
-    assert "2 of 2" not in err and (tmp_path / "spectra" / "swatches.csv").exists()
+    assert (tmp_path / "spectra" / "chart.csv").exists()
 
 
 def test_an_unplugged_instrument_keeps_what_was_read(tmp_path):
@@ -274,7 +259,6 @@ def test_an_unplugged_instrument_keeps_what_was_read(tmp_path):
         return [(0.0, data[:30]), (0.02, None)] if step > 30 else [(0.0, data)]
     clean = playing([GREEN, *MANY[:2]]).transcript
     player = TranscriptPlayer(clean, time_scale=0.0, distort=unplugged)
-    code, _, err = measure(tmp_path, player, "--as", "swatches", "--name", "a,b,c",
-                           "--no-calibrate", "--no-wait")
+    code, _, err = measure(tmp_path, player, "--as", "chart", "--no-calibrate", "--no-wait")
     assert code == 6 and "the line broke" in err
-    assert (tmp_path / "spectra" / "readings" / "a" / "001.json").exists()
+    assert (tmp_path / "spectra" / "readings" / "chart-01-dark-skin" / "001.json").exists()

@@ -62,49 +62,27 @@ def of_known_card(folder):
     return '', {"known": {"white_wall": file}}
 
 
-def of_swatches(folder):
-    """Eight paints that were measured, of which each stands for two: enough for a correction."""
-    names = [*PAINTS, *(f"{name}_again" for name in PAINTS)]
-    return "swatches", {"swatches": {name: folder / "spectra" / f"{name.split('_again')[0]}.csv"
-                                     for name in names}}
-
-
-def part_of(name):
-    """One half of a paint, and the other."""
-    x0, y0, x1, y1 = rect_of(name.split("_again")[0])
-    middle = (y0 + y1) // 2
-    return [x0, middle, x1, y1] if name.endswith("_again") else [x0, y0, x1, middle]
-
-
 @pytest.fixture(scope="module")
 def warm(tmp_path_factory):
     """What is loaded once is loaded, after a photo with all that further ones state."""
     folder = write_flat(tmp_path_factory.mktemp("warm") / "session")
-    given = of_gel(folder)[1] | of_second_lamp(folder)[1] | of_swatches(folder)[1]
-    parts = {name: part_of(name) for name in given["swatches"]} | {
-        "card": rect_of("white_wall"), "wall": rect_of("green_wall")}
+    given = of_gel(folder)[1] | of_second_lamp(folder)[1]
+    parts = {"card": rect_of("white_wall"), "wall": rect_of("green_wall")}
     sb.flat(folder / "photos" / "sample.dng", parts, draws=1000, **given,
             known={"card": folder / "spectra" / "white_wall.csv"})
 
 
 @pytest.mark.usefixtures("warm")
-@pytest.mark.parametrize("more", [lambda folder: ("", {}), of_gel, of_second_lamp, of_known_card,
-                                  of_swatches],
-                         ids=["plain", "gel", "second lamp", "known card", "swatches"])
+@pytest.mark.parametrize("more", [lambda folder: ("", {}), of_gel, of_second_lamp, of_known_card],
+                         ids=["plain", "gel", "second lamp", "known card"])
 def test_a_flat_sample(tmp_path, more):
     folder = write_flat(tmp_path / "session")
     views, given = more(folder)
-    names = [*given.get("swatches", PAINTS), *(["grey"] if "swatches" in given else [])]
-    parts = {name: part_of(name) if "swatches" in given else rect_of(name) for name in names
-             if name != "grey"}
-    if "grey" in names:
-        parts["grey"] = rect_of("cube")
-    stated = {name: key for key in ("known", "swatches") for name in given.get(key, {})}
+    parts = {name: rect_of(name) for name in PAINTS}
     (folder / "session.toml").write_text(
-        UNSTATED.replace("spectra/light.csv", "unknown") + (views if views != "swatches" else "")
+        UNSTATED.replace("spectra/light.csv", "unknown") + views
         + "".join(f"[regions.{name}]\nrect = {list(parts[name])}\n"
-                  + (f'{stated[name].removesuffix("es")} = '
-                     f'"spectra/{name.split("_again")[0]}.csv"\n' if name in stated else "")
+                  + (f'known = "spectra/{name}.csv"\n' if name in given.get("known", {}) else "")
                   for name in parts), encoding="utf-8")
     def library():
         return sb.flat(folder / "photos" / "sample.dng", parts, draws=1000, **given)

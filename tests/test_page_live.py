@@ -228,6 +228,6 @@ def test_what_is_stated_of_a_region_is_written_and_counts(calibrated_flat):
         assert state_that("white_wall", known="", surface="")[0] == 200
         assert read_session(session).regions["white_wall"].known is None
         for wrong in ({"known": "/etc/passwd"}, {"known": "1.7"}, {"family": "no such kind"},
-                      {"truth": "a.csv"}, {"swatch": "a.csv"}):
+                      {"truth": "a.csv"}):
             assert state_that("white_wall", **wrong)[0] == 409, wrong
         assert asked(f"{address}/api/region?name=green_wall")[1] == before

@@ -272,7 +272,7 @@ def test_a_prior_is_trained(monkeypatch):
     prior = sb.train_prior({"paint": reflectances[:40]}, nm=nm)
     found = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.01,
                       prior=prior)
-    assert found.mean.shape == (61,) and np.all(found.lower <= found.upper)
+    assert found.mean.shape == (61,) and np.all(found.band()[0] <= found.band()[1])
 
 
 def test_an_image_without_pixels_is_refused():

@@ -45,8 +45,7 @@ SIGNAL = [0.3, 0.2, 0.1]
     ({"light_error": "x"}, "light_error: 'x' is no array"),
     ({"sensitivity_error": [0.1, 0.1, 0.1]}, r"sensitivity_error: \[0.1, 0.1, 0.1\] is no number"),
     ({"families": 3}, "3 are no names of families"), ({"prior": 3}, "int is no prior"),
-    ({"draws": 1000.5}, "samples 1000.5 is no whole number"),
-    ({"swatches": (1, 2)}, "a file is needed, or")])
+    ({"draws": 1000.5}, "samples 1000.5 is no whole number")])
 def test_what_is_no_signal_camera_or_light_is_refused_in_a_sentence(asked, sentence):
     with pytest.raises(sb.InputError, match=sentence):
         sb.sample(**{"signals": SIGNAL, **CAMERA, **asked})

@@ -158,7 +158,7 @@ def _numbered(folder: Path) -> list[tuple[int, Path]]:
 # ---- what may be written -------------------------------------------------------------------------
 # What a measurement may write: a file of another quantity or role is never replaced.
 
-ROLES = ("light", "white", "paint", "chart", "swatches")
+ROLES = ("light", "white", "paint", "chart")
 ROLE_FILE = "role.txt"          # in a folder of readings
 # names of a chart's patches: of the Classic chart-01-dark-skin, of others chart-digitalsg-001-A1
 OF_PATCH = r"(chart(?:-[a-z0-9]+)?)-\d{2,3}-(.*)"
@@ -172,7 +172,7 @@ def claim(spectra: Path, role: str, names: Sequence[str], *, reflects: bool = Fa
     ----------
     spectra : Path
         The session's folder of spectra.
-    role : {"light", "white", "paint", "chart", "swatches"}
+    role : {"light", "white", "paint", "chart"}
     names : sequence of str
         Of the things to be measured.
     reflects : bool
@@ -220,9 +220,9 @@ def result_file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path
     Parameters
     ----------
     spectra : Path
-    role : {"light", "white", "paint", "chart", "swatches"}
+    role : {"light", "white", "paint", "chart"}
     name : str
-        Of the thing; of a chart any of its patches, of swatches it is not asked.
+        Of the thing; of a chart any of its patches.
     quantity : Quantity
 
     Raises
@@ -239,7 +239,7 @@ def result_file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path
 
 
 def _file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path:
-    stem = role if role == "swatches" else chart_and_patch(name)[0] if role == "chart" else name
+    stem = chart_and_patch(name)[0] if role == "chart" else name
     bare = role in ("light", "white") or quantity is Quantity.REFLECTANCE
     return spectra / (f"{stem}.csv" if bare else f"{stem}-{quantity.name.lower()}.csv")
 
@@ -267,7 +267,7 @@ def chart_and_patch(name: str) -> tuple[str, str]:
 
 def _reserved(name: str) -> str | None:
     plain = name.casefold()
-    if plain in ("light", "white", "swatches"):
+    if plain in ("light", "white"):
         return plain
     return "chart" if re.fullmatch(OF_CHART, plain) else None
 

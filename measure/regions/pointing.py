@@ -120,7 +120,7 @@ class PointedSample:
                                 self.capture.known, self.calibrated.bands, errors)
 
     def drawn(self, name: str) -> tuple[RegionSignal, SurfaceSpectrum]:
-        """Signal and spectrum of a region of the capture, as a report has them but for swatches.
+        """Signal and spectrum of a region of the capture, as a report has them.
 
         Parameters
         ----------

@@ -88,7 +88,6 @@ class CaptureResult(ABC):
     processed: bool = False           # a photo by the camera, and decoded as sRGB
     by_flat_field: bool = False       # the photos were divided by one of a white card
     notes: tuple[str, ...] = ()       # of the steps
-    swatches: str = ""                # what they did, in a sentence; empty without any
     picture: PictureRecords | None = None       # the spectra of every pixel, where asked for
     picture_folder: str = ""          # where the picture's files lie, as its reader knows it
     # forecasts what to do next, which takes as long as a fit: called when it is asked for
@@ -190,7 +189,6 @@ class CaptureResult(ABC):
                  "left_out": None,
                  "chart_generation": None,
                  "light": light_facts(self.calibration), **self.own_facts,
-                 "swatches": self.swatches or None,
                  "known_camera": known_camera(self.photo.camera), "warnings": self.warnings,
                  "advice": self.advice.facts,
                  "failed_extras": [one.facts for one in self.failed_extras]}
@@ -213,8 +211,6 @@ class CaptureResult(ABC):
         lines = [conditions_text(self.conditions, title), self._table()]
         if self.picture is not None:
             lines += [self.picture.sentence(self.picture_folder), *self.picture.notes]
-        if self.swatches:
-            lines.append(self.swatches)
         lines += self.own_lines
         known = known_camera(self.photo.camera)
         if known is not None:
@@ -254,7 +250,7 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "photo": records.photo.photos[""], "stated": statements_of(capture),
             "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),
             "by_flat_field": bool(capture.development.flat_fields), "notes": tuple(records.notes),
-            "swatches": records.sample.swatches, "picture": records.picture,
+            "picture": records.picture,
             "advise": partial(advice_on_capture, capture, records)}
 
 

@@ -95,8 +95,7 @@ def _sampling(found: CaptureResult) -> str:
     return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws "
             f"per surface, seed {seeds}; at least {effective:.0f} effective). Bands are pointwise "
             f"central {levels} bands of the draws, conditional on the sampler's prior or spline "
-            "class and on the stated errors of each signal."
-            f"{' ' * bool(found.swatches)}{found.swatches}")
+            "class and on the stated errors of each signal.")
 
 
 def _agreement(found: SceneResult) -> str:

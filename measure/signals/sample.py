@@ -12,7 +12,6 @@ import numpy as np
 
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEstimate
-from spectrabox.measure.surfaces.swatch_correction import corrected_samples, correction_by_swatches
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import split_errors, stated_causes
 from spectrabox.radiometry.errors import InputError
@@ -21,7 +20,6 @@ from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, 
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.error_budget import METAMERISM
 from spectrabox.sampling.evaluation.scores_by_method import baselines, judged
-from spectrabox.sampling.further.learnt_swatches import SwatchCorrection
 from spectrabox.sampling.further.more_measurements import (
     Reading,
     doubtful,
@@ -83,14 +81,10 @@ def sample_signals(capture: SignalCapture, options: SampleOptions, *,
         if not 0 <= error < 0.5:
             raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
     alone = not capture.more and capture.twice is None
-    if capture.swatches is not None and (options.method != "prior" or not alone):
-        raise InputError("swatches correct what the learnt prior says of a signal alone; leave out "
-                         "further measurements, and take --method prior")
-    if not with_draws and options.method == "prior" and alone and capture.swatches is None:
+    if not with_draws and options.method == "prior" and alone:
         estimates = _estimate_without_draws(capture, options)
     else:
-        correction = _correction(capture)
-        estimates = [_estimate_from_draws(*_measured(capture, signal), options, capture, correction)
+        estimates = [_estimate_from_draws(*_measured(capture, signal), options, capture)
                      for signal in capture.signals]
     seconds = (time.perf_counter() - started) / len(estimates)
     caveat = "\n".join(capture.caveats) or None
@@ -104,16 +98,6 @@ def _measured(capture: SignalCapture,
     base = measurement_of_signal(capture.relative_response, signal, capture.white, capture.noise)
     return base, stated_causes(base.signal, base.noise_covariance, capture.light_error,
                                capture.sensitivity_error)
-
-
-def _correction(capture: SignalCapture) -> SwatchCorrection | None:
-    if capture.swatches is None:
-        return None
-    signals, reflectances = capture.swatches
-    known = [_with_all_errors(*_measured(capture, signal)) for signal in signals]
-    return correction_by_swatches(known, reflectances, [capture.prior or load_prior()] * len(known),
-                                  [f"swatch {number + 1}" for number in range(len(known))],
-                                  reflectances @ response_on(known[0], PRIOR_GRID).T)
 
 
 def check_options(options: SampleOptions) -> None:
@@ -144,8 +128,7 @@ def check_options(options: SampleOptions) -> None:
 
 
 def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
-                         options: SampleOptions, capture: SignalCapture,
-                         correction: SwatchCorrection | None) -> SignalEstimate:
+                         options: SampleOptions, capture: SignalCapture) -> SignalEstimate:
     """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
     base = _with_all_errors(base, causes)
     more, twice = list(capture.more), capture.twice
@@ -158,11 +141,8 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
         posterior = solve_posterior(prior, measurement)
         draws = posterior.samples(count, options.seed, options.coefficients)
         families = posterior.family_shares
-        if correction is not None:      # neither was judged, nor is it known, of corrected bands
-            draws = corrected_samples(correction, base.signal, posterior.log_evidence, draws)
-        else:
-            certified, certificate = _certificate(prior, families, draws.outcome)
-        if not more and twice is None and correction is None:
+        certified, certificate = _certificate(prior, families, draws.outcome)
+        if not more and twice is None:
             budget = posterior.variance_shares(causes)
     elif options.refine is not None:
         draws = _draw_refined(options, options.refine, measurement, count)
@@ -234,7 +214,7 @@ def _estimate_without_draws(capture: SignalCapture,
         own = {name: covariance[row] for name, covariance in causes.items()}
         if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
             estimates.append(_estimate_from_draws(replace(first, signal=y[row]), own, options,
-                                                  capture, None))
+                                                  capture))
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
         method = prior_named(outcome)

@@ -107,8 +107,6 @@ class SignalCapture:
         Of the same surface as each signal.
     twice : SpectralMeasurement, optional
         Light reflected twice off the surface.
-    swatches : signals (n, K) and reflectances (n, 61), optional
-        Measured samples of the material, which correct the learnt prior; draws are then made.
     origin : str, optional
         What an answer has to say of where the signals are from.
     camera_caveats : tuple of str
@@ -125,7 +123,6 @@ class SignalCapture:
     prior: LogitMixture | None = None
     more: Sequence[MoreMeasurement] = ()
     twice: SpectralMeasurement | None = None
-    swatches: tuple[np.ndarray, np.ndarray] | None = None
     origin: str | None = None
     camera_caveats: tuple[str, ...] = ()
 

@@ -85,7 +85,7 @@ def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
 
 def inputs_of_signals(capture: FlatCapture) -> dict[str, Any]:
     """What of a capture the signals depend on."""
-    return {"known": capture.known, "swatches": capture.swatches, "families": capture.families,
+    return {"known": capture.known, "families": capture.families,
             "surfaces": {name: region.surface for name, region in capture.regions.items()},
             "repeatability": capture.repeatability, "stray light": capture.stray_light,
             "seed": capture.seed}
@@ -109,8 +109,7 @@ def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
 
 def inputs_of_spectra(capture: Capture) -> dict[str, Any]:
     """What of a capture the draws depend on."""
-    return {"sampling": capture.sampling, "families": capture.families, "seed": capture.seed,
-            "swatches": [*capture.swatches]}
+    return {"sampling": capture.sampling, "families": capture.families, "seed": capture.seed}
 
 
 def inputs_of_flat_picture(capture: FlatCapture) -> dict[str, Any]:

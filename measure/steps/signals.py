@@ -56,7 +56,7 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
                 np.exp(white.log_field), white.field_error,
                 np.array(list(white.level_misfits.values())),
                 light_map(photo, known, errors))
-    signals = flat_signals(photos, whites, capture.families, known | capture.swatches,
+    signals = flat_signals(photos, whites, capture.families, known,
                            capture.band_names(records.photo.bands), errors)
     notes += moved_notes(signals, [photo.name for photo in photos])
     drift = photos[0].drift

@@ -5,11 +5,7 @@ from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords, SampleRecords
 from spectrabox.measure.scene.draws import draw_through_transport
 from spectrabox.measure.steps.work import Work
-from spectrabox.measure.surfaces.surface_spectra import (
-    DrawOptions,
-    learn_from_swatches,
-    sample_surfaces,
-)
+from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 
 
@@ -30,11 +26,7 @@ def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> Samp
         jointly = draw_through_transport(
             records.calibrations(capture.views)[0], records.reconstruct.joint, chosen.draws,
             capture.seed, chosen.coefficients, families)
-    correction = learn_from_swatches(records.signals, [*capture.swatches], families)
     options = DrawOptions(chosen.method, chosen.draws, chosen.coefficients, chosen.level,
                           capture.seed)
-    doubt = "" if correction is None else correction.learnt.doubt
     return SampleRecords(sample_surfaces(records.signals, options, families, work.progress,
-                                         jointly, correction),
-                         "" if correction is None else correction.sentence,
-                         (doubt,) if doubt else ())
+                                         jointly))

@@ -106,26 +106,6 @@ def alone(signals: SurfaceSignals, index: int) -> SurfaceSignals:
                                 for error in signals.errors), states=signals.states[own])
 
 
-def in_bands(signals: SurfaceSignals, bands: np.ndarray) -> SurfaceSignals:
-    """The signals in some bands alone.
-
-    Parameters
-    ----------
-    signals : SurfaceSignals
-    bands : int array
-        Indices.
-    """
-    if bands.size == len(signals.bands):
-        return signals
-    return replace(signals, bands=tuple(signals.bands[band] for band in bands.tolist()),
-                   view_of_band=signals.view_of_band[bands], response=signals.response[bands],
-                   signal=signals.signal[:, bands], errors=tuple(
-                       SignalError(error.cause, error.covariance[:, bands][:, :, bands])
-                       for error in signals.errors),
-                   states=tuple(states.through(np.eye(len(signals.bands))[bands])
-                                for states in signals.states))
-
-
 def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
     """Covariance by cause of the signal of ``measurement``; they add up to its noise, which is
     without what the states of the capture add.

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause, in_bands, measurement
-from spectrabox.measure.surfaces.swatch_correction import corrected_samples, correction_by_swatches
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry.appearance import delta_e00
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     Progress,
@@ -25,13 +23,10 @@ from spectrabox.radiometry.records.spectra import (
 )
 from spectrabox.radiometry.records.states import StateEstimate
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.further.learnt_swatches import SwatchCorrection
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
+from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.spectral_measurement import without_states
 from spectrabox.sampling.summary import summarise
-
-MIN_BANDS = 3           # that samples and swatches are compared by
 
 
 @dataclass(frozen=True)
@@ -45,23 +40,10 @@ class DrawOptions:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class SurfaceCorrection:
-    """A correction by swatches, and the bands by whose signals it compares samples with them."""
-
-    learnt: SwatchCorrection
-    bands: np.ndarray               # indices of SurfaceSignals.bands
-
-    @property
-    def sentence(self) -> str:
-        """What the swatches did, in words."""
-        return self.learnt.sentence
-
-
 def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
                     families: Mapping[str, Sequence[str]], progress: Progress,
-                    joint_draws: Mapping[str, SpectrumSamples] | None = None,
-                    correction: SurfaceCorrection | None = None) -> dict[str, SurfaceSpectrum]:
+                    joint_draws: Mapping[str, SpectrumSamples] | None = None
+                    ) -> dict[str, SurfaceSpectrum]:
     """Draws of every unknown surface, and their summary.
 
     Parameters
@@ -73,8 +55,6 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
     progress : callable
     joint_draws : mapping, optional
         Draws of all surfaces at once, where they were made so (``measure.scene.draws``).
-    correction : SurfaceCorrection, optional
-        From `learn_from_swatches`; of the method "prior" alone.
 
     Raises
     ------
@@ -87,13 +67,13 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
             progress(index / len(signals.names), name)
             spectra[name] = _sample_surface(
                 signals, index, dataclasses.replace(options, seed=options.seed + index),
-                families.get(name, ()), (joint_draws or {}).get(name), correction)
+                families.get(name, ()), (joint_draws or {}).get(name))
     return spectra
 
 
 def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
-                    families: Sequence[str], draws: SpectrumSamples | None,
-                    correction: SurfaceCorrection | None) -> SurfaceSpectrum:
+                    families: Sequence[str],
+                    draws: SpectrumSamples | None) -> SurfaceSpectrum:
     seen = measurement(signals, index)
     prior = of_families(load_prior(), families)
     variance_shares: dict[str, float] = {}
@@ -109,61 +89,12 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
         if unsaid:      # of its own signal, which the draws of all surfaces at once left
             draws = dataclasses.replace(draws, outcome=Outcome.UNSAID,
                                         sentence=Outcome.UNSAID.value)
-        if correction is not None:
-            shared = in_bands(signals, correction.bands)
-            evidence = solve_posterior(prior, measurement(shared, index)).log_evidence
-            # the shares are those of the prior's variance
-            draws, variance_shares = corrected_samples(correction.learnt, shared.signal[index],
-                                                       evidence, draws), {}
     if draws is None:
         draws = draw_spectra(seen, options.method, options.draws, options.seed,
                              options.coefficients, prior)
     summary = summarise(draws, seen, options.level, describe_conditions(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
                            family_shares, states)
-
-
-def learn_from_swatches(signals: SurfaceSignals, names: Sequence[str],
-                        families: Mapping[str, Sequence[str]]) -> SurfaceCorrection | None:
-    """The correction by known surfaces of the material of the others; None without any.
-
-    Samples are compared with swatches by their signals in the bands that all of them have.
-
-    Parameters
-    ----------
-    signals : SurfaceSignals
-    names : sequence of str
-        Of the swatches.
-    families : mapping
-        From the name of a surface to the families it is said to be of.
-
-    Raises
-    ------
-    InputError
-        If they are too few, or not all surfaces are in all photos.
-    """
-    if not names:
-        return None
-    rows = [signals.names.index(name) for name in names]
-    compared = [index for index in range(len(signals.names))
-                if index in rows or not signals.known[index]]
-    shown = np.isfinite(signals.signal)
-    for view in np.unique(signals.view_of_band):
-        own = signals.view_of_band == view
-        if absent := [index for index in compared if not shown[index, own].any()]:
-            raise InputError(f"{signals.names[absent[0]]} is not in every photo; swatches and the "
-                             "samples that they correct must be in all of them")
-    bands = np.flatnonzero(shown[compared].all(axis=0))
-    if bands.size < MIN_BANDS:
-        raise InputError(f"swatches and samples have {bands.size} bands in common that are neither "
-                         f"dark nor saturated; {MIN_BANDS} are needed: expose less")
-    return SurfaceCorrection(correction_by_swatches(
-        [measurement(signals, index) for index in rows],
-        np.array([np.interp(PRIOR_GRID.nm, signals.grid.nm, signals.spectra[index])
-                  for index in rows]),
-        [of_families(load_prior(), families.get(name, ())) for name in names], names,
-        signals.spectra[rows] @ signals.response[bands].T,
-        signals.signal[rows][:, bands]), bands)
 
 
 def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.white import LEVEL_DOUBTED
 from spectrabox.measure.results.chart_words import chart_at_fault
-from spectrabox.measure.surfaces.swatch_correction import CORRECTED
 from spectrabox.measure.verdict.conditions import (
     LIGHT_CAUSES,
     darker_by,
@@ -106,16 +105,10 @@ class LightEffect:
 def light_effect(surface: SurfaceResult) -> LightEffect:
     """What the error of the light costs a region; its plane is a condition of its own, which no
     chart that lies nearer makes better.
-
-    Swatches that corrected a spectrum corrected its light too, as far as they share it: what is
-    left is no more than the error of the answer.
     """
     error = error_by(surface, LIGHT_CAUSES) or 0.0
     lightness = abs(darker_by([surface], error) or 0.0)
     share = share_by(surface, LIGHT_CAUSES) if surface.variance_shares else None
-    if surface.samples is not None and surface.samples.method.endswith(CORRECTED) \
-            and surface.lab_error is not None:
-        lightness = min(lightness, float(surface.lab_error[0]))
     return LightEffect(error, share, lightness)
 
 

@@ -13,7 +13,6 @@ from spectrabox.radiometry.shaped import Record
 
 # Callback of long work: the share that is done, 0 to 1, and what is being done.
 Progress = Callable[[float, str], None]
-MIN_SWATCHES = 8        # of a material: of fewer, leave-one-out says next to nothing
 
 
 class Quantity(Enum):

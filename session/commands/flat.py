@@ -74,9 +74,6 @@ def flat(
     white_card: Annotated[str | None, typer.Option(
         metavar=f"{RECTANGLE}=FILE|NUMBER", help="A region of known reflectance, such as "
         "986,462,1073,537=0.94 or =card.csv.")] = None,
-    swatches: Annotated[Path | None, typer.Option(
-        help="Measured spectra of swatches of the samples' material, eight or more, each named as "
-        "its --region; they correct the other regions.")] = None,
     flat_field: Annotated[Path | None, typer.Option(
         metavar="PHOTO", help="Photo of a white card that fills the samples' place.")] = None,
     family: Annotated[tuple[str, ...], typer.Option(
@@ -110,7 +107,7 @@ def flat(
     tables: Tables | None = None        # of session.toml, but for those of its photo
     if region or regions is not None:
         from spectrabox.session.flat.new_session import file_or_word, views_of
-        outlined, of_all = _regions(region, regions, white_card, family, truth, surface, swatches)
+        outlined, of_all = _regions(region, regions, white_card, family, truth, surface)
         further = [(photo, _light_of(photo, said)) for photo, said in (
             *((photo, "light:unknown") for photo in photos[1:]),
             *((Path(file), said) for file, said in _pairs(also, "--also", "WHAT").items()))]
@@ -170,10 +167,9 @@ def _first_orientation(photos: Sequence[Path]) -> int | None:
 
 
 def _regions(region: Sequence[str], file: Path | None, white_card: str | None,
-             family: Sequence[str], truth: Sequence[str], surface: Sequence[str],
-             swatches: Path | None) -> tuple[Tables, str | None]:
+             family: Sequence[str], truth: Sequence[str], surface: Sequence[str]
+             ) -> tuple[Tables, str | None]:
     """[regions] of session.toml, and what is stated of the surface of all that is photographed."""
-    from spectrabox.sampling.further.swatch_files import read_swatch_spectra
     from spectrabox.session.flat.new_session import CARD, read_regions
     tables: Tables = {name: {"rect": pixel_numbers(rest, 4, f"--region {name}", RECTANGLE)}
                       for name, rest in _pairs(region, "--region", RECTANGLE).items()}
@@ -199,9 +195,6 @@ def _regions(region: Sequence[str], file: Path | None, white_card: str | None,
             if name not in tables:
                 raise InputError(f"{name!r} is no region; the regions are {', '.join(tables)}")
             tables[name][key] = value
-    if swatches is not None:
-        for name in read_swatch_spectra(swatches, tables):
-            tables[name]["swatch"] = {"file": swatches, "column": name}
     return tables, of_all
 
 

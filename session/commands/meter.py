@@ -88,11 +88,10 @@ def measure(
     ambient: Annotated[bool, typer.Option(
         "--ambient", help="With spotread: irradiance, through the diffuser.")] = False,
     role: Annotated[str, typer.Option(
-        "--as", metavar="light|white|paint|chart|swatches", help="What is measured; white is the "
+        "--as", metavar="light|white|paint|chart", help="What is measured; white is the "
         "white standard.")] = "light",
     name: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv; of swatches, "
-        "NAME,NAME,...: the columns of spectra/swatches.csv.")] = None,
+        metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv.")] = None,
     layout: ChartLayout = "",
     repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1,
     integration_ms: Annotated[float | None, typer.Option(
@@ -134,7 +133,7 @@ def measure(
     reflects = _reflects(instrument, role)
     factors = [read_calibration(text) for text in calibration]
     task = Task(folder / "spectra", role, names, repeat,
-                wait and (reflects or role in ("chart", "swatches")), calibrate, chart)
+                wait and (reflects or role == "chart"), calibrate, chart)
     if reflects and calibrate and not wait:
         raise typer.BadParameter("a calibration is asked for on the keyboard: leave out --no-wait, "
                                  "or say --no-calibrate to measure with the calibration that the "
@@ -230,12 +229,6 @@ def _names(role: str, name: str | None, chart: Chart) -> tuple[str, ...]:
         raise typer.BadParameter(f"{role!r} is not one of {', '.join(ROLES)}", param_hint="--as")
     if role == "chart":
         return patch_names(chart)
-    if role == "swatches":
-        names = tuple(part.strip() for part in (name or "").split(",") if part.strip())
-        if len(set(names)) != len(names) or len(names) < 2:
-            raise typer.BadParameter("swatches need their names, all different, such as --name "
-                                     "red,blue,green", param_hint="--name")
-        return names
     if role == "paint" and name is None:
         raise typer.BadParameter("a paint needs a name, such as --name red", param_hint="--name")
     return (name or role,)
@@ -276,11 +269,7 @@ def _reflects(instrument: str | None, role: str) -> bool:
     reflects = driver.quantities == (Quantity.REFLECTANCE,)
     if reflects and role in ("light", "white"):
         raise InputError(f"a {driver.family} measures reflectance, no light, and needs no white "
-                         "standard: measure with --as paint --name NAME, --as chart or --as "
-                         "swatches")
-    if role == "swatches" and not reflects:
-        raise InputError(f"a {driver.family} measures light; swatches are read with an instrument "
-                         "that measures reflectance (cr30)")
+                         "standard: measure with --as paint --name NAME, or --as chart")
     return reflects
 
 

@@ -73,10 +73,6 @@ def sample(
     signals: Annotated[Path | None, typer.Option(
         metavar="CSV", help="Many signals: a header that names the bands, a row for each, with its "
         "name first or without.")] = None,
-    swatches: Annotated[Path | None, typer.Option(
-        metavar="CSV",
-        help="Measured samples of the material: band names and wavelengths above, below of "
-        "each its signals and its reflectances. They correct the spectra.")] = None,
     coefficients: Coefficients = SampleOptions.coefficients,
     method: Annotated[str, typer.Option(
         metavar="prior|uniform|paper", help="How spectra are drawn: by the learnt prior, uniformly "
@@ -144,7 +140,7 @@ def sample(
     capture = signal_capture(
         measured, signals, colours[0] if colours else None, sensitivity or OBSERVER,
         light or "D65", twice=twice, light_error=light_error, sensitivity_error=sensitivity_error,
-        prior=prior, family=family, swatches=swatches)
+        prior=prior, family=family)
     true = None if truth is None else stated_truth(truth, column)
     options = SampleOptions(method, samples, seed, coefficients, level, start, keep, refine)
     one, as_table = signals is None, _ends_in(out, ".csv")

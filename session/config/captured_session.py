@@ -122,8 +122,7 @@ class _Reader:
 def _flat_capture(config: SessionConfig, reader: _Reader) -> FlatCapture:
     views = tuple(View(**_stated_of_view(config, reader, view)) for view in config.all_views)
     regions = {name: Region(**_stated_of_surface(config, reader, section),
-                            outline=_outline(section), photos=section.photos,
-                            swatch=_reflectance(config, reader, section.swatch))
+                            outline=_outline(section), photos=section.photos)
                for name, section in config.regions.items()}
     return FlatCapture(views=views, regions=regions, **_stated_of_capture(config, reader))
 

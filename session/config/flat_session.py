@@ -6,7 +6,6 @@ from typing import ClassVar
 
 from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.measure.steps.declared_steps import FLAT_STEPS, Step
-from spectrabox.radiometry.records.spectra import MIN_SWATCHES
 from spectrabox.session.config.session_schema import (
     FILE_NAME,
     RegionSection,
@@ -57,7 +56,6 @@ class FlatSession(SessionConfig):
         if self.sensitivity.method not in (None, "prior"):
             yield (f"{FILE_NAME}: sensitivity.method = {self.sensitivity.method!r} knows nothing "
                    "of the light over the chart, which carries it to the regions; use \"prior\"")
-        yield from _swatches(self)
         photos = (FIRST_PHOTO, *self.views)
         for name, region in self.regions.items():
             yield from _region(f"{FILE_NAME}: regions.{name}", region, photos)
@@ -88,19 +86,6 @@ def _keys_of_a_scene(config: FlatSession) -> Iterator[str]:
             yield f"{FILE_NAME}: views.{name}.scene belongs to a scene; leave it out"
 
 
-def _swatches(config: FlatSession) -> Iterator[str]:
-    """Too few swatches, or swatches that correct nothing."""
-    swatches = [name for name, region in config.regions.items() if region.swatch is not None]
-    if not swatches:
-        return
-    if len(swatches) < MIN_SWATCHES:
-        yield (f"{FILE_NAME}: {len(swatches)} regions are swatches; a correction needs "
-               f"{MIN_SWATCHES} or more of the material, better 24")
-    if config.sampling.method != "prior":
-        yield (f"{FILE_NAME}: swatches correct the learnt prior; set sampling.method = \"prior\" "
-               f"in place of {config.sampling.method!r}")
-
-
 def _region(place: str, region: RegionSection, photos: tuple[str, ...]) -> Iterator[str]:
     """Faults of one region.
 
@@ -112,9 +97,6 @@ def _region(place: str, region: RegionSection, photos: tuple[str, ...]) -> Itera
     photos : tuple of str
         Names of the session's photos.
     """
-    if region.known is not None and region.swatch is not None:
-        yield (f"{place} is known and a swatch; a known region tells of the light, a swatch of the "
-               "material: state one of the two")
     if (region.rect is None) == (region.polygon is None):
         yield (f"{place} needs either rect = [x0, y0, x1, y1] or polygon = [[x, y], ...], in "
                "pixels of the photo")

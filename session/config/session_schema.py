@@ -216,8 +216,6 @@ class MaterialSection(SurfaceSection):
 class RegionSection(SurfaceSection):
     """A region of a flat sample, in pixels of the photo."""
 
-    swatch: SpectrumRef | None = Field(None, description="measured reflectance of a swatch of the "
-                                       "samples' material; eight or more correct their spectra")
     rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners")
     polygon: ListOf[ListOf[float]] | None = Field(None, description="[[x, y], ...]: three corners "
                                                   "or more, going round")
@@ -229,11 +227,6 @@ class RegionSection(SurfaceSection):
     def photos(self) -> tuple[str, ...]:
         """Names of the photos that show it; none stands for all."""
         return (self.photo,) if isinstance(self.photo, str) else tuple(self.photo or ())
-
-    @property
-    def measured(self) -> SpectrumTable | None:
-        """Its measured reflectance, of a known region or a swatch."""
-        return self.known or self.swatch
 
     def outline(self) -> tuple[tuple[float, ...], ...]:
         """Its corners [x, y], going round."""

@@ -29,12 +29,10 @@ from spectrabox.radiometry.spectra.readings import SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.meters.measuring import Task, require_measured, white_readings
 
-TABLES = ("chart", "swatches")      # roles of which one file holds many things
 USES = {"light": "name it in session.toml, or give it with --light",
         "white": "surfaces that are measured now are divided by it",
         "paint": "give it with --truth NAME=FILE, or name it in session.toml",
-        "chart": "give it with --reference FILE, or name it in session.toml",
-        "swatches": "give it with --swatches FILE"}
+        "chart": "give it with --reference FILE, or name it in session.toml"}
 
 
 def write_result(task: Task, white_reflectance: float,
@@ -75,8 +73,8 @@ def write_result(task: Task, white_reflectance: float,
         results = [reflectance_from(result, divisor, white_reflectance, result.source)
                    for result in results]
     path = result_file(task.spectra, task.role, task.names[0], results[0].quantity)
-    if task.role in TABLES:
-        columns = {column_of(task.role, name): result.values
+    if task.role == "chart":
+        columns = {chart_and_patch(name)[1]: result.values
                    for name, result in zip(task.names, results, strict=True)}
     else:
         columns = {"value": results[0].values}
@@ -85,16 +83,6 @@ def write_result(task: Task, white_reflectance: float,
     write_text_whole(path, table_text(results[0].grid.nm, columns, quantity=results[0].quantity,
                                       source=results[0].source + _calibration_words(readings)))
     return path, results[0]
-
-
-def column_of(role: str, name: str) -> str:
-    """Name of a thing's column: of a patch without the name of its chart.
-
-    Parameters
-    ----------
-    role, name : str
-    """
-    return chart_and_patch(name)[1] if role == "chart" else name
 
 
 def series_of_all(task: Task, calibrations: Sequence[MeterCalibration]) -> list[SeriesSummary]:

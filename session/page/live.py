@@ -379,7 +379,7 @@ def depends_on(sample: PointedSample, name: str) -> str:
         "region": capture.regions[name], "number": list(capture.regions).index(name),
         "known": {other: capture.regions[other] for other in capture.known},
         "sampling": capture.sampling, "repeatability": capture.repeatability,
-        "stray light": capture.stray_light, "swatches": bool(capture.swatches)})
+        "stray light": capture.stray_light})
 
 
 def part_of(capture: FlatCapture, role: str, rect: Sequence[float]) -> Region:

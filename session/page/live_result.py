@@ -15,7 +15,6 @@ from spectrabox.measure.steps.declared_steps import FLAT_PHOTOS, FLAT_SPECTRA, S
 from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper
 from spectrabox.measure.steps.photos import measure_flat_photos
 from spectrabox.measure.steps.signals import find_signals
-from spectrabox.measure.steps.spectra import draw_surfaces
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import SurfaceSpectrum
@@ -49,7 +48,7 @@ def result_now(sample: PointedSample,
     sample : PointedSample
         With a region that is not known.
     drawn : callable
-        The spectrum of a region by its name; not asked where swatches correct them.
+        The spectrum of a region by its name.
 
     Raises
     ------
@@ -65,10 +64,9 @@ def result_now(sample: PointedSample,
         keeper.keep(FLAT_PHOTOS, lambda progress, folder: measure_flat_photos(
             capture, keeper.records, work))
         keeper.keep(SIGNALS, lambda progress, folder: find_signals(capture, keeper.records, work))
-        keeper.keep(FLAT_SPECTRA, lambda progress, folder: draw_surfaces(
-            capture, keeper.records, work) if capture.swatches else SampleRecords(
-                {name: drawn(name) for name, region in capture.regions.items()
-                 if region.given is None}, ""))
+        keeper.keep(FLAT_SPECTRA, lambda progress, folder: SampleRecords(
+            {name: drawn(name) for name, region in capture.regions.items()
+             if region.given is None}))
     return flat_result(capture, keeper.records)
 
 

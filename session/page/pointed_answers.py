@@ -56,8 +56,6 @@ def described_region(sample: PointedSample, signal: RegionSignal,
             "next_nm": summary.next_measurement_nm}
     if (truth := sample.capture.regions[signal.signals.names[0]].truth) is not None:
         answer["truth"] = described_truth(truth, summary.grid.nm, summary.mean)
-    if sample.capture.swatches:
-        answer["notes"].append("the report also corrects this spectrum by the swatches")
     return answer
 
 

@@ -22,7 +22,6 @@ from spectrabox.radiometry.spectra.spectrum_files import (
     spectrum_of,
     spectrum_on_grid,
 )
-from spectrabox.sampling.further.swatch_files import read_swatches
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.signals.measurement_file import further_measurements
@@ -39,14 +38,14 @@ from spectrabox.session.signals.signal_options import (
 
 def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple[str, str] | None,
                    sensitivity: str, light: str, *, twice: str | None, light_error: float,
-                   sensitivity_error: float, prior: Path | None, family: Sequence[str],
-                   swatches: Path | None) -> SignalCapture:
+                   sensitivity_error: float, prior: Path | None, family: Sequence[str]
+                   ) -> SignalCapture:
     """Signals and what is stated of them, read from options and files.
 
     Parameters
     ----------
     measured : MeasuredSignal
-    signals, sensitivity, light, twice, light_error, sensitivity_error, prior, family, swatches
+    signals, sensitivity, light, twice, light_error, sensitivity_error, prior, family
         As the options of ``spectrabox sample``.
     colour : (kind, text) or None
         Which of the options srgb, lab and xyz was given, and what it says.
@@ -80,7 +79,6 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
     return SignalCapture(
         response, np.array(list(named.values())), tuple(named), white, noise, light_error,
         sensitivity_error, of_families(load_prior(prior), tuple(family)), more, reflected,
-        None if swatches is None else read_swatches(swatches, names),
         origin, curve_caveats(stated_curve_error(sensitivity), sensitivity_error))
 
 

@@ -57,8 +57,6 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
-from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.further.swatch_files import read_swatch_spectra
 
 SAME_LAMP, MOVED_LAMP = "same", "moved"
 # what is done of the whole when a step begins
@@ -132,7 +130,6 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
          light: LightLike = "unknown",
          families: Mapping[str, str | Sequence[str]] | None = None,
          known: Mapping[str, KnownSpectrum] | None = None,
-         swatches: Mapping[str, KnownSpectrum] | str | Path | None = None,
          surface: str | Mapping[str, str] | None = None,
          truth: Mapping[str, KnownSpectrum] | None = None,
          filtered: Mapping[str | Path, FilterLike] | None = None,
@@ -160,10 +157,6 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
         What a surface is, by region: paint, textile, leaves, skin, white, earth or animal.
     known : mapping, optional
         Reflectance of regions that are known, a white card say: a number, a file, or (nm, values).
-    swatches : mapping or path, optional
-        Measured reflectances of regions of the samples' own material, eight or more, which correct
-        the spectra of the others: as ``known``, or a file of spectra with a column for each, named
-        as its region.
     surface : str or mapping, optional
         How much the surfaces mirror: "matt", "satin" or "glossy"; of all regions, or by region.
     truth : mapping, optional
@@ -227,16 +220,14 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
             ("truth", truth, '{"wall": "wall.csv"}'),
             ("filtered", filtered, '{"gel.dng": "gel.csv"}'), ("also", also, '{"led.dng": "led"}')):
         require_mapping(given, argument, form)
-    swatch_reflectances = _swatches(swatches, regions)
-    for name in (*(families or {}), *(known or {}), *(truth or {}),
-                 *swatch_reflectances):
+    for name in (*(families or {}), *(known or {}), *(truth or {})):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
     first = _photo_files(photo)
     capture = FlatCapture(
         views=_views(first, as_light(light), str(light), chart_photo, filtered or {}, also or {}),
         regions=_regions(regions, surfaces_of(surface, regions, "region"), families or {},
-                         known or {}, truth or {}, swatch_reflectances),
+                         known or {}, truth or {}),
         chart=as_lit_chart(layout, reference, corners),
         development=Development(
             flat_fields={} if flat_field is None else {ONE_PHOTO: as_input_file(flat_field)},
@@ -305,8 +296,7 @@ def _words(through: FilterLike) -> str:
 
 def _regions(outlines: Mapping[str, OutlineLike], surfaces: Mapping[str, str],
              families: Mapping[str, str | Sequence[str]], known: Mapping[str, KnownSpectrum],
-             truth: Mapping[str, KnownSpectrum], swatches: Mapping[str, np.ndarray]
-             ) -> dict[str, Region]:
+             truth: Mapping[str, KnownSpectrum]) -> dict[str, Region]:
     """Every region with what is stated of it."""
     def reflectance(given: Mapping[str, KnownSpectrum], name: str) -> np.ndarray | None:
         return as_reflectance(given[name], name) if name in given else None
@@ -318,17 +308,8 @@ def _regions(outlines: Mapping[str, OutlineLike], surfaces: Mapping[str, str],
             families_of(families.get(name)), surfaces.get(name), reflectance(known, name),
             None if measured is None else Spectrum(FINE_GRID, measured, Quantity.REFLECTANCE,
                                                    "given"),
-            _outline(outline, name), swatch=swatches.get(name))
+            _outline(outline, name))
     return regions
-
-
-def _swatches(swatches: Mapping[str, KnownSpectrum] | str | Path | None,
-              regions: Mapping[str, OutlineLike]) -> dict[str, np.ndarray]:
-    """Reflectances (P,) of the regions that are swatches."""
-    if isinstance(swatches, str | Path):
-        return {name: spectrum_on_grid(spectrum, FINE_GRID) for name, spectrum
-                in read_swatch_spectra(Path(swatches), regions).items()}
-    return {name: as_reflectance(one, name) for name, one in (swatches or {}).items()}
 
 
 def _outline(region: OutlineLike, name: str) -> Outline:

@@ -15,7 +15,6 @@ from spectrabox.api.arguments import (
     LightLike,
     as_prior,
     as_reflectance,
-    band_names,
     curve_error,
     families_of,
     one_blas_thread,
@@ -38,11 +37,9 @@ from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectrumSummary
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
-from spectrabox.sampling.further.swatch_files import read_swatches, swatch_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
-SwatchesLike = str | Path | tuple[ArrayLike, ArrayLike, ArrayLike]
 
 
 @one_blas_thread
@@ -54,7 +51,6 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
            method: str = SampleOptions.method, draws: int = SampleOptions.samples,
            seed: int = SampleOptions.seed, coefficients: int = SampleOptions.coefficients,
            level: float = SampleOptions.level, prior: str | Path | LogitMixture | None = None,
-           swatches: SwatchesLike | None = None,
            names: Sequence[str] | None = None) -> SpectrumEstimate | SpectrumEstimates:
     """Every reflectance behind one signal, or behind each of many.
 
@@ -87,9 +83,6 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         Of the band, 0 to 1.
     prior : path or LogitMixture, optional
         On reflectances; the shipped one by default.
-    swatches : path or (signals, nm, reflectances), optional
-        Eight or more measured samples of the material, which correct the spectra: a file as of
-        ``spectrabox sample --swatches``, or arrays (n, K), (Q,) and (n, Q).
     names : sequence of S str, optional
         Of the surfaces; "signal 1", "signal 2" ... by default.
 
@@ -156,12 +149,11 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         None if errors is None else np.broadcast_to(errors, bands).copy(),
         as_number(light_error, "light_error"), as_number(sensitivity_error, "sensitivity_error"),
         learnt,
-        swatches=None if swatches is None else _swatches(swatches, band_names(camera, bands)),
         origin=origin, camera_caveats=curve_caveats(fit_error, sensitivity_error, doubts))
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients,
                                                  as_number(level, "level")),
                           with_draws=given.ndim == 1)
-    estimates = [_estimate(name, one, learnt if method == "prior" and swatches is None else None,
+    estimates = [_estimate(name, one, learnt if method == "prior" else None,
                            capture.caveats)
                  for name, one in zip(labels, each, strict=True)]
     return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)
@@ -261,21 +253,6 @@ def _of_colour(signals: ArrayLike | None, camera: CameraLike | None, light: Ligh
     return signal_of_colour(
         name, lab=None if lab is None else as_numbers(lab, "lab"),
         xyz=None if xyz is None else as_numbers(xyz, "xyz")), OBSERVER, name
-
-
-def _swatches(swatches: SwatchesLike, bands: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Signals (n, K) and reflectances (n, 61) of swatches."""
-    if isinstance(swatches, str | Path):
-        return read_swatches(Path(swatches), bands)
-    if len(swatches) != 3:
-        raise InputError("swatches: a file is needed, or (signals, nm, reflectances)")
-    signals, nm, values = (as_numbers(one, "swatches") for one in swatches)
-    if signals.ndim != 2 or signals.shape[1] != len(bands) \
-            or values.shape != (len(signals), nm.size):
-        raise InputError(f"swatches of shapes {signals.shape}, {nm.shape} and {values.shape} were "
-                         f"given; give signals (n, {len(bands)}), wavelengths (Q,) and "
-                         "reflectances (n, Q)")
-    return signals, swatch_reflectances(nm, values, "swatches")
 
 
 def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None,

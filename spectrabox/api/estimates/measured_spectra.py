@@ -14,7 +14,6 @@ from spectrabox.measure.extras import FailedExtra
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
 from spectrabox.measure.surfaces.surface_signals import alone, errors_by_cause, measurement
-from spectrabox.measure.surfaces.swatch_correction import CORRECTED
 from spectrabox.measure.verdict.conditions import conditions_text
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
@@ -193,5 +192,5 @@ def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, S
     samples = spectra[name].samples
     return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
                             errors_by_cause(signals, index),
-                            None if samples.method.endswith(CORRECTED) else prior, samples,
+                            prior, samples,
                             signals.spectra[index] if rendered else None, advise=advise)
