@@ -27,7 +27,6 @@ from spectrabox.sampling.evaluation.metrics import (
     winkler_score,
 )
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.prior.band_calibration import AT_95, judge, prior_without
 from spectrabox.sampling.prior.families.family_models import FAMILIES
 from spectrabox.sampling.prior.libraries import (
     ReflectanceLibrary,
@@ -41,9 +40,11 @@ from spectrabox.sampling.prior.mixture_posterior import (
     surprise_limit,
     widened,
 )
-from spectrabox.sampling.prior.training import enriched, fit_mixture, fitted_families, parts_of
 from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.uniform import into_reach
+
+from tools.prior_calibration import AT_95, judge, prior_without
+from tools.prior_training import enriched, fit_mixture, fitted_families, parts_of
 
 TRAINING = {"cassava": "earth", "kremer_pigments": "paint", "ntu_watercolour": "paint",
             "rawtoaces190": "mixed", "usgs_minerals": "earth"}      # and their families

@@ -17,7 +17,6 @@ GROUPS = {
     "From signals": ["sample", "uplift", "match"],
     "From a name": ["camera"],
     "From an instrument": ["measure_spectrum"],
-    "Priors": ["train_prior"],
     "What to do next": ["advise"],
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "KnownCamera",
@@ -29,8 +28,7 @@ GROUPS = {
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")
 # examples that tests/test_docs.py does not run
-NOT_RUN = {"train_prior": "needs-minutes", "measure_spectrum": "needs-meter",
-           "MeterReading": "needs-meter"}
+NOT_RUN = {"measure_spectrum": "needs-meter", "MeterReading": "needs-meter"}
 HEAD = """\
 # Python reference
 

@@ -19,7 +19,6 @@ from .api.photo import Photo as Photo
 from .api.photo import find_chart as find_chart
 from .api.photo import open_photo as open_photo
 from .api.pictures import uplift as uplift
-from .api.priors import train_prior as train_prior
 from .api.scene import SceneSpectra as SceneSpectra
 from .api.scene import reconstruct_scene as reconstruct_scene
 from .api.session import Session as Session

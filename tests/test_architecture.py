@@ -42,7 +42,7 @@ def modules():
 
 def all_code():
     return [*modules(), *sorted((ROOT / "tests").rglob("*.py")),
-            *sorted((ROOT / "benchmarks").rglob("*.py"))]
+            *sorted((ROOT / "benchmarks").rglob("*.py")), *sorted((ROOT / "tools").rglob("*.py"))]
 
 
 @cache
@@ -84,6 +84,12 @@ def test_imports_point_down():
             "move what both need to radiometry/"
             for path in modules() for package in path.relative_to(ROOT).parts[:1]
             for module in imports_of(path) if not may_import(path, package, module))
+
+
+def test_the_program_imports_no_tools():
+    none_of(f"{name_of(path)} imports {module}: tools/ is not installed with the program"
+            for path in modules() for module in imports_of(path)
+            if module.split(".")[0] in ("tools", "tests", "benchmarks"))
 
 
 def may_import(path, package, module):

@@ -293,8 +293,7 @@ def test_the_version_is_printed():
     assert call("--version").stdout == f"spectrabox {spectrabox.__version__}\n"
 
 
-@pytest.mark.parametrize("group", [[], ["camera"], ["geometry"], ["meter"], ["spectrum"],
-                                   ["prior"]])
+@pytest.mark.parametrize("group", [[], ["camera"], ["geometry"], ["meter"], ["spectrum"]])
 def test_help_cuts_no_sentence(group):
     help_text = call(*group, "--help").stdout
     assert "..." not in help_text.replace("[ARGS]...", "")

@@ -42,7 +42,6 @@ from spectrabox.calibrate.prior.prior_fit import (
 )
 from spectrabox.calibrate.sensitivity import fit_sensitivities
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.sampling.prior.band_calibration import AT_95, LeftOut, band_figures, judge
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     SIGNAL_FLOOR,
@@ -52,8 +51,10 @@ from spectrabox.sampling.prior.mixture_posterior import (
     posterior,
 )
 from spectrabox.sampling.prior.signal_posterior import sample_prior
-from spectrabox.sampling.prior.training import LEVELS
 from spectrabox.sampling.scene.joint_posterior import JointProblem, fit_modes
+
+from tools.prior_calibration import AT_95, LeftOut, band_figures, judge
+from tools.prior_training import LEVELS
 
 SIGMAS = stats.norm.isf(0.5e-4)
 SMOOTH = 0.2 + 0.8 * np.exp(-np.abs(PRIOR_GRID.nm[:, None] - PRIOR_GRID.nm) / 60)

@@ -13,15 +13,6 @@ from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.sampling.evaluation.metrics import best_scale
-from spectrabox.sampling.prior.band_calibration import (
-    AT_95,
-    FAMILIAR,
-    SLACK,
-    Judgement,
-    LeftOut,
-    calibrated,
-    tail_of,
-)
 from spectrabox.sampling.prior.calibrated_marginals import _skewed
 from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, of_families, reflectance
@@ -34,10 +25,19 @@ from spectrabox.sampling.prior.mixture_posterior import (
     width_factors,
 )
 from spectrabox.sampling.prior.quantiles import stretched
-from spectrabox.sampling.prior.training import LEVELS
 from spectrabox.sampling.summary import READING_ERROR, next_measurement_nm
 
 from benchmarks.bench_calibration_of_bands import certify
+from tools.prior_calibration import (
+    AT_95,
+    FAMILIAR,
+    SLACK,
+    Judgement,
+    LeftOut,
+    calibrated,
+    tail_of,
+)
+from tools.prior_training import LEVELS
 
 
 def two_families():

@@ -14,7 +14,6 @@ from spectrabox.api.arguments import relative_response
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, PIGMENTS
-from spectrabox.measure.signals import prior_training
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.session.cli import app
 
@@ -260,19 +259,6 @@ def test_a_session_is_checked_run_and_read(finished):
     session.run()
     assert session.verdict in ("pass", "warn", "fail") and session["cube"].plot().lines
     assert session.report.stat().st_size > 10_000
-
-
-def test_a_prior_is_trained(monkeypatch):
-    # models of eight families more would be learnt and left out in turn: ten times as long
-    monkeypatch.setattr(prior_training, "FAMILIES",
-                        {name: prior_training.FAMILIES[name] for name in ("paint", "white")})
-    nm, rng = np.arange(400, 701, 5.0), np.random.default_rng(8)
-    centre, width = rng.uniform(430, 670, (60, 1)), rng.uniform(40, 120, (60, 1))
-    reflectances = 0.1 + 0.7 * np.exp(-0.5 * ((nm - centre) / width) ** 2)
-    prior = sb.train_prior({"paint": reflectances[:40]}, nm=nm)
-    found = sb.sample([0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.01,
-                      prior=prior)
-    assert found.mean.shape == (61,) and np.all(found.band()[0] <= found.band()[1])
 
 
 def test_an_image_without_pixels_is_refused():

@@ -5,26 +5,6 @@ import pytest
 import spectrabox as sb
 
 NM = np.arange(400, 701, 10.0)
-GREYS = np.linspace(0.1, 0.8, 140)[:, None] * np.ones(NM.size)
-
-
-@pytest.mark.parametrize("ask", [
-    lambda rows: sb.train_prior({"paint": rows}, nm=NM),
-    lambda rows: sb.train_prior({"paint": [rows, GREYS]}, nm=NM)])
-@pytest.mark.parametrize("rows", [GREYS.T, GREYS[:, :30], np.full((140, 61), 0.3)])
-def test_rows_that_are_not_at_the_wavelengths_are_refused_naming_both_shapes(ask, rows):
-    with pytest.raises(sb.InputError) as refused:
-        ask(rows)
-    assert f"shape {rows.shape} and wavelengths of shape (31,)" in str(refused.value)
-
-
-@pytest.mark.parametrize("ask", [
-    lambda rows: sb.train_prior({"paint": rows}, nm=NM)])
-def test_a_library_in_per_cent_is_called_so(ask):
-    with pytest.raises(sb.InputError, match="far above 1: absorbance, or per cent"):
-        ask(100 * GREYS)
-    with pytest.raises(sb.InputError, match="no array of numbers"):
-        ask(np.array([["a", "b"]]))
 
 
 CAMERA = {"camera": "Nikon 5100 (NPL)", "light": "D65"}

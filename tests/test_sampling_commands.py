@@ -267,16 +267,6 @@ def test_a_signal_like_no_measured_one_has_no_certificate(tmp_path):
     assert unknown["certified"] == []
 
 
-def test_a_prior_of_ones_own_can_be_trained_and_used(tmp_path):
-    folders = [write_folder(tmp_path / name, seed, 220) for seed, name in enumerate(("one", "two"),
-                                                                                    1)]
-    facts = json.loads(call("prior", "train", folders[0], f"mixed={folders[1]}", "--out",
-                            tmp_path / "own.npz", "--libraries-alone", "--json").stdout)
-    assert [row["name"] for row in facts["left_out_in_turn"]] == ["one", "two"]
-    assert "outcome" in sample("--signal", "0.2,0.3,0.15", "--prior", tmp_path / "own.npz",
-                               "--samples", 1000)
-
-
 def test_signals_keep_their_names_in_answer_table_and_picture(tmp_path):
     (tmp_path / "s.csv").write_text("name,R,G,B\nwall,0.2,0.3,0.15\nleaf,0.1,0.2,0.05\n",
                                     encoding="utf-8")

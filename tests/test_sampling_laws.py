@@ -32,7 +32,6 @@ from spectrabox.sampling.prior.mixture_posterior import (
 )
 from spectrabox.sampling.prior.signal_posterior import sample_prior, solve_posterior
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.sampling.prior.training import FLOOR, MIN_CURVES, fit_mixture
 from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,
     fit_modes,
@@ -42,6 +41,8 @@ from spectrabox.sampling.scene.joint_posterior import (
 from spectrabox.sampling.scene.joint_sampling import sample_joint
 from spectrabox.sampling.scene.scene_draws import shared_errors, surprise
 from spectrabox.sampling.summary import READING_ERROR
+
+from tools.prior_training import FLOOR, MIN_CURVES, fit_mixture
 
 SIGMAS = stats.norm.isf(0.5e-4)
 

@@ -5,6 +5,7 @@ Statistical tests have a significance of 1e-4 over each test (Bonferroni), at fi
 """
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,15 +18,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as reflectances_of_names
-from spectrabox.sampling.prior.band_calibration import (
-    AT_95,
-    COLOURFUL,
-    chroma,
-    judge,
-    train,
-    without_colourful,
-    without_families,
-)
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.families.family_names import NAMES, WORDS
 from spectrabox.sampling.prior.families.leaves import petal_tissue
@@ -60,7 +52,19 @@ from spectrabox.sampling.prior.mixture_posterior import (
 from spectrabox.sampling.prior.quantiles import quantiles
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.sampling.prior.training import (
+from spectrabox.sampling.spectral_measurement import nearest_splines, response_on
+
+from tools import train_prior
+from tools.prior_calibration import (
+    AT_95,
+    COLOURFUL,
+    chroma,
+    judge,
+    train,
+    without_colourful,
+    without_families,
+)
+from tools.prior_training import (
     MIXED,
     enriched,
     fit_mixture,
@@ -68,7 +72,6 @@ from spectrabox.sampling.prior.training import (
     joined,
     parts_of,
 )
-from spectrabox.sampling.spectral_measurement import nearest_splines, response_on
 
 SIGNIFICANCE = 1e-4
 
@@ -465,10 +468,40 @@ def test_a_model_for_a_stated_family_changes_nothing_where_none_is_stated():
     assert of_families(prior, ["skin"]).weights.size == 2 and plain.where_stated is None
 
 
-def test_training_twice_gives_the_same_prior():
-    curves = library("one", 1).reflectances
-    first, second = (fit_mixture(enriched(curves, 3), 2, seed=4) for _ in range(2))
-    np.testing.assert_array_equal(first.means, second.means)
+def test_the_script_writes_a_prior_of_ones_own_and_what_its_bands_held(tmp_path, monkeypatch,
+                                                                       capsys):
+    monkeypatch.setattr(train_prior, "train", partial(train, families=GREYS))
+    for seed, name in enumerate(("one", "two"), 1):
+        (tmp_path / name).mkdir()
+        rows = [",".join(f"{value:.6f}" for value in curve)
+                for curve in (PRIOR_GRID.nm, *library(name, seed).reflectances)]
+        (tmp_path / name / "curves.csv").write_text("\n".join(rows), encoding="utf-8")
+    folders = [word for name in ("one", "two")
+               for word in ("--library", f"paint={tmp_path / name}")]
+    for out in ("mine.npz", "again.npz"):
+        train_prior.main([*folders, "--out", str(tmp_path / out)])
+    mine, again = load_prior(tmp_path / "mine.npz"), load_prior(tmp_path / "again.npz")
+    assert mine.families == ("paint", "white") and "one (260)" in mine.source
+    np.testing.assert_array_equal(mine.means, again.means)
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:5]] == [
+        "one", "two", "whites", "tiles"]
+    with pytest.raises(SystemExit):
+        train_prior.main(["--out", str(tmp_path / "none.npz")])
+
+
+def test_the_script_makes_the_prior_that_ships(prior, tmp_path):
+    """Where the measured libraries are at hand; other versions of NumPy, SciPy and scikit-learn
+    round otherwise, which the fits carry to the fourth digit.
+    """
+    data = Path(os.environ.get("SPECTRABOX_DATA", "no-data")) / "reflectance"
+    if not data.is_dir():
+        pytest.skip("SPECTRABOX_DATA names no folder with reflectance/")
+    train_prior.main([str(data), "--out", str(tmp_path / "made.npz")])
+    made = load_prior(tmp_path / "made.npz")
+    assert made.source == prior.source
+    for name in ("weights", "means", "covariances", "band_factors", "stated_factors",
+                 "curve_factor", "familiar_surprise", "tail"):
+        np.testing.assert_allclose(getattr(made, name), getattr(prior, name), rtol=1e-3, atol=1e-3)
 
 
 def test_enriched_spectra_stay_reflectances():

@@ -16,7 +16,6 @@ REFUSED = {
     "camera prior": (["camera", "prior", ".", "--out", "a.json"], ".npz (a prior on curves)"),
     "sample": (["sample", *SIGNAL, "--out", "a.txt"], ".npz (the draws), .csv (means"),
     "uplift": (["uplift", "a.exr", *SIGNAL[:4], "--out", "b.exr"], "a folder is needed"),
-    "prior train": (["prior", "train", ".", "--out", "a"], ".npz (the prior)"),
     "spectrum convert": (["spectrum", "convert", "a.csv", "--out", "a.txt"],
                          ".csv (CSV), .sp (Argyll's CGATS), .spdx (IES TM-27)"),
     "several spectra": (["spectrum", "convert", "a.csv", "b.csv", "--out", "c", "--to", ".mat"],

@@ -292,8 +292,8 @@ def _read_prior(path: Path) -> LogitMixture:
     try:
         with opened_npz(path) as stored:
             if "format" not in stored or str(stored["format"]) not in (FORMAT, *PREVIOUS_FORMATS):
-                raise InputError(f"{path.name} is not a prior of this program; train one with "
-                                 "'spectrabox prior train'")
+                raise InputError(f"{path.name} is not a prior of this program; make one "
+                                 "with tools/train_prior.py")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
             other = {name: np.asarray(stored[STATED + name], dtype=float) for name in COMPONENTS
                      if STATED + name in stored}
@@ -305,8 +305,8 @@ def _read_prior(path: Path) -> LogitMixture:
                                                  for kind in ("stated", "unstated")})
                 for name, row in json.loads(str(stored["certificates"])).items()}
     except FileNotFoundError:
-        raise InputError(f"the prior {path} is missing; give another file or train one with "
-                         "'spectrabox prior train'") from None
+        raise InputError(f"the prior {path} is missing; give another file or make one with "
+                         "tools/train_prior.py") from None
     except (OSError, DamagedArchiveError) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     scalars = {name: float(numbers.pop(name)) for name in SCALARS}

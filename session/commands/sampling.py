@@ -16,16 +16,13 @@ from spectrabox.session.commands.requests import (
     Coefficients,
     DeltaLights,
     Families,
-    Light,
     MeasuredSignal,
     OptionalLight,
     OptionalSensitivity,
     PriorFile,
     Seed,
-    Sensitivity,
     UpliftRequest,
 )
-from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
     Answer,
     Command,
@@ -46,11 +43,6 @@ def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     for function in (sample, uplift, match):
         app.command()(function)
-    prior = Commands(help="What is known of reflectances beforehand, the prior: learn one from "
-                          "your own measurements.")
-    prior.command("train")(prior_train)
-    prior.callback()(lambda: None)  # keeps "train" a word of its own while it is the only command
-    app.add_typer(prior, name="prior")
 
 
 @Command
@@ -263,51 +255,6 @@ def _match_text(match: SurfaceMatch) -> str:
     if hidden:
         lines.insert(1, f"and {hidden} more that may be it (--json lists all)")
     return "\n".join(lines)
-
-
-@Command
-def prior_train(
-    *,
-    sensitivity: Sensitivity = OBSERVER,
-    light: Light = "D65",
-    folders: Annotated[tuple[str, ...], typer.Argument(
-        metavar="[FAMILY=]FOLDER...", help="One folder per library, and the family of surfaces "
-        "that it is of, or mixed; paint by default.")],
-    out: Annotated[Path, typer.Option(
-        "--out", "-o", metavar="NPZ", help="Where to write the prior.")],
-    models: Annotated[bool, typer.Option(
-        "--models/--libraries-alone", help="Also learn from the models of skin, leaves, dyes ... "
-        "that come with the program.")] = True,
-    seed: Seed = SampleOptions.seed,
-) -> Answer:
-    """Learn a prior from folders of measured reflectances; calibrate it on each left out in
-    turn.
-    """
-    check_ending(out, {".npz": "the prior"})
-    from spectrabox.measure.signals.prior_training import train_prior
-    from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
-    from spectrabox.sampling.prior.mixture import save_prior
-    from spectrabox.session.signals.signal_options import response_of_names
-    libraries: dict[str, list[ReflectanceLibrary]] = {}
-    for text in folders:
-        family, folder = _family_and_folder(text)
-        libraries.setdefault(family, []).append(read_library(folder))
-    trained = train_prior(libraries, response_of_names(sensitivity, light),
-                          seed, models=models)
-    save_prior(out, trained.prior)
-    return Answer(trained.facts() | {"prior": out},
-                  f"{trained.text()}\nwrote {out}")
-
-
-def _family_and_folder(text: str) -> tuple[str, Path]:
-    """The family and the folder of FAMILY=FOLDER; paint where a folder stands alone."""
-    from spectrabox.sampling.prior.families.family_models import FAMILIES
-    from spectrabox.sampling.prior.families.family_names import WORDS
-    from spectrabox.sampling.prior.training import MIXED
-    family, separator, folder = text.partition("=")
-    word = WORDS.get(family, family)
-    named = bool(separator) and word in (*FAMILIES, MIXED)
-    return (word, Path(folder)) if named else ("paint", Path(text))
 
 
 def _ends_in(path: Path | None, ending: str) -> bool:

@@ -28,7 +28,7 @@ SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "repo
             "Many sessions": ("batch",),
             "Photos and cameras": ("develop", "chart", "camera", "filter", "geometry"),
             "Instruments and spectral files": ("meter", "spectrum"),
-            "The spectra behind a signal": ("sample", "uplift", "match", "prior"),
+            "The spectra behind a signal": ("sample", "uplift", "match"),
             "Trying it out": ("demo", "doctor")}
 ALL = "spectrabox.help_all"     # in the context: every command is listed
 TYPE_WORDS = {str: "TEXT", Path: "FILE", int: "NUMBER", float: "NUMBER"}    # of a value

@@ -83,8 +83,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
                "spectrabox advise painting --lamps A,LED-B3"),
     "match": ("spectrabox match mybox CES99",
               "spectrabox match mybox \"BabelColor Average\" --only cube"),
-    "prior train": ("spectrabox prior train measured-paints --out mine.npz",
-                    "spectrabox prior train pigments textile=cloth --out mine.npz"),
     "meter list": ("spectrabox meter list", "spectrabox meter list --json"),
     "meter identify": ("spectrabox meter identify --port /dev/ttyACM0 --instrument pr655",
                        "spectrabox meter identify --port COM3 --instrument cr250"),

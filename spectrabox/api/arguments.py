@@ -299,8 +299,7 @@ def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:
 def as_prior(prior: str | Path | LogitMixture | None, families: Sequence[str] = ()) -> LogitMixture:
     """The shipped prior, one of a file, or a record; of some families where they are stated."""
     if not isinstance(prior, str | Path | LogitMixture | None):
-        raise InputError(f"prior: {type(prior).__name__} is no prior; give a file, or what "
-                         "sb.train_prior returned")
+        raise InputError(f"prior: {type(prior).__name__} is no prior; give a file")
     learnt = prior if isinstance(prior, LogitMixture) else load_prior(
         None if prior is None else Path(prior))
     return of_families(learnt, families)

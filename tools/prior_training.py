@@ -1,12 +1,12 @@
 """Training of the learnt prior: families of surfaces, each a mixture of its own.
 
-A family is fitted to its measured libraries and to reflectances made by its models (families/).
-Collections are small next to the colours that occur, so four times as many spectra are made from
-the measured ones: geometric means of two (mixtures of two dyes), powers from 1/2 to 2 (thinner and
-thicker layers, as in the law of Beer and Lambert), products of two powers (a layer over another
-body) and shifts by about 12 nm (related dyes). Paints are also mixed by their K / S. Every
-component is widened by a little of the smoothness prior. Training libraries left out in turn
-decided how much of each. See calibration.py for what makes the bands hold.
+A family is fitted to its measured libraries and to reflectances made by its models
+(sampling/prior/families/). Collections are small next to the colours that occur, so four times as
+many spectra are made from the measured ones: geometric means of two (mixtures of two dyes), powers
+from 1/2 to 2 (thinner and thicker layers, as in the law of Beer and Lambert), products of two
+powers (a layer over another body) and shifts by about 12 nm (related dyes). Paints are also mixed
+by their K / S. Every component is widened by a little of the smoothness prior. Training libraries
+left out in turn decided how much of each. See prior_calibration.py for what makes the bands hold.
 """
 from __future__ import annotations
 

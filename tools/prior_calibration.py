@@ -3,7 +3,7 @@
 A part that is left out is judged twice by a prior that has not seen it: with its family stated, and
 with none. Its scores are the factors by which the 95 % band, and those of other levels, would have
 had to be wider about the mean to hold the truth. Bands are first made wider or narrower for how
-wide they are (posterior.py). Per family and level,
+wide they are (mixture_posterior.py). Per family and level,
 
     factor(nm) = s shape(nm)
 
@@ -50,7 +50,8 @@ from spectrabox.sampling.prior.mixture_posterior import (
     widened,
     width_factors,
 )
-from spectrabox.sampling.prior.training import (
+
+from tools.prior_training import (
     LEVELS,
     MIN_CURVES,
     Fitted,
