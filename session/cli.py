@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import copy
+import io
 import os
 import sys
 import warnings
@@ -11,7 +12,6 @@ import typer
 from typer.main import get_command
 
 import spectrabox
-from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.commands import (
     advise,
     batch,
@@ -28,10 +28,8 @@ from spectrabox.session.commands import (
 )
 from spectrabox.session.terminal.command_help import Commands
 from spectrabox.session.terminal.command_line import (
-    NO_OUTPUT,
     flushed_output,
-    last_resort,
-    open_streams,
+    reported_errors,
 )
 from spectrabox.session.terminal.interruption import stop_on_signals
 
@@ -86,11 +84,10 @@ def main() -> None:
     debug = "--debug" in sys.argv
     if not debug:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing
-    has_output = open_streams()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")   # names that no locale can write
     stop_on_signals()
-    with last_resort("--json" in sys.argv, debug), flushed_output():
-        if not has_output:
-            raise EnvironmentProblem(NO_OUTPUT)
+    with reported_errors("--json" in sys.argv, debug), flushed_output():
         # Not the Typer object itself: it would put its own hook in place of ours.
         get_command(with_only("".join(sys.argv[1:2])))(prog_name="spectrabox")
 

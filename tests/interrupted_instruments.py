@@ -21,7 +21,7 @@ from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.fixtures.meter_transcripts import SyntheticMeter
-from spectrabox.session.terminal.interruption import SIGNALS, Interruptions
+from spectrabox.session.terminal.interruption import SIGNALS, held
 
 from tests.transcript_trials import measure_played
 
@@ -117,8 +117,7 @@ def run(meter: SyntheticMeter, point: int, number: int) -> tuple[bool, dict[str,
     with player, mock.patch.object(serial, "serial_for_url", interrupting), \
             mock.patch.object(serial_line, "INNER_TIMEOUT_S", 0.005):
         try:
-            with Interruptions() as interruptions:
-                measure_played(transcript, player.port, PACE, held=interruptions.held)
+            measure_played(transcript, player.port, PACE, held=held)
         except KeyboardInterrupt:
             interrupted = True
         except InstrumentError:

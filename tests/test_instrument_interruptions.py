@@ -1,5 +1,4 @@
 """However a measurement is broken off, the instrument has its own settings back."""
-import contextlib
 import os
 import signal
 
@@ -12,9 +11,19 @@ from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.fixtures.meter_transcripts import changed_meters
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.session.terminal.interruption import SIGNALS, Interruptions
+from spectrabox.session.terminal.interruption import SIGNALS, held, stop_on_signals
 
 from tests.interrupted_instruments import conversation, interruptions, run, settings_left
+
+
+@pytest.fixture(autouse=True)
+def as_a_command_hears_signals():
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    stop_on_signals()
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
 
 METERS = {meter.driver: meter for meter in changed_meters()}
 # Typed to character by character, a PR-655 has the most points at which a command can be cut.
@@ -41,36 +50,21 @@ def test_the_settings_that_an_interruption_could_leave_are_seen_by_these_tests()
 @pytest.mark.parametrize("number", SIGNALS)
 def test_a_signal_waits_for_the_end_of_a_command_and_comes_once(number):
     seen = []
-    with pytest.raises(KeyboardInterrupt), Interruptions() as interruptions:
-        with interruptions.held():
-            with interruptions.held():
-                signal.raise_signal(number)
-                seen.append("inner")
-            seen.append("outer")
-        seen.append("never")
-    assert seen == ["inner", "outer"]
-    with pytest.raises(KeyboardInterrupt), Interruptions():
-        try:
+    with pytest.raises(KeyboardInterrupt), held():
+        with held():
             signal.raise_signal(number)
-        finally:
-            signal.raise_signal(number)     # an impatient operator breaks off no tidying up
-            seen.append("tidied")
-    assert seen[-1] == "tidied"
+            signal.raise_signal(number)     # an impatient operator
+            seen.append("inner")
+        seen.append("outer")
+    assert seen == ["inner", "outer"]
+    with held():
+        seen.append("again")
+    assert seen[-1] == "again"
 
 
-def test_the_handlers_of_signals_are_those_of_before_again():
-    before = [signal.getsignal(number) for number in SIGNALS]
-    with Interruptions():
-        assert [signal.getsignal(number) for number in SIGNALS] != before
-    assert [signal.getsignal(number) for number in SIGNALS] == before
-
-
-@contextlib.contextmanager
 def opened(name, player, log=lambda direction, data: None):
     """As the command opens it."""
-    with Interruptions() as interruptions, \
-            open_instrument(name, player.port, log, FAST, interruptions.held) as meter:
-        yield meter
+    return open_instrument(name, player.port, log, FAST, held)
 
 
 @pytest.mark.parametrize("name", ["cs2000", "cr250", "pr655", "specbos2501"])

@@ -4,7 +4,6 @@ import gc
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -13,12 +12,7 @@ from spectrabox.radiometry import files
 from spectrabox.radiometry.files import UNFINISHED, whole_file
 from spectrabox.session.store import store
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
-from spectrabox.session.terminal.interruption import (
-    SIGNALS,
-    TIDYING_S,
-    Interruptions,
-    stop_on_signals,
-)
+from spectrabox.session.terminal.interruption import SIGNALS, held, stop_on_signals
 
 # Between a file's opening and its block, an interrupt leaves it to the collector to close it.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning",
@@ -110,22 +104,9 @@ def test_a_file_is_the_old_one_or_the_new_one_at_whatever_line_a_signal_comes(tm
     assert {*seen} == {"old", "new"}
 
 
-def test_a_second_signal_breaks_off_no_tidying_up_and_a_later_one_is_heard(monkeypatch):
-    """A closed terminal sends two; a library may swallow the first and go on."""
-    now, heard = [0.0], []
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    listen()
-    for now[0] in (0, 1, TIDYING_S - 0.1, TIDYING_S + 0.1):
-        try:
-            signal.raise_signal(signal.SIGTERM)
-        except KeyboardInterrupt:
-            heard.append(now[0])
-    assert heard == [0, TIDYING_S + 0.1]
-
-
 def test_one_that_was_held_back_is_raised_at_the_end_though_something_else_failed():
-    with pytest.raises(KeyboardInterrupt) as ended, Interruptions() as interruptions, \
-            interruptions.held():
+    listen()
+    with pytest.raises(KeyboardInterrupt) as ended, held():
         signal.raise_signal(signal.SIGINT)
         raise ValueError("the photo vanished")
     assert isinstance(ended.value.__context__, ValueError)

@@ -20,7 +20,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import SpectralReading
 from spectrabox.radiometry.system.words import plain
-from spectrabox.session.terminal.interruption import Interruptions
+from spectrabox.session.terminal.interruption import held
 
 REPLAY_LIMIT_S = 2.0
 Check: TypeAlias = Callable[[Maker], None]      # objects to an instrument that may not measure here
@@ -137,8 +137,7 @@ def operated_instrument(name: str, port: str, log: Log) -> Iterator[Instrument]:
     """
     opened: list[Instrument] = []
     try:
-        with Interruptions() as interruptions, \
-                open_instrument(name, port, log, meter_pace(), interruptions.held) as meter:
+        with open_instrument(name, port, log, meter_pace(), held) as meter:
             opened.append(meter)
             try:
                 yield meter

@@ -6,7 +6,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import inspect
-import io
 import json
 import math
 import os
@@ -67,23 +66,12 @@ AS_JSON, DEBUG = (inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, defaul
                                     annotation=kind)
                   for name, kind in (("as_json", Json), ("debug", Debug)))
 LAST = ("device", "allow_outside", "quiet", "as_json", "debug")
-INTERRUPTED = 130
-STOPPED = "interrupted: finished stages are kept, run the same command again to go on"
+STOPPED = "interrupted: finished stages are kept, run the same command again to go on", 130
 
 NO_MEMORY = ("memory ran out: close other programs, or give smaller pictures, fewer draws or fewer "
              "regions")
-# what the system says where no memory is left for a library
-NO_MAPPING = ("failed to map segment", "annot allocate memory")
-NO_OUTPUT = ("standard output is closed, and the answer goes there: send it to a file, or to "
-             "/dev/null")
-NO_PROCESS = "this system lets no further process be started: end others, or raise its limit"
-NO_FOLDER = "the folder that this command was started in is gone: change to another one"
 NOT_WRITTEN = "the output cannot be written: free space, then run again"
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
-# how pathlib's and the system's errors of names begin that no file can have
-BAD_NAMES = {"Symlink loop": "a symbolic link leads back to itself: remove it, or name another "
-             "file or folder",
-             "embedded null": "the name of a file holds a zero byte: correct it"}
 
 
 @dataclass(frozen=True)
@@ -178,34 +166,7 @@ class UsageProblem(SpectraboxError):
 
 @contextlib.contextmanager
 def reported_errors(as_json: bool, debug: bool) -> Iterator[None]:
-    """Turn errors that an operator can fix into one clear message and the documented exit code."""
-    try:
-        yield
-    except typer.Exit:
-        raise
-    except SpectraboxError as error:
-        if debug:
-            raise
-        fail(as_json, str(error), error.exit_code)
-    except OSError as error:
-        if debug or error.filename is None or error.strerror is None:
-            raise
-        fail(as_json, f"{_text(error.filename)} cannot be read or written ({error.strerror}): "
-             "correct its name, or change its permissions",
-             EnvironmentProblem.exit_code if error.errno in DISK_TROUBLE else InputError.exit_code)
-    except (KeyboardInterrupt, Exception) as error:
-        stop = interrupt_behind(error)
-        if stop is None:
-            raise
-        fail(as_json, STOPPED, getattr(stop, "exit_code", INTERRUPTED))
-
-
-@contextlib.contextmanager
-def last_resort(as_json: bool, debug: bool) -> Iterator[None]:
-    """Turn any unexpected error into one sentence and exit code 1, or 7 where memory ran out.
-
-    Libraries also raise errors that are no ``Exception``.
-    """
+    """Turn any error into one sentence and its exit code; ``debug`` lets it through."""
     try:
         yield
     except SystemExit as leaving:
@@ -214,97 +175,36 @@ def last_resort(as_json: bool, debug: bool) -> Iterator[None]:
         if as_json and usage is not None:
             print(json.dumps({"error": message(usage()), "exit_code": leaving.code}))
         raise
-    except GeneratorExit:
-        raise
-    except BaseException as error:
-        if debug:
+    except BaseException as error:      # libraries also raise errors that are no Exception
+        if isinstance(error, typer.Exit | BrokenPipeError) or hasattr(error, "format_message"):
+            raise                       # Click leaves, quietly where no one reads on
+        stopped = interrupt_behind(error) is not None
+        if debug and not stopped:
             raise
-        stop = interrupt_behind(error)
-        sentence, code = describe_error(error) if stop is None \
-            else (STOPPED, getattr(stop, "exit_code", INTERRUPTED))
-        with contextlib.suppress(typer.Exit):
-            fail(as_json, sentence, code)
-        sys.exit(code)
+        fail(as_json, *(STOPPED if stopped else describe_error(error)))
 
 
 def describe_error(error: BaseException) -> tuple[str, int]:
     """One sentence on any error but an interrupt, and the exit code that it means."""
     if isinstance(error, SpectraboxError):
         return str(error), error.exit_code
-    if isinstance(error, MemoryError) or (isinstance(error, ImportError)
-                                          and any(sign in str(error) for sign in NO_MAPPING)):
+    if isinstance(error, MemoryError):
         return NO_MEMORY, EnvironmentProblem.exit_code
-    if isinstance(error, OSError) and error.errno in DISK_TROUBLE:
-        return f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
-    if isinstance(error, BlockingIOError) or str(error) == os.strerror(errno.EAGAIN):
-        return NO_PROCESS, EnvironmentProblem.exit_code
-    if isinstance(error, FileNotFoundError) and error.filename is None:
-        return NO_FOLDER, InputError.exit_code
-    for begins, sentence in BAD_NAMES.items():
-        if isinstance(error, RuntimeError | ValueError) and str(error).startswith(begins):
-            return f"{sentence} ({error})", InputError.exit_code
+    if isinstance(error, OSError) and error.strerror is not None:
+        full = error.errno in DISK_TROUBLE
+        if error.filename is not None:
+            return (f"{_text(error.filename)} cannot be read or written ({error.strerror}): "
+                    "correct its name, or change its permissions",
+                    EnvironmentProblem.exit_code if full else InputError.exit_code)
+        if full:
+            return f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
     return (f"unexpected {type(error).__name__}: {error}; run again with --debug and report what "
             "it shows"), 1
 
 
-class Output(io.TextIOWrapper):
-    """Standard output or error. What a reader no longer reads is dropped, and is no error; messages
-    are dropped wherever they cannot be written. Names that no locale can write are escaped.
-    """
-
-    dropped: type[OSError] = BrokenPipeError
-
-    def write(self, text: str) -> int:
-        """Write text."""
-        try:
-            return super().write(text)
-        except self.dropped:
-            self.drop()
-            return len(text)
-
-    def flush(self) -> None:
-        """Write out what was printed."""
-        try:
-            super().flush()
-        except self.dropped:
-            self.drop()
-
-    def drop(self) -> None:
-        """Drop what cannot be written, and all that follows: Python would try again at its end."""
-        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
-
-
-def open_streams() -> bool:
-    """Make standard output and error ``Output``, and open /dev/null for streams that are closed.
-
-    Files that the command opens would otherwise take their numbers, and get what is printed.
-
-    Returns
-    -------
-    bool
-        Whether there is a standard output.
-    """
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)      # takes the lowest free number
-    there = sys.stdout is not None
-    sys.stdin = sys.stdin or os.fdopen(0)
-    for name, number in (("stdout", 1), ("stderr", 2)):
-        stream = getattr(sys, name) or os.fdopen(number, "w")
-        if isinstance(stream, io.TextIOWrapper):
-            output = Output(stream.detach(), stream.encoding, "backslashreplace",
-                            line_buffering=stream.line_buffering)
-            if name == "stderr":
-                output.dropped = OSError    # a full disk under messages changes no result
-            setattr(sys, name, output)
-    return there
-
-
 @contextlib.contextmanager
 def flushed_output() -> Iterator[None]:
-    """Write out what was printed before leaving.
+    """Write out what was printed before leaving; what nobody reads any more is dropped.
 
     Raises
     ------
@@ -315,20 +215,20 @@ def flushed_output() -> Iterator[None]:
         yield
     finally:
         try:
-            sys.stdout.flush()
-        except OSError as error:
-            if isinstance(sys.stdout, Output):
-                sys.stdout.drop()
-            raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
+            print(end="", flush=True)
+        except OSError as error:        # Python would try again at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            if not isinstance(error, BrokenPipeError):
+                raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
 
 
 def fail(as_json: bool, sentence: str, exit_code: int) -> NoReturn:
     """Print an error where the caller looks for it and leave."""
     sentence = message(sentence)
+    tell(f"spectrabox: {sentence}")
     if as_json:
         print(json.dumps({"error": sentence, "exit_code": exit_code}))
-    tell(f"spectrabox: {sentence}")
-    raise typer.Exit(exit_code)
+    sys.exit(exit_code)
 
 
 def print_answer(as_json: bool, answer: Answer) -> None:

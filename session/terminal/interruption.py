@@ -1,108 +1,55 @@
-"""Ctrl-C, a closed terminal and a request to end: how a command hears them.
+"""Ctrl-C, a closed terminal and a request to end: one handler.
 
-A command ends by an exception, so that what it holds open is put right on the way out. A closed
-terminal sends two signals, the second of which would break that off: it is ignored for a while. An
+A command ends by KeyboardInterrupt, so that what it holds open is put right on the way out. An
 interrupt between the characters of a command to an instrument would leave half of it there, which
-then takes the next command, the one that puts a setting back, for the rest of it: such work holds
-interrupts back.
+then takes the next command for the rest of it: such work holds interrupts back.
 """
 from __future__ import annotations
 
 import contextlib
-import math
 import signal
 import threading
-import time
 from collections.abc import Iterator
-from types import FrameType, TracebackType
-from typing import Any
+from types import FrameType
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")
                 if hasattr(signal, name))           # Windows has no SIGHUP
-TIDYING_S = 5.0     # removing what is unfinished takes far less
 
 
-class Stopped(KeyboardInterrupt):
-    """Asked to end by the system: SIGTERM or SIGHUP, which end a command as Ctrl-C does."""
+class _Waiting:
+    """How many holds there are, and whether a signal waits for their end."""
 
-    def __init__(self, number: int) -> None:
-        super().__init__(f"signal {number}")
-        self.exit_code = 128 + number
+    holds = 0
+    interrupt = False
 
 
 def stop_on_signals() -> None:
-    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, unless the caller has them ignored.
-
-    Those that follow within ``TIDYING_S`` raise nothing; a later one does, since a library may
-    have swallowed the first.
-    """
-    ignored_until = -math.inf
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal ignored_until
-        if time.monotonic() < ignored_until:
-            return
-        ignored_until = time.monotonic() + TIDYING_S
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
-        raise Stopped(number)
-
+    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, unless the caller has them ignored."""
     for number in SIGNALS:
-        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
-            signal.signal(number, stop)
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
 
 
-class Interruptions:
-    """Lets the first of ``SIGNALS`` interrupt, at once or at the end of a hold.
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if not _Waiting.holds:
+        raise KeyboardInterrupt
+    _Waiting.interrupt = True
 
-    It raises what it raised before, a KeyboardInterrupt or a kind of it, also where it would have
-    killed the process. Those that follow raise nothing: they would break off the work of putting
-    things right. Signals that were ignored stay so. Only the main thread receives signals; in
-    others nothing is held and nothing is raised.
+
+@contextlib.contextmanager
+def held() -> Iterator[None]:
+    """Nothing that ``stop_on_signals`` hears interrupts this block; what came is raised after it.
+
+    Only the main thread receives signals: in others nothing is held.
     """
-
-    def __init__(self) -> None:
-        self._holds = 0
-        self._received: int | None = None
-        self._raised = False
-        self._handlers: dict[int, Any] = {}         # those of before
-
-    def __enter__(self) -> Interruptions:
-        if threading.current_thread() is threading.main_thread():
-            for number in SIGNALS:
-                before = signal.getsignal(number)
-                if before not in (signal.SIG_IGN, None):    # None: set by a library, not by Python
-                    self._handlers[number] = before
-                    signal.signal(number, self._receive)
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
-        self._holds = 0
-        if kind is None or not issubclass(kind, KeyboardInterrupt):
-            self._raise_once()
-
-    @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
-        """Nothing interrupts this block; what came meanwhile is raised after it."""
-        self._holds += 1
-        try:
-            yield
-        finally:
-            self._holds -= 1
-        self._raise_once()
-
-    def _receive(self, number: int, frame: FrameType | None) -> None:
-        self._received = number if self._received is None else self._received
-        self._raise_once()
-
-    def _raise_once(self) -> None:
-        if self._received is None or self._holds or self._raised:
-            return
-        self._raised = True
-        handler = self._handlers[self._received]
-        if not callable(handler):
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _Waiting.holds += 1
+    try:
+        yield
+    finally:
+        _Waiting.holds -= 1
+        if _Waiting.interrupt and not _Waiting.holds:
+            _Waiting.interrupt = False
             raise KeyboardInterrupt
-        handler(self._received, None)
