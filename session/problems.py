@@ -27,7 +27,7 @@ from spectrabox.radiometry.spectra.kept_cameras import known_camera
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape
 from spectrabox.session.config.captured_session import capture_with_faults
-from spectrabox.session.config.session_file import missing_files, try_read_session
+from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import stage_names, stage_states
 from spectrabox.session.pipeline import run_stages
@@ -85,8 +85,6 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
     if folder.is_dir() and not os.access(folder, os.W_OK):
         problems.append(Problem(f"{folder} cannot be written: change its permissions",
                                 EnvironmentProblem.exit_code))
-    missing = missing_files(folder)
-    problems += [Problem(sentence, InputError.exit_code) for sentence in missing.values()]
     if config is None:
         return CheckResult(problems, None)
 
@@ -97,8 +95,7 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
         except SpectraboxError as error:
             problems.extend(Problem(sentence, error.exit_code)
                             for sentence in str(error).splitlines()
-                            if sentence not in [problem.sentence for problem in problems]
-                            and not any(str(path) in sentence for path in missing))
+                            if sentence not in [problem.sentence for problem in problems])
             return None
 
     capture, faults = capture_with_faults(config)

@@ -6,6 +6,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
+import tomlkit
 from flat_example import write_flat
 
 from spectrabox.capture.photo.regions import region_pixels
@@ -13,7 +14,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.session.page import marks
 from spectrabox.session.page.marks import Mark, MarkedSession, marked
 from spectrabox.session.page.photo_views import PhotoViews
-from spectrabox.session.page.written_session import corner_names, photos_of
+from spectrabox.session.page.written_session import corner_names, photos_of, shown_tables
 from spectrabox.session.problems import check_session
 
 FLAT = """# what we photographed on Tuesday
@@ -27,6 +28,9 @@ spectrum = "unknown"
 rect = [1, 2, 30, 40]
 known = "spectra/card.csv"     # measured
 """
+
+
+WHITE = {"photos": {"object": ["a.dng", "b.dng"]}, "light": {"spectrum": "unknown"}}
 
 
 def a_mark(kind="region", **rest):
@@ -158,13 +162,6 @@ def test_a_session_that_has_a_fault_already_can_still_be_marked(tmp_path):
     assert "a" in tomllib.loads(session.read()[0])["regions"]
 
 
-def test_photos_are_named_by_what_they_are_whatever_else_is_wrong():
-    written = {"photos": {"object": ["a.dng", "b.dng"], "chart": {"450": "c.dng"}},
-               "views": {"warm": {"photo": "d.dng", "chart": 5}, "bad": 3}}
-    assert photos_of(written) == {"photo": "a.dng", "chart": "c.dng", "warm": "d.dng"}
-    assert photos_of({"photos": 3}) == {}
-
-
 @pytest.mark.parametrize("camera", [
     None, {}, {"at_mm": [0, 165, 690], "look_at_mm": [0, 165, 0]}, {"corners_px": {}}])
 def test_corners_can_be_marked_before_the_camera_is_known(camera):
@@ -173,17 +170,22 @@ def test_corners_can_be_marked_before_the_camera_is_known(camera):
            "objects": [{"name": "block", "shape": "box", "material": "cube",
                         "size_mm": [120, 120, 120], "at_mm": [-50, 0, -200]}],
            "lamp": {"at_mm": [50, 270, 380], "radius_mm": 8}}
-    names = corner_names({"scene": {"box": box | ({} if camera is None else {"camera": camera})}})
+    box |= {} if camera is None else {"camera": camera}
+    tables = shown_tables(tomlkit.dumps({**WHITE, "scene": {"box": box}}))
+    assert photos_of(tables) == {"photo": "a.dng"}
+    names = corner_names(tables)
     assert len(names) == 16 and names[0] == "back bottom left"
     assert names[-4:] == [name for name in names if name.startswith("front ")]
     assert "block front top left" in names
 
 
-@pytest.mark.parametrize("written", [{}, {"scene": 3}, {"scene": {"box": []}},
-                                     {"scene": {"box": {"width_mm": "wide"}}},
-                                     {"scene": {"file": "scene/box.xml"}}])
-def test_without_a_measured_box_no_corner_can_be_named(written):
-    assert corner_names(written) == []
+@pytest.mark.parametrize("scene", [3, {"box": []}, {"box": {"width_mm": "wide"}},
+                                   {"file": "scene/box.xml"}])
+def test_without_a_measured_box_no_corner_can_be_named(scene):
+    tables = shown_tables(tomlkit.dumps({**WHITE, "scene": scene}))
+    assert corner_names(tables) == []
+    assert photos_of(tables) == ({"photo": "a.dng"} if "file" in str(scene) else {})
+    assert corner_names(shown_tables("[photos")) == []
 
 
 @pytest.fixture(scope="module")

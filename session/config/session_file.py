@@ -3,9 +3,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-import re
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +15,11 @@ from spectrabox.radiometry.checked_tables import (
     require_plain_toml,
 )
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import is_there, read_bytes_of_text
+from spectrabox.radiometry.files import read_bytes_of_text
 from spectrabox.session.config.flat_session import FlatSession
 from spectrabox.session.config.scene_session import SceneSession
 from spectrabox.session.config.session_rules import inconsistencies
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, SessionTables
-
-ENDING = re.compile(r"\.[A-Za-z]\w{0,9}$")     # of a file's name; FL3.15 is a light
-NOT_FILES = ("name", "bsdf", "column", "wavelength_column")     # keys whose text is no file
 
 
 def read_session(folder: Path, allow_outside: bool = False) -> SessionConfig:
@@ -54,40 +49,6 @@ def try_read_session(folder: Path,
     if config is not None:
         config = config.model_copy(update={"toml_sha256": hashlib.sha256(content).hexdigest()})
     return config, problems
-
-
-def missing_files(folder: Path) -> dict[Path, str]:
-    """Files that a session.toml names and that are not there, a sentence on each; none where the
-    file is no TOML. Its keys need not be well written otherwise.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the session.
-    """
-    try:
-        written = tomllib.loads(text_of(session_content(folder)))
-    except (InputError, ValueError, RecursionError):
-        return {}
-    missing: dict[Path, str] = {}
-    for key, text in _texts(written):
-        if key.split(".")[-1] not in NOT_FILES and ENDING.search(text) \
-                and not is_there(folder / text):
-            missing.setdefault(folder / text, f"{text} is missing: add the file, or correct its "
-                               f"name in {key}")
-    return missing
-
-
-def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Every text of a table of TOML, with the key it belongs to."""
-    if isinstance(value, str):
-        yield key, value
-    elif isinstance(value, dict):
-        for name, own in value.items():
-            yield from _texts(own, f"{key}.{name}".lstrip("."))
-    elif isinstance(value, list):
-        for own in value:
-            yield from _texts(own, key)
 
 
 def session_content(folder: Path) -> bytes:
@@ -126,6 +87,21 @@ def text_of(content: bytes) -> str:
     return text
 
 
+def toml_of(text: str) -> dict[str, Any]:
+    """The tables of a session.toml as they are written.
+
+    Raises
+    ------
+    InputError
+        If it is no TOML: what the parser says, with line and column.
+    """
+    text = text_of(text.encode())
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
+        raise InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
+
+
 def session_of_text(text: str, folder: Path,
                     allow_outside: bool = False) -> tuple[SessionConfig | None, list[str]]:
     """As ``try_read_session``, of a text that may not have been written yet.
@@ -153,13 +129,13 @@ def tables_of_text(text: str, folder: Path,
         As of ``session_of_text``.
     """
     try:
-        written = tomllib.loads(text)
+        written = toml_of(text)
         tables = SessionTables.model_validate(written)
+    except InputError as error:
+        return None, [str(error)]
     except ValidationError as error:
         return None, [f"{FILE_NAME}: {sentence}"
                       for sentence in fault_sentences(error, SessionTables)]
-    except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
-        return None, [f"{FILE_NAME} is not valid TOML: {error}"]
     kind = FlatSession if _of_flat_samples(tables) else SceneSession
     return kind(folder=folder, allow_outside=allow_outside, **written), []
 

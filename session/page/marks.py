@@ -5,7 +5,6 @@ import hashlib
 import json
 import re
 import threading
-import tomllib
 from collections.abc import MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -19,19 +18,25 @@ from spectrabox.radiometry.checked_tables import ListOf, Table, checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.words import shortened
-from spectrabox.session.config.session_file import session_content, tables_of_text, text_of
+from spectrabox.session.config.session_file import (
+    session_content,
+    tables_of_text,
+    text_of,
+    toml_of,
+)
 from spectrabox.session.config.session_rules import inconsistencies, unpaired_references
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.flat.new_session import known_file
 from spectrabox.session.page.mark_faults import mark_faults
 from spectrabox.session.page.photo_views import PhotoViews
-from spectrabox.session.page.written_session import STATED, Pixel
+from spectrabox.session.page.written_session import Pixel
 
 MAX_UNDO = 200
 RECEIVED = "spectra/"       # where spectra lie that the page was given
 OF_SESSION = {"name": ("session", "name"), "light": ("light", "spectrum")}
 OF_VIEW = {"photo", "same_light_as", "light", "lamp", "filter"}
 DECIMALS = 1            # of a pixel: no hand marks finer
+STATED = ("family", "known", "surface", "truth")    # of a region
 BYTE_ORDER_MARK = "\ufeff"
 LINE_FEED_ALONE = re.compile(r"(?<!\r)\n")
 
@@ -144,7 +149,7 @@ class MarkedSession:
 
     def _faults(self, text: str, mark: Mark) -> list[str]:
         """What the session's file has wrong, and what the mark has on its photo."""
-        config, faults = tables_of_text(text_of(text.encode()), self.folder, self.allow_outside)
+        config, faults = tables_of_text(text, self.folder, self.allow_outside)
         if config is None:
             return faults
         faults = inconsistencies(config)
@@ -294,7 +299,7 @@ def _state_view(document: Any, mark: Mark) -> None:
 
 def _renamed(text: str, mark: Mark) -> str:
     """The text with another name for a region, in the header of its table alone."""
-    regions = tomllib.loads(text_of(text.encode())).get("regions")
+    regions = toml_of(text).get("regions")
     if not isinstance(regions, dict) or mark.name not in regions or len(mark.names) != 1:
         raise InputError(f"there is no region {shortened(mark.name)} to rename")
     name, new = mark.name, mark.names[0]
@@ -306,7 +311,7 @@ def _renamed(text: str, mark: Mark) -> str:
                         re.MULTILINE)
     result = header.sub(lambda match: match[1] + tomlkit.key(new).as_string() + match[2], text)
     expected = {new if each == name else each: region for each, region in regions.items()}
-    if tomllib.loads(text_of(result.encode())).get("regions") != expected:
+    if toml_of(result).get("regions") != expected:
         raise InputError(f"region {shortened(name)} is written in a way that this page cannot "
                          f"rename; rename it in {FILE_NAME}")
     return result

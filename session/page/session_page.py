@@ -11,10 +11,10 @@ from spectrabox.capture.photo.orientation import photo_orientation
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import whole_file, writable
-from spectrabox.radiometry.system.words import shortened
+from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.flat_session import FlatSession
 from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_file import session_of_text, text_of
+from spectrabox.session.config.session_file import session_of_text
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.meters.page_meter import PageMeter
@@ -29,10 +29,8 @@ from spectrabox.session.page.written_session import (
     corner_names,
     facts_of,
     marks_of,
-    name_of,
-    orientation_of,
     photos_of,
-    tables_of,
+    shown_tables,
 )
 
 MARKED = ("marked.csv", "marked.spdx")      # spectra of what is marked now
@@ -99,24 +97,25 @@ class SessionPage:
         except InputError as error:
             text, digest, problems = "", "", [str(error)]
         else:
-            config, problems = session_of_text(text_of(text.encode()), self.folder,
-                                               self._allow_outside)
+            config, problems = session_of_text(text, self.folder, self._allow_outside)
         # spectra while one points are of flat samples alone
         self.live.follow(config if isinstance(config, FlatSession) else None)
         live = self.live.state()
-        written = tables_of(text)
-        marks = marks_of(written)
+        tables = shown_tables(text)
+        marks = marks_of(tables)
         photos = []
-        for role, name in photos_of(written).items():
+        for role, name in photos_of(tables).items():
             path = self._inside(name)
             if path is not None:
                 photos.append({"role": role, "file": name, "there": path.is_file()})
         marked: Sequence[str] = ()      # files of what is marked now, which no report need hold
         if live is not None and live["ready"] and marks["regions"]:
             marked = MARKED
-        return {"name": name_of(written, self.folder), "digest": digest, "problems": problems,
+        named = tables is not None and "name" in tables.session.model_fields_set
+        name = tables.session.name if tables is not None and named else plain(self.folder.name)
+        return {"name": name, "digest": digest, "problems": problems,
                 "photos": photos, "undo": self.marks.can_undo(text), "marks": marks,
-                "corner_names": corner_names(written), "facts": facts_of(written),
+                "corner_names": corner_names(tables), "facts": facts_of(tables),
                 "stages": self._stages(text, config), "run": self.run.state(),
                 "live": live, "report": self.report.stamp(),
                 "exports": [*marked, *self.report.exports()], "reported": self.report.verdict(),
@@ -134,12 +133,12 @@ class SessionPage:
         if kind == "shot" and self.shooting is not None:
             shot = self.shooting.path(name)
             return PhotoFile(shot, photo_orientation(shot))
-        written = tables_of(self.marks.read()[0])
-        named = photos_of(written)
-        if role in named:
+        tables = shown_tables(self.marks.read()[0])
+        named = photos_of(tables)
+        if tables is not None and role in named:
             path = self._inside(named[role])
             if path is not None:
-                return PhotoFile(path, orientation_of(written))
+                return PhotoFile(path, tables.photos.orientation)
         raise InputError(f"the session has no photo {shortened(role)}; it has {', '.join(named)}")
 
     @contextlib.contextmanager
@@ -181,7 +180,7 @@ class SessionPage:
         return path if self._allow_outside or path.is_relative_to(self.folder) else None
 
     def _chart(self) -> Chart:
-        config, _ = session_of_text(text_of(self.marks.read()[0].encode()), self.folder)
+        config, _ = session_of_text(self.marks.read()[0], self.folder)
         try:
             return CLASSIC if config is None else session_chart(config)
         except SpectraboxError:
