@@ -10,15 +10,12 @@ from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.steps.declared_steps import needed_steps
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.input_roles import input_files
 from spectrabox.session.store.keys import step_keys
 from spectrabox.session.store.store import (
-    ARRAYS,
-    FACTS,
     StoredStage,
     fingerprint,
     load_stage,
@@ -52,10 +49,9 @@ class FinishedRun:
         """What the stages stored, read when it is asked for."""
         return CaptureRecords(self.stored)
 
-    def result_digests(self) -> dict[str, str]:
-        """SHA-256 of the stored results of all stages, by their names below the results' folder."""
-        return {f"{name}/{part}": sha256_of(stage.folder / part)
-                for name, stage in self.stored.items() for part in (FACTS, ARRAYS)}
+    def fingerprints(self) -> dict[str, str]:
+        """What each stage was made from, as a fingerprint of its key."""
+        return {name: fingerprint(stage.key) for name, stage in self.stored.items()}
 
     def input_digests(self, config: SessionConfig) -> dict[str, Any]:
         """Digests of all that a report depends on.
@@ -67,15 +63,12 @@ class FinishedRun:
         Returns
         -------
         dict
-            ``session``, ``files`` and ``results``: SHA-256 by name as seen from the session
-            folder; ``stages``: the fingerprint of each stage's key.
+            ``session`` and ``files``: SHA-256 by name as seen from the session folder; ``stages``:
+            the fingerprint of each stage's key.
         """
-        folder = config.results_folder.relative_to(config.folder).as_posix()
         return {"session": {FILE_NAME: config.toml_sha256},
                 "files": InputFiles(config).digests(*input_files(config, self.capture)),
-                "results": {f"{folder}/{name}": digest
-                            for name, digest in self.result_digests().items()},
-                "stages": {name: fingerprint(stage.key) for name, stage in self.stored.items()}}
+                "stages": self.fingerprints()}
 
 
 def stage_states(config: SessionConfig) -> list[StageState]:

@@ -115,9 +115,8 @@ def test_stored_records_come_back_or_are_known_as_damaged(records, at):
             back = stored.read(kind if not isinstance(value, int) else int, name)
             np.testing.assert_equal(back, value)
         path = Path(folder) / "photo" / ("arrays.npz" if at % 2 else "facts.json")
-        content = bytearray(path.read_bytes())
-        content[at % len(content)] ^= 1 << at % 8
-        path.write_bytes(content)
+        content = path.read_bytes()
+        path.write_bytes(content[:at % len(content)])
         assert load_stage(Path(folder), "photo").damage == path.name
 
 

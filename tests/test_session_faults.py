@@ -66,9 +66,7 @@ def test_a_run_killed_at_a_rename_is_finished_by_the_next_to_the_same_bits(stale
 def test_damaged_results_are_made_again_with_a_note(stale, whole):
     shutil.copytree(whole[0] / "results" / "sample", stale / "results" / "sample")
     arrays = stale / "results" / "sample" / "arrays.npz"
-    content = bytearray(arrays.read_bytes())
-    content[len(content) // 2] ^= 1
-    arrays.write_bytes(content)
+    arrays.write_bytes(arrays.read_bytes()[:-1000])
     states = {stage["name"]: stage for stage in json.loads(
         call("status", stale, "--json").stdout)["stages"]}
     assert states["sample"]["reasons"] == ["its stored results are damaged (arrays.npz)"]

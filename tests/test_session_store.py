@@ -1,6 +1,5 @@
 import json
 import os
-import shutil
 import subprocess
 
 import numpy as np
@@ -61,33 +60,22 @@ def test_a_stage_is_replaced_whole(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["photo"]
 
 
-@pytest.mark.parametrize("name", ["facts.json", "arrays.npz", "picture.png", "SHA256SUMS"])
-def test_a_stored_file_that_is_not_as_it_was_written_is_named(tmp_path, name):
-    with stage_folder(tmp_path, "photo") as folder:
-        save_stage(folder, {"settings": {"v": 1}}, {"calibration": calibration()}, 1.0, {})
-        (folder / "picture.png").write_bytes(b"pixels")
+@pytest.mark.parametrize("name", ["facts.json", "arrays.npz"])
+def test_a_stored_file_that_cannot_be_opened_is_named(tmp_path, name):
+    save(tmp_path, 1)
     assert load_stage(tmp_path, "photo").damage is None
     path = tmp_path / "photo" / name
-    content = path.read_bytes()
-    for damaged in (bytes([content[0] ^ 1]) + content[1:], content[1:], b""):
+    for damaged in (path.read_bytes()[:-20], b""):
         path.write_bytes(damaged)
-        assert load_stage(tmp_path, "photo").damage is not None
+        assert load_stage(tmp_path, "photo").damage == name
     path.unlink()
-    assert load_stage(tmp_path, "photo").damage is not None
-
-
-def test_the_checksums_are_those_of_sha256sum(tmp_path):
-    save(tmp_path, 1)
-    if shutil.which("sha256sum") is None:
-        pytest.skip("no sha256sum on this system")
-    subprocess.run(["sha256sum", "--check", "--strict", "SHA256SUMS"], cwd=tmp_path / "photo",
-                   check=True, capture_output=True)
+    assert load_stage(tmp_path, "photo").damage == name
 
 
 def test_damaged_arrays_get_a_sentence(tmp_path):
     save(tmp_path, 1)
     (tmp_path / "photo" / "arrays.npz").write_bytes(b"PK\x03\x04 not a zip")
-    with pytest.raises(InputError, match="'spectrabox run' makes it again"):
+    with pytest.raises(InputError, match=r"remove .*photo and run again"):
         load_stage(tmp_path, "photo").read(Calibration, "calibration")
 
 

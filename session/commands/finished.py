@@ -62,14 +62,13 @@ def relight(
     config, finished, stale = finished_session(folder, allow_outside)
     scene = scene_of(stated_scene(config))
     size = (width, max(round(width * scene.height / scene.width), 1))
-    digests = finished.result_digests()
     relit, notes = render_under(finished, light=light,
                                 observer=observer or OBSERVER, size=size, spp=spp,
                                 device=device)
     label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
     png = out or folder / f"relit {label}.png"
     with outputs_writer(config.folder):     # two pictures that belong together
-        require_results(finished, digests, "spectrabox relight")
+        require_results(finished, "spectrabox relight")
         write_png(png, relit.picture)
         write_exr(png.with_suffix(".exr"), relit.xyz, ("X", "Y", "Z"))
     lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
@@ -104,11 +103,10 @@ def colour(
     from spectrabox.session.outputs.run_outputs import require_results
     from spectrabox.session.store.locks import outputs_writer
     config, finished, stale = finished_session(folder, allow_outside)
-    digests = finished.result_digests()
     with outputs_writer(config.folder):
         facts, text = write_colour(config, finished, out or folder / "colour",
                                    space, family)
-        require_results(finished, digests, "spectrabox colour")
+        require_results(finished, "spectrabox colour")
     return Answer({**facts, "stale": stale}, text)
 
 

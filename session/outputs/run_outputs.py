@@ -43,10 +43,8 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | N
             or stored.facts["facts"]["failed_extras"] \
             or stored.key != _key(config, finished, InputFiles(config)):
         return None
-    for name, digest in stored.facts["outputs"].items():
-        path = config.folder / name
-        if not path.is_file() or sha256_of(path) != digest:
-            return None
+    if not all((config.folder / name).is_file() for name in stored.facts["outputs"]):
+        return None
     stages = [{"name": name, "seconds": stage.seconds, "state": "kept"}
               for name, stage in finished.stored.items()]
     report = {name: str(config.folder / stored.facts["facts"][name])
@@ -93,12 +91,12 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         facts, text, files, failed = write_outputs(config, finished, command_line, device,
                                                    _kept_advice(config, key))
         inputs.require_unchanged(key["files"])
-        require_results(finished, key["results"], "spectrabox report")
-        digests = {path.relative_to(config.folder).as_posix(): sha256_of(path) for path in files}
+        require_results(finished, "spectrabox report")
+        written = [path.relative_to(config.folder).as_posix() for path in files]
         names = {name: Path(facts[name]).name for name in ("report", "spectra")}
         with stage_folder(config.results_folder, STAGE) as folder:
             save_stage(folder, key, {}, 0.0,
-                       {"outputs": digests, "facts": {**facts, **names}, "text": text})
+                       {"outputs": written, "facts": {**facts, **names}, "text": text})
     return RunOutputs(facts, f"{text}\nreport: {facts['report']}", failed)
 
 
@@ -107,20 +105,18 @@ def _kept_advice(config: SessionConfig, key: dict[str, Any]) -> dict[str, Any] |
     same results and by the same library, and did not fail.
     """
     stored = load_stage(config.results_folder, STAGE)
-    if stored is None or stored.fault or stored.key["results"] != key["results"] \
+    if stored is None or stored.fault or stored.key.get("stages") != key["stages"] \
             or any(stored.key["code"].get(room) != key["code"][room] for room in LIBRARY) \
             or any(one["extra"] == "advice" for one in stored.facts["facts"]["failed_extras"]):
         return None
     return stored.facts["facts"]["advice"]
 
 
-def require_results(finished: FinishedRun, digests: dict[str, str], command: str) -> None:
+def require_results(finished: FinishedRun, command: str) -> None:
     """Refuse to write files of results that a run has replaced since.
 
     Parameters
     ----------
-    digests : dict
-        As ``FinishedRun.result_digests`` gave them before the results were read.
     command : str
         What to run again.
 
@@ -128,7 +124,8 @@ def require_results(finished: FinishedRun, digests: dict[str, str], command: str
     ------
     InputError
     """
-    if finished.result_digests() != digests:
+    now = {name: load_stage(stage.folder.parent, name) for name, stage in finished.stored.items()}
+    if any(stage is None or stage.key != finished.stored[name].key for name, stage in now.items()):
         raise InputError(f"results changed while they were used; run '{command}' again once the "
                          "run has ended")
 
@@ -144,6 +141,6 @@ def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> di
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
     return {"settings": settings, "truths": digest_of_parts(truths),
             "files": inputs.digests(None if curves is None else curves.file),
-            "results": finished.result_digests(),
+            "stages": finished.fingerprints(),
             "rehearsal": sha256_of(rehearsal) if rehearsal.is_file() else "",
             "versions": versions(), "code": room_digests((*LIBRARY, "session"))}

@@ -113,5 +113,5 @@ def opened_arrays(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
         with opened_npz(path) as stored:
             yield stored
     except (OSError, DamagedArchiveError) as error:
-        raise InputError(f"the stored result {path.name} is damaged ({error}); 'spectrabox "
-                         "run' makes it again") from None
+        raise InputError(f"the stored result {path.name} is damaged ({error}): remove "
+                         f"{path.parent} and run again") from None

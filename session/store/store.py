@@ -10,16 +10,17 @@ import contextlib
 import hashlib
 import json
 import shutil
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import require_no_link, sha256_of, sync, writable
+from spectrabox.radiometry.files import require_no_link, sync, writable
 from spectrabox.session.store.record_files import opened_arrays, pack, save_arrays, unpack
 
-FACTS, ARRAYS, SUMS = "facts.json", "arrays.npz", "SHA256SUMS"
+FACTS, ARRAYS = "facts.json", "arrays.npz"
 FORMAT = 2      # of the stored records; a stage of another is made again
 T = TypeVar("T")
 
@@ -30,7 +31,7 @@ class StoredStage:
 
     folder: Path
     facts: dict[str, Any]
-    damage: str | None = None       # what in it is not as it was written
+    damage: str | None = None       # the file that cannot be read
 
     @property
     def key(self) -> dict[str, Any]:
@@ -72,7 +73,7 @@ class StoredStage:
                 return record
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the stored results of stage {self.folder.name} are damaged "
-                             f"({error!r}); 'spectrabox run' makes them again") from None
+                             f"({error!r}): remove {self.folder} and run again") from None
 
 
 def fingerprint(key: dict[str, Any]) -> str:
@@ -89,36 +90,21 @@ def load_stage(results: Path, stage: str) -> StoredStage | None:
                                          results / stage) if folder.is_dir()), None)
     if folder is None:
         return None
-    damage = _damage_of(folder)
+    damage = None if zipfile.is_zipfile(folder / ARRAYS) else ARRAYS
     try:
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         facts = None
     if not (isinstance(facts, dict) and isinstance(facts.get("key"), dict)
             and isinstance(facts.get("seconds"), int | float)):
-        return StoredStage(folder, {"key": {}, "seconds": 0.0}, damage or FACTS)
+        return StoredStage(folder, {"key": {}, "seconds": 0.0}, FACTS)
     return StoredStage(folder, facts, damage)
-
-
-def _damage_of(folder: Path) -> str | None:
-    """The first file of a stage that is not as it was written; None where all are."""
-    try:
-        lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
-        wanted = {name: digest for digest, _, name in (line.partition("  ") for line in lines)}
-        if not {FACTS, ARRAYS} <= wanted.keys():
-            return SUMS
-        return next((name for name, digest in sorted(wanted.items())
-                     if sha256_of(folder / name) != digest), None)
-    except (OSError, ValueError, InputError):
-        missing = [name for name in (FACTS, ARRAYS, SUMS) if not (folder / name).is_file()]
-        return f"{missing[0]} is missing" if missing else SUMS
 
 
 @contextlib.contextmanager
 def stage_folder(results: Path, stage: str) -> Iterator[Path]:
-    """An empty folder that takes the stage's place when the block ends well, is then on disk with
-    the checksums of its files, and vanishes otherwise, also where Ctrl-C or a signal ends the
-    block.
+    """An empty folder that takes the stage's place when the block ends well, is then on disk, and
+    vanishes otherwise, also where Ctrl-C or a signal ends the block.
     """
     new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
     require_no_link(results)
@@ -128,7 +114,8 @@ def stage_folder(results: Path, stage: str) -> Iterator[Path]:
             new.mkdir(parents=True)
         yield new
         with writable(results):
-            _seal(new)
+            for path in (*new.rglob("*"), new):
+                sync(path)
             if final.exists():
                 final.replace(old)
             new.replace(final)
@@ -145,17 +132,6 @@ def sweep_stage(results: Path, stage: str) -> None:
         old.replace(final)
     for left in (new, old):
         shutil.rmtree(left, ignore_errors=True)
-
-
-def _seal(folder: Path) -> None:
-    """Checksums of a folder's files, as ``sha256sum`` writes and checks them; all on disk."""
-    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*")
-                   if path.is_file())
-    text = "".join(f"{sha256_of(folder / name)}  {name}\n" for name in names)
-    (folder / SUMS).write_text(text, encoding="utf-8")
-    for name in (*names, SUMS):
-        sync(folder / name)
-    sync(folder)
 
 
 def save_stage(folder: Path, key: dict[str, Any], records: Any, seconds: float,
@@ -189,11 +165,10 @@ def copy_stage(stored: StoredStage, folder: Path) -> None:
     stored : StoredStage
         Undamaged.
     folder : Path
-        From ``stage_folder``, which writes the checksums.
+        From ``stage_folder``.
     """
     with writable(folder.parent):
-        shutil.copytree(stored.folder, folder, symlinks=True, dirs_exist_ok=True,
-                        ignore=shutil.ignore_patterns(SUMS))
+        shutil.copytree(stored.folder, folder, symlinks=True, dirs_exist_ok=True)
 
 
 def why_stale(stored: dict[str, Any], current: dict[str, Any]) -> list[str]:
