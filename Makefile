@@ -18,6 +18,8 @@ TESTS  := $(VENV)/.ready-for-tests
 PIP    := $(PY) -m pip --disable-pip-version-check install --no-compile
 
 export PYTHONDONTWRITEBYTECODE =    # or every command would compile every module anew
+# the matrices are small: threads would only wait for each other
+export OPENBLAS_NUM_THREADS = 1
 
 .PHONY: setup demo test lint bench ledger figures paper wheel-check clean
 .DELETE_ON_ERROR:

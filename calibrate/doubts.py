@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
@@ -128,9 +127,8 @@ def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: CameraPrio
     spectrum, unlit = photo.power / grid.weights_nm, [replace(photo, power=grid.weights_nm)]
     alone = Lamps((spectrum / spectrum.mean())[None], np.array([UNKNOWN_KIND]), np.ones(1),
                   ("stated",))
-    with threadpool_limits(1, "blas"):      # see fit_with_prior
-        of_any = posterior_of_products(unlit, product_prior(cameras, all_lamps(), SEED))
-        of_stated = evidence_of_products(unlit, product_prior(cameras, alone, SEED))
+    of_any = posterior_of_products(unlit, product_prior(cameras, all_lamps(), SEED))
+    of_stated = evidence_of_products(unlit, product_prior(cameras, alone, SEED))
     return LightEvidence(stated, of_any.log_evidence - of_stated, CONTRADICTS, LIGHT_KINDS,
                          kind_probabilities(of_any))
 
@@ -146,8 +144,7 @@ def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
         Of one camera under one light, see ``fit_products`` on their ``power``.
     cameras : CameraPrior
     """
-    with threadpool_limits(1, "blas"):      # see fit_with_prior
-        posterior = posterior_of_products(photos, product_prior(cameras, all_lamps(), SEED))
+    posterior = posterior_of_products(photos, product_prior(cameras, all_lamps(), SEED))
     return LightEvidence(light.stated, nats_against(posterior, light), KIND_CONTRADICTS,
                          LIGHT_KINDS, kind_probabilities(posterior))
 

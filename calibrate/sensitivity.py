@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_consistency import (
     WORST_CHI_SQUARE,
@@ -147,15 +146,13 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: Wavel
         If the prior holds another number of bands than the photos.
     """
     require_fit_for(photos, prior)
-    # matrices of 200 rows: more threads wait for each other, ten times as long
-    with threadpool_limits(1, "blas"):
-        posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
-        held_out, chi_square, without, explained = held_out_signals(photos, prior, grid, posterior,
-                                                                    excluded)
-        moments = curve_moments(posterior, prior.bands)
-        states = photo_states(posterior, relit(posterior, photos), moments)
-        alone = camera_alone(posterior, prior.bands)
-        shares = prior_share(alone, prior, curve_moments(alone, prior.bands))
+    posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
+    held_out, chi_square, without, explained = held_out_signals(photos, prior, grid, posterior,
+                                                                excluded)
+    moments = curve_moments(posterior, prior.bands)
+    states = photo_states(posterior, relit(posterior, photos), moments)
+    alone = camera_alone(posterior, prior.bands)
+    shares = prior_share(alone, prior, curve_moments(alone, prior.bands))
     shares[:, np.all([unlit(photo.power / grid.weights_nm) for photo in photos], axis=0)] = 1.0
     fit = sensitivity_fit(photos[0], posterior, moments, states[0].predicted, held_out[0], grid,
                           f"joint estimate with a Gaussian mixture prior ({prior.source})")

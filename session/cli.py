@@ -77,9 +77,8 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"
     # Pydantic looks for plugins in every installed package; none may change what a file says.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    # BLAS splits its sums by the cores: on one thread the bits are the same on any machine, and the
-    # threads of small products would only wait for each other. NumPy and SciPy have one each, which
-    # look here when they are loaded.
+    # One thread, as radiometry/system/threads.py says; NumPy and SciPy have a BLAS each, which look
+    # here when they are loaded.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     debug = "--debug" in sys.argv
     if not debug:

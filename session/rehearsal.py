@@ -1,8 +1,6 @@
 """A finished session replayed with known truths: its stored results to a rehearsal."""
 from __future__ import annotations
 
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
 from spectrabox.measure.captured import SceneCapture, require_scene
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.scene.rehearsal import Replays, prepare_replays
@@ -45,11 +43,10 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
         If the session is not finished, was solved by another engine than the transport's, samples
         by another method than the prior, or is to be rehearsed fewer than 20 times.
     """
-    with threadpool_limits(1, "blas"):      # as in the stages; the matrices are small
-        replays = replays_of(config, times, seed, device,
-                             lambda done, what: progress(0.1 * done, what))
-        rehearsals = rehearse_scene(replays, config.sampling.level, seed,
-                                    lambda done, what: progress(0.1 + 0.9 * done, what))
+    replays = replays_of(config, times, seed, device,
+                         lambda done, what: progress(0.1 * done, what))
+    rehearsals = rehearse_scene(replays, config.sampling.level, seed,
+                                lambda done, what: progress(0.1 + 0.9 * done, what))
     return Rehearsed(config.sampling.level, seed, int(rehearsals[0].coverage.size), tuple(
         RehearsedMaterial(each.name, float(each.coverage.mean()), float(each.coverage_error),
                           float(each.rmse.mean()), float(each.width.mean()),

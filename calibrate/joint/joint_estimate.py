@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
 from spectrabox.calibrate.chart_consistency import WORST_CHI_SQUARE, refuse_disagreement
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
@@ -84,10 +82,9 @@ def log_evidence(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     cameras = default_prior(used, grid) if prior is None else prior
     require_fit_for(used, cameras)
     light = photos[0].light
-    with threadpool_limits(1, "blas"):      # see fit_with_prior
-        if isinstance(light, UnknownLight) and cameras.source != SMOOTH_SOURCE:
-            return evidence_of_products(used, product_prior(cameras, lamps_like(light), SEED))
-        return posterior_of_curves(used, cameras, grid).log_evidence
+    if isinstance(light, UnknownLight) and cameras.source != SMOOTH_SOURCE:
+        return evidence_of_products(used, product_prior(cameras, lamps_like(light), SEED))
+    return posterior_of_curves(used, cameras, grid).log_evidence
 
 
 def require_explained(fit: PriorFit, light: LightPosterior | None, photos: list[ChartEquations],

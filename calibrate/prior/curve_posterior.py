@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
@@ -162,11 +161,10 @@ def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) ->
     rng = np.random.default_rng(seed)
     size = bands * posterior.basis.shape[1]
     counts = rng.multinomial(draws, posterior.weights)
-    with threadpool_limits(1, "blas"):  # see fit_with_prior
-        stacked = [mean[:size] + rng.standard_normal((count, size))
-                   @ _root(covariance[:size, :size]).T
-                   for count, mean, covariance in zip(counts, posterior.means,
-                                                      posterior.covariances, strict=True) if count]
+    stacked = [mean[:size] + rng.standard_normal((count, size))
+               @ _root(covariance[:size, :size]).T
+               for count, mean, covariance in zip(counts, posterior.means,
+                                                  posterior.covariances, strict=True) if count]
     coefficients = np.vstack(stacked).reshape(draws, bands, -1)
     curves = np.clip(rng.permutation(coefficients), 0, None) @ posterior.basis.T
     return np.asarray(curves / curves.max(axis=(1, 2), keepdims=True))

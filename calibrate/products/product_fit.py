@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.calibrate.chart_equations import (
     ChartEquations,
@@ -86,15 +85,14 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
         If the cameras have another number of bands than the photos.
     """
     require_fit_for(photos, cameras)
-    with threadpool_limits(1, "blas"):      # see fit_with_prior
-        prior = product_prior(cameras, lamps, SEED)
-        posterior = posterior_of_products(photos, prior)
-        curves = _as_curves(posterior, photos, grid)
-        without = _without_each(posterior, photos, grid, excluded)
-        moments = curve_moments(curves, prior.bands)
-        states = photo_states(curves, photos, moments)
-        share = _prior_share(posterior, curves, moments.covariance, grid)
-        light = light_posterior(posterior, grid)
+    prior = product_prior(cameras, lamps, SEED)
+    posterior = posterior_of_products(photos, prior)
+    curves = _as_curves(posterior, photos, grid)
+    without = _without_each(posterior, photos, grid, excluded)
+    moments = curve_moments(curves, prior.bands)
+    states = photo_states(curves, photos, moments)
+    share = _prior_share(posterior, curves, moments.covariance, grid)
+    light = light_posterior(posterior, grid)
     held_out = without.predicted(np.vstack([photos[0].reflectances] if excluded is None else [
         photos[0].reflectances, excluded.reflectances]))[:len(photos[0].signal)]
     fit = sensitivity_fit(photos[0], curves, moments, states[0].predicted, held_out, grid,

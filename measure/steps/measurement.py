@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, KeptRecord, Kind
@@ -42,6 +40,7 @@ from spectrabox.measure.steps.spectra import draw_surfaces
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.system.threads import one_blas_thread
 
 StepFunction = Callable[[Any, CaptureRecords, Work], Record]
 FUNCTIONS: dict[Step, StepFunction] = {
@@ -143,8 +142,7 @@ def measure(capture: Capture, keeper: Keeper, *, device: str = "auto",
         def compute(progress: Progress, folder: Path | None,
                     function: StepFunction = FUNCTIONS[step]) -> Record:
             work = Work(photos, progress, device, folder, checkpoints)
-            # BLAS splits its sums by the cores; SciPy's own, where it is loaded later, asks `main`
-            with threadpool_limits(1, user_api="blas"):
+            with one_blas_thread():
                 return function(capture, keeper.records, work)
 
         keeper.keep(step, compute)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.records.scenes import KnownLight, LightTransport, RegionTransport
 from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
@@ -141,18 +140,16 @@ def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior],
     start : (U, N) array, optional
         Coefficients from which the fit sets out.
     """
-    # the matrices are small: several threads would take longer than one
-    with threadpool_limits(1, "blas"):
-        bsdfs = [material.bsdf for material in unknown_materials([view.view for view in views])]
-        materials = [tuple(bsdfs.index(material.bsdf) for material in view.view.unknown)
-                     for view in views]
-        count = priors[0].mean.size
-        fit = fit_views([view.terms(count) for view in views], materials, priors, start)
-        for _ in range(ROBUST_ROUNDS):
-            terms = [view.terms(count, view.trust(solution))
-                     for view, solution in zip(views, fit.views, strict=True)]
-            fit = fit_views(terms, materials, priors, fit.coefficients)
-        return fit
+    bsdfs = [material.bsdf for material in unknown_materials([view.view for view in views])]
+    materials = [tuple(bsdfs.index(material.bsdf) for material in view.view.unknown)
+                 for view in views]
+    count = priors[0].mean.size
+    fit = fit_views([view.terms(count) for view in views], materials, priors, start)
+    for _ in range(ROBUST_ROUNDS):
+        terms = [view.terms(count, view.trust(solution))
+                 for view, solution in zip(views, fit.views, strict=True)]
+        fit = fit_views(terms, materials, priors, fit.coefficients)
+    return fit
 
 
 def smoothed_variance(relative_variance: np.ndarray, group: np.ndarray,

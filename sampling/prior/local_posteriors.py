@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, MIN_VARIANCE, marginal_moments
@@ -178,8 +177,7 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
 
     def part(start: int) -> tuple[np.ndarray, ...]:
         rows = slice(start, start + BATCH)
-        with threadpool_limits(1, "blas"):  # threads within small products would only wait
-            return _around(prior, response, few[chosen[rows]], own.rows(rows), mean, deviation)
+        return _around(prior, response, few[chosen[rows]], own.rows(rows), mean, deviation)
 
     parts = []
     for done in map_parts(part, range(0, chosen.size, BATCH)):

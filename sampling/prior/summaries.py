@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.records.spectra import Outcome
@@ -77,10 +76,9 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     """
     check_bands(relative_response)
     batches = [slice(start, start + BATCH) for start in range(0, max(len(signals), 1), BATCH)]
-    with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        parts = [_batch(prior, relative_response, signals[rows],
-                        {name: covariance[rows] for name, covariance in causes.items()}, level)
-                 for rows in batches]
+    parts = [_batch(prior, relative_response, signals[rows],
+                    {name: covariance[rows] for name, covariance in causes.items()}, level)
+             for rows in batches]
     return PriorSummaries(*(np.concatenate([getattr(part, field.name) for part in parts])
                             for field in fields(PriorSummaries)))
 

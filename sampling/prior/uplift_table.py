@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
@@ -171,9 +170,8 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
                 relative_response, uplifted.mean[rows], signals[rows], noise, relative))
         return start
 
-    with threadpool_limits(1, "blas"):      # threads within small products would only wait
-        for start in map_parts(compute, range(0, len(signals), BATCH)):
-            progress(min(start + BATCH, len(signals)) / len(signals))
+    for start in map_parts(compute, range(0, len(signals), BATCH)):
+        progress(min(start + BATCH, len(signals)) / len(signals))
     return every
 
 

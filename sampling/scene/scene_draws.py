@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import chdtrc
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import error_patterns, is_covariance
@@ -82,11 +81,9 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     problem = joint_problem(*scene, common, known, families)
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be estimated")
-    # the matrices are small: several threads take up to ten times as long as one
-    with threadpool_limits(1, "blas"):
-        modes = find_modes(problem, SAMPLED, None if common is None else joint_problem(
-            *scene, None, known, families))
-        draws_of_all = sample_joint(problem, seed, modes, draws, EFFECTIVE)
+    modes = find_modes(problem, SAMPLED, None if common is None else joint_problem(
+        *scene, None, known, families))
+    draws_of_all = sample_joint(problem, seed, modes, draws, EFFECTIVE)
     likely = surprise(problem, modes) >= SURPRISING
     outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
     basis = basis_matrix(PRIOR_GRID.nm, coefficients)

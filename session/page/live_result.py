@@ -4,8 +4,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
 from spectrabox.measure.captured import FlatCapture, PhotoFiles
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import SampleRecords
@@ -59,14 +57,12 @@ def result_now(sample: PointedSample,
     keeper = MemoryKeeper(kept={"chart": InMemory(calibrated.records.chart),
                                 "calibrate": InMemory(calibrated.records.calibrate)})
     work = Work(PhotosAtHand(capture, calibrated.images), lambda share, message: None)
-    # as a run has it: BLAS splits its sums by the cores
-    with threadpool_limits(1, user_api="blas"):
-        keeper.keep(FLAT_PHOTOS, lambda progress, folder: measure_flat_photos(
-            capture, keeper.records, work))
-        keeper.keep(SIGNALS, lambda progress, folder: find_signals(capture, keeper.records, work))
-        keeper.keep(FLAT_SPECTRA, lambda progress, folder: SampleRecords(
-            {name: drawn(name) for name, region in capture.regions.items()
-             if region.given is None}))
+    keeper.keep(FLAT_PHOTOS, lambda progress, folder: measure_flat_photos(
+        capture, keeper.records, work))
+    keeper.keep(SIGNALS, lambda progress, folder: find_signals(capture, keeper.records, work))
+    keeper.keep(FLAT_SPECTRA, lambda progress, folder: SampleRecords(
+        {name: drawn(name) for name, region in capture.regions.items()
+         if region.given is None}))
     return flat_result(capture, keeper.records)
 
 

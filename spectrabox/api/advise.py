@@ -11,7 +11,6 @@ from spectrabox.api.arguments import (
     as_curves,
     as_filter,
     as_spectrum,
-    one_blas_thread,
 )
 from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.estimates.measured_spectra import MeasuredSpectra
@@ -24,9 +23,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.filters import filters_at_hand
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.radiometry.system.threads import one_blas_thread
 
 
-@one_blas_thread
+@one_blas_thread()
 def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path, *,
            lamps: Sequence[str] | Mapping[str, LightLike] | None = None,
            filters: str | Path | Mapping[str, FilterLike] | None = None,

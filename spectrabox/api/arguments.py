@@ -1,14 +1,12 @@
 """What the public functions accept: paths, names, arrays and records, to records."""
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from spectrabox.api.array_arguments import as_samples
 from spectrabox.api.known_camera import KnownCamera
@@ -75,17 +73,6 @@ LightLike = str | Path | Spectrum | UnknownLight | Curves
 FilterLike = str | Path | Filter | Curves
 KnownSpectrum = str | Path | float | Spectrum | Curves
 CameraLike = Union[str, Path, KnownCamera, "CameraEstimate", Calibration, Curves]
-
-
-def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The function with one thread for small algebra, as commands run it: results repeat to the
-    last bit on any number of cores.
-    """
-    @functools.wraps(function)
-    def limited(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-        with threadpool_limits(1, user_api="blas"):
-            return function(*args, **kwargs)
-    return limited
 
 
 def as_light(light: LightLike) -> Spectrum | UnknownLight:

@@ -15,7 +15,6 @@ from spectrabox.api.arguments import (
     as_curves,
     as_light,
     families_of,
-    one_blas_thread,
 )
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
@@ -36,6 +35,7 @@ from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
@@ -231,7 +231,7 @@ class CameraEstimate:
         return camera_html(self)
 
 
-@one_blas_thread
+@one_blas_thread()
 def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
                light: LightLike | list[LightLike], layout: str | Path | Chart | None = None,
                reference: str | None = None, chart_scene: str | Path | None = None,

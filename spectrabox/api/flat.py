@@ -19,7 +19,6 @@ from spectrabox.api.arguments import (
     as_reflectance,
     families_of,
     folder_for_pictures,
-    one_blas_thread,
     sampling_of,
     surfaces_of,
 )
@@ -57,6 +56,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
+from spectrabox.radiometry.system.threads import one_blas_thread
 
 SAME_LAMP, MOVED_LAMP = "same", "moved"
 # what is done of the whole when a step begins
@@ -125,7 +125,7 @@ class FlatSpectra(MeasuredSpectra):
         return profile_of(self.calibration, families_of(families), self.found.photo.camera_from_xyz)
 
 
-@one_blas_thread
+@one_blas_thread()
 def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
          light: LightLike = "unknown",
          families: Mapping[str, str | Sequence[str]] | None = None,

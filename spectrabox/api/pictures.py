@@ -12,7 +12,6 @@ from spectrabox.api.arguments import (
     LightLike,
     as_prior,
     families_of,
-    one_blas_thread,
     relative_response,
 )
 from spectrabox.api.array_arguments import as_number, as_numbers
@@ -25,10 +24,11 @@ from spectrabox.measure.pictures.uplift import require_bands, uplift_image
 from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 
-@one_blas_thread
+@one_blas_thread()
 def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None = None,
            light: LightLike | None = None, encoded: bool = False, noise: float = 0.01,
            white: ArrayLike | None = None,

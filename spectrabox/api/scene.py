@@ -19,7 +19,6 @@ from spectrabox.api.arguments import (
     as_spectrum,
     families_of,
     folder_for_pictures,
-    one_blas_thread,
     require_sensitivities,
     sampling_of,
     surfaces_of,
@@ -59,6 +58,7 @@ from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Spectrum
+from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene, scene_of_text
 from spectrabox.reconstruct.scene.scene_xml import recovered_xml
 
@@ -167,7 +167,7 @@ class SceneSpectra(MeasuredSpectra):
         return axes
 
 
-@one_blas_thread
+@one_blas_thread()
 def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: LightLike,
                       materials: Sequence[str] | Mapping[str, KnownSpectrum | None],
                       camera: CameraLike | None = None,

@@ -17,7 +17,6 @@ from spectrabox.api.arguments import (
     as_reflectance,
     curve_error,
     families_of,
-    one_blas_thread,
     relative_response,
 )
 from spectrabox.api.array_arguments import as_number, as_numbers
@@ -36,13 +35,14 @@ from spectrabox.measure.signals.signal_estimate import (
 from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectrumSummary
+from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
 
-@one_blas_thread
+@one_blas_thread()
 def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None,
            light: LightLike | None = None, lab: ArrayLike | None = None,
            xyz: ArrayLike | None = None, noise: ArrayLike | None = None,
@@ -159,6 +159,7 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
     return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)
 
 
+@one_blas_thread()
 def match(signal: SpectrumEstimate | ArrayLike,
           library: str | Path | Sequence[str | Path] | Mapping[str, KnownSpectrum | ArrayLike], *,
           camera: CameraLike | None = None, light: LightLike | None = None,
