@@ -84,7 +84,7 @@ photo = "photos/short.dng"
 
 [views.warm]
 photo = "photos/warm.dng"
-light = {{ file = "spectra/lamps.csv", column = "warm", wavelength_column = 1 }}
+light = {{ file = "spectra/lamps.csv", column = "warm" }}
 chart = "photos/warm_chart.dng"
 
 [materials.walls]

@@ -223,8 +223,7 @@ def test_a_command_answers_with_the_keys_of_the_page(command, folder):
     (3, ("sample", *CAMERA, "--signal", "1,2")),
     (3, ("relight", "DIR/flat")),                               # no scene
     (4, ("chart", "DIR/grey.exr")),
-    (5, ("sample", *CAMERA, "--signal", "0.21,0.33,0.14", "--method", "paper", "--coefficients",
-         "7", "--start", "unbounded")),
+    (5, ("sample", *CAMERA, "--signal", "0.2,0.3,0.1", "--samples", "200")),
     (6, ("meter", "identify", "--port", "/dev/none", "--instrument", "cr250")),
     (7, ("develop", "DIR/flat/photos/sample.dng", "-o", "DIR/p.exr/below.exr"))])
 def test_failures_have_the_exit_codes_of_the_page(code, words, folder):

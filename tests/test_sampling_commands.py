@@ -150,8 +150,6 @@ def test_files_of_curves_and_lights_are_taken_as_names_are(tmp_path):
                              (["--signal", "0.2,0.3,0.1", "--prior", "none.npz"], 3, "is missing"),
                              (["--signal", "0.2,0.3,0.1", "--reading", "seven"], 3,
                               "write NM:REFLECTANCE"),
-                             (["--signal", "0.2,0.3,0.1", "--start", "x"], 3,
-                              "known are bounded and unbounded"),
                              (["--signals", "none.csv"], 3, "cannot be read"),
                              ([], 3, "give one of --signal V1,V2,V3, --signals FILE.csv"),
                              ])

@@ -295,7 +295,7 @@ def test_refining_as_published_keeps_the_signal_and_is_narrower():
 def test_methods_are_judged_where_the_truth_is_given(tmp_path):
     (tmp_path / "truth.csv").write_text("nm,paint\n" + "\n".join(
         f"{nm:g},{value:.6f}" for nm, value in zip(FINE.nm, TRUTH, strict=True)))
-    facts = sample("--truth", tmp_path / "truth.csv", "--baseline", "--delta-light", "A")
+    facts = sample("--truth", tmp_path / "truth.csv", "--baseline")
     assert set(facts["baselines"]) == {"Smits 1999", "Meng 2015", "Otsu 2018", "Jakob 2019",
                                        "Mallett 2019", "Belcour-style greedy"}
     assert set(facts["judged"]) == {"prior", *(name for name, found in facts["baselines"].items()

@@ -22,8 +22,6 @@ class SampleOptions:
         N of the B-spline class: bounds, and the methods uniform and paper.
     level : float
         Of the band, 0 to 1.
-    start : {"bounded", "unbounded"}
-        c0 of the method paper.
     keep : int, optional
         Method paper: rank by the further measurements and keep so many (Eqs. 9, 10).
     refine : int, optional
@@ -35,6 +33,5 @@ class SampleOptions:
     seed: int = 0
     coefficients: int = 13
     level: float = 0.95
-    start: str = "bounded"
     keep: int | None = None
     refine: int | None = None

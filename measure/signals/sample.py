@@ -42,7 +42,6 @@ from spectrabox.sampling.prior.signal_posterior import (
     solve_posterior,
 )
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.sampling.published.per_axis_box import sample_published
 from spectrabox.sampling.published.ranking_and_refinement import ranked, refined_as_published
 from spectrabox.sampling.spectral_measurement import (
     check_measurement,
@@ -110,9 +109,6 @@ def check_options(options: SampleOptions) -> None:
     method = options.method
     if method not in METHODS:
         raise InputError(f"the method {method!r} is not known; known are {', '.join(METHODS)}")
-    if options.start not in ("bounded", "unbounded"):
-        raise InputError(f"the start {options.start!r} is not known; known are bounded and "
-                         "unbounded")
     if options.keep is not None and method != "paper":
         raise InputError(f"--best ranks draws as published; the method {method} obeys further "
                          "measurements without it: leave it out, or take --method paper")
@@ -146,9 +142,6 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
             budget = posterior.variance_shares(causes)
     elif options.refine is not None:
         draws = _draw_refined(options, options.refine, measurement, count)
-    elif options.method == "paper" and options.start == "unbounded":
-        draws = sample_published(measurement, count, options.seed, options.coefficients,
-                                 unbounded_start=True)
     else:
         draws = draw_spectra(measurement, options.method, count, options.seed,
                              options.coefficients)

@@ -78,8 +78,7 @@ def read_filters(path: Path) -> dict[str, Filter]:
     return _filters_of(read_table(path), path)
 
 
-def read_filter(path: Path, column: str | int | None = None,
-                wavelength_column: int = 1) -> Filter:
+def read_filter(path: Path, column: str | int | None = None) -> Filter:
     """One filter of a file.
 
     Parameters
@@ -87,16 +86,14 @@ def read_filter(path: Path, column: str | int | None = None,
     path : Path
     column : str or int, optional
         Name or number (from 1) of its column; needed where the file holds several.
-    wavelength_column : int
-        Number of the column of wavelengths, from 1.
 
     Raises
     ------
     InputError
         As ``read_filters``, or if the file holds several and none is named.
     """
-    table = read_table(path, wavelength_column)
-    chosen = column_index(table, column, wavelength_column)
+    table = read_table(path)
+    chosen = column_index(table, column)
     kept = [chosen, *(index for index, name in enumerate(table.names) if name == "standard_error")]
     own = replace(table, names=tuple(table.names[index] for index in kept),
                   values=table.values[kept])

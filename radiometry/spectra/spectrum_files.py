@@ -66,14 +66,12 @@ FOREIGN = {
     b"\x1f\x8b": "a gzip archive: unpack it first"}
 
 
-def read_table(path: Path, wavelength_column: int = 1) -> SpectralTable:
+def read_table(path: Path) -> SpectralTable:
     """All columns of a file of spectra, whatever its format.
 
     Parameters
     ----------
     path : Path
-    wavelength_column : int
-        Number of the column that holds the wavelengths, from 1, in a delimited text.
 
     Raises
     ------
@@ -85,8 +83,7 @@ def read_table(path: Path, wavelength_column: int = 1) -> SpectralTable:
     kind = format_of(content, path)
     # what overflows is noted as a gap
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        table = read_delimited(content, path,
-                               wavelength_column) if kind == "CSV" else READERS[kind](content, path)
+        table = read_delimited(content, path) if kind == "CSV" else READERS[kind](content, path)
     expected = SUFFIXES.get(path.suffix.lower())
     notes = table.notes
     if expected not in (None, kind):
@@ -128,8 +125,7 @@ def format_of(content: bytes, path: Path) -> str:
     return next((kind for kind, test in tests if test(text)), "CSV")
 
 
-def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None,
-                  wavelength_column: int = 1) -> Spectrum:
+def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None) -> Spectrum:
     """One spectrum of a file of any known format, in SI units.
 
     Parameters
@@ -141,26 +137,23 @@ def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None
     column : str or int, optional
         Name or number (from 1) of the column; needed where the file holds several and means none of
         them.
-    wavelength_column : int
-        Number of the column of wavelengths, from 1.
 
     Raises
     ------
     InputError
         If the file, the column, the stated quantity or a value cannot be right.
     """
-    return spectrum_of(read_table(path, wavelength_column), role=role, column=column,
-                       wavelength_column=wavelength_column)
+    return spectrum_of(read_table(path), role=role, column=column)
 
 
-def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | None = None,
-                wavelength_column: int = 1) -> Spectrum:
+def spectrum_of(table: SpectralTable, *, role: Quantity,
+                column: str | int | None = None) -> Spectrum:
     """One column of a table as a spectrum in SI units.
 
     Parameters
     ----------
     table : SpectralTable
-    role, column, wavelength_column
+    role, column
         As in ``read_spectrum``.
 
     Raises
@@ -168,7 +161,7 @@ def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | Non
     InputError
         As ``read_spectrum``.
     """
-    index = column_index(table, column, wavelength_column)
+    index = column_index(table, column)
     values = table.values[index]
     valid = np.isfinite(values)
     if valid.sum() < 2:
@@ -190,8 +183,8 @@ def spectrum_of(table: SpectralTable, *, role: Quantity, column: str | int | Non
                     None if error is None else error[valid] * factor)
 
 
-def read_curves(path: Path, columns: Sequence[str | int] | None = None,
-                wavelength_column: int = 1) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
+def read_curves(path: Path, columns: Sequence[str | int] | None = None
+                ) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
     """Several curves of a file, such as camera sensitivities: nm (P,), names, values (K, P).
 
     Parameters
@@ -199,20 +192,18 @@ def read_curves(path: Path, columns: Sequence[str | int] | None = None,
     path : Path
     columns : sequence of str or int, or None
         Names or numbers (from 1); None takes all but standard errors.
-    wavelength_column : int
-        Number of the column of wavelengths, from 1.
 
     Raises
     ------
     InputError
         As ``read_table``, or if a cell is empty, or they are products with a light.
     """
-    table = read_table(path, wavelength_column)
+    table = read_table(path)
     refuse_products(table.facts.get("source", ""), path.name)
     if columns is None:
         chosen = [i for i, name in enumerate(table.names) if not name.startswith("standard_error")]
     else:
-        chosen = [column_index(table, column, wavelength_column) for column in columns]
+        chosen = [column_index(table, column) for column in columns]
     values = table.values[chosen]
     if not np.all(np.isfinite(values)):
         raise InputError(f"{path.name}: some cells of the curves are empty or not numbers")
@@ -315,7 +306,7 @@ def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
     return on_grid(spectrum.grid.nm, spectrum.values, grid, spectrum.source)
 
 
-def column_index(table: SpectralTable, column: str | int | None, wavelength_column: int = 1) -> int:
+def column_index(table: SpectralTable, column: str | int | None) -> int:
     """Index of a column given by name or number, else of the main column.
 
     Parameters
@@ -323,8 +314,6 @@ def column_index(table: SpectralTable, column: str | int | None, wavelength_colu
     table : SpectralTable
     column : str, int or None
         Number from 1; None for the only one, or the one that the format means.
-    wavelength_column : int
-        Number of the column of wavelengths, from 1.
 
     Raises
     ------
@@ -343,8 +332,8 @@ def column_index(table: SpectralTable, column: str | int | None, wavelength_colu
         raise InputError(f"{table.file} holds {len(candidates)} columns ({names}); say which with "
                          "column = \"...\"")
     if isinstance(column, int):
-        index = column - 1 - (column > wavelength_column)
-        if column == wavelength_column or not 0 <= index < len(table.names):
+        index = column - 2          # the first holds the wavelengths
+        if not 0 <= index < len(table.names):
             raise InputError(f"{table.file} has no column {column} of values; it holds {names}")
         return index
     matches = [i for i, name in enumerate(table.names) if name == column]

@@ -139,8 +139,6 @@ def prior(
         metavar="FOLDER", show_default=False, help="Curves: rawtoaces JSON, CSV.")],
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="NPZ", show_default=False, help="Where to write the prior.")],
-    leave_out: Annotated[tuple[str, ...], typer.Option(
-        metavar="NAME", help="A camera to leave out; may be repeated.")] = (),
     source: Annotated[str | None, typer.Option(
         metavar="TEXT", help="Stored with the prior; the folder by default.")] = None,
     licence: Annotated[str, typer.Option(help="Licence of the curves.")] = "not stated",
@@ -149,7 +147,7 @@ def prior(
     check_ending(out, PRIORS)
     from spectrabox.calibrate.prior.camera_prior import save_camera_prior
     from spectrabox.calibrate.prior.learnt_prior import build_prior, read_camera_database
-    database = read_camera_database(folder, leave_out=leave_out)
+    database = read_camera_database(folder)
     count = len(database.names)
     learnt = build_prior(database.nm, database.curves, database.names, licence=licence,
                          source=source or f"{count} cameras of {folder.name}")

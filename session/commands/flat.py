@@ -91,10 +91,6 @@ def flat(
     picture: Annotated[bool, typer.Option(
         "--picture", help="Also the spectrum of every pixel, with maps, in "
         "results/picture.")] = False,
-    picture_light: Annotated[str | None, typer.Option(
-        metavar="NAME",
-        help="CIE name of a second light, besides D65, under which the picture's colours are "
-        "shown.")] = None,
     session: Annotated[Path | None, typer.Option(
         metavar="DIR", help="The session folder; beside the photo and named after it by "
         "default.")] = None,
@@ -115,9 +111,7 @@ def flat(
                   "chart": _chart(layout, reference, corners) or None,
                   "views": None if each else views_of(photos[0], further) or None,
                   "regions": outlined,
-                  "picture": {"light": picture_light, "surface": of_all} if picture else None}
-        if picture_light is not None and not picture:
-            raise InputError("--picture-light says how a picture is shown: give --picture too")
+                  "picture": {"surface": of_all} if picture else None}
 
     def measured(photo: Path, orientation: int | None = None) -> Answer:
         if tables is None:

@@ -158,8 +158,6 @@ def replay(
         metavar="FILE", show_default=False, help="A transcript.")],
     speed: Annotated[float, typer.Option(
         min=0, help="1 as recorded, 10 ten times as fast, 0 at once.")] = 0,
-    over_socket: Annotated[bool, typer.Option(
-        "--over-socket", help="Through a socket in place of a pseudo-terminal.")] = False,
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="CSV", help="Where to write the spectra that it reads, a column "
         "each.")] = None,
@@ -172,8 +170,7 @@ def replay(
     from spectrabox.capture.meter.measurement_files import reading_facts
     from spectrabox.capture.transcripts.sniffed_traffic import read_recording
     from spectrabox.capture.transcripts.transcript_replay import replay_transcript
-    played = replay_transcript(read_recording(transcript), speed=speed,
-                               over_socket=over_socket)
+    played = replay_transcript(read_recording(transcript), speed=speed)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
     if plot is not None and spectra:
         from spectrabox.capture.meter.measurement_plot import png_plot

@@ -38,9 +38,6 @@ Coefficients = Annotated[int, typer.Option(
     help="Number of B-splines that a spectrum is made of, for exact bounds and for the methods "
     "uniform and paper.")]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed: the same seed gives the same draws.")]
-DeltaLights = Annotated[tuple[str, ...], typer.Option(
-    metavar="FILE|NAME", show_default=False,
-    help="Light of colour differences; may be repeated. D65, A and FL11 by default.")]
 Baseline = Annotated[bool, typer.Option("--baseline", help="Also other authors' single spectra.")]
 Lamps = Annotated[str | None, typer.Option(
     "--lamps", metavar="NAME|FILE,...", help="Lamps at hand, for a second photo: D65,A,my.csv; "

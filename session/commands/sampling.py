@@ -14,7 +14,6 @@ from spectrabox.session.commands.requests import (
     OBSERVER,
     Baseline,
     Coefficients,
-    DeltaLights,
     Families,
     MeasuredSignal,
     OptionalLight,
@@ -82,9 +81,6 @@ def sample(
     twice: Annotated[str | None, typer.Option(
         metavar="V1,V2,V3:E1,E2,E3", help="Signal of light reflected twice off the "
         "surface.")] = None,
-    start: Annotated[str, typer.Option(
-        metavar="bounded|unbounded",
-        help="Spectrum that the method paper starts from.")] = SampleOptions.start,
     keep: Annotated[int | None, typer.Option(
         "--best",
         help="Method paper: rank by the further measurements and give the best so many (Eqs. 9, "
@@ -101,7 +97,6 @@ def sample(
         help="File of the measured spectrum, to judge by.")] = None,
     column: Annotated[str | None, typer.Option(
         metavar="NAME", help="Column of the truth.")] = None,
-    delta_light: DeltaLights = DELTA_LIGHTS,
     as_json: Json = False,
 ) -> Answer:
     """Recover the spectra behind a colour: mean, 95 % band, exact bounds and draws."""
@@ -134,13 +129,13 @@ def sample(
         light or "D65", twice=twice, light_error=light_error, sensitivity_error=sensitivity_error,
         prior=prior, family=family)
     true = None if truth is None else stated_truth(truth, column)
-    options = SampleOptions(method, samples, seed, coefficients, level, start, keep, refine)
+    options = SampleOptions(method, samples, seed, coefficients, level, keep, refine)
     one, as_table = signals is None, _ends_in(out, ".csv")
     estimates = sample_signals(capture, options, with_draws=one or baseline
                                or _ends_in(out, ".npz"))
     if baseline or true is not None:
         from spectrabox.measure.signals.sample import compared
-        estimates = [compared(estimate, options, true, delta_light, baseline)
+        estimates = [compared(estimate, options, true, DELTA_LIGHTS, baseline)
                      for estimate in estimates]
     written: dict[str, Path] = {}
     if out is not None:

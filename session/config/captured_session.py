@@ -262,8 +262,7 @@ def read_sensitivities(config: SessionConfig) -> tuple[tuple[str, ...], np.ndarr
     if source.file is None:
         on = sensitivities(source.words, FINE_GRID)
     else:
-        nm, names, curves = read_curves(config.path(source.file), source.columns,
-                                        source.wavelength_column)
+        nm, names, curves = read_curves(config.path(source.file), source.columns)
         on = on_grid(nm, curves, FINE_GRID, source.file)
     if len(on) < 3:
         raise InputError(f"{source.words} holds {len(on)} curves; three or more bands are "
@@ -289,7 +288,7 @@ def read_light(config: SessionConfig, table: LightTable) -> Spectrum | UnknownLi
         return vague_light(table.word) or spectrum_of_name(table.word, FINE_GRID)
     assert table.file is not None
     light = read_spectrum(config.path(table.file), role=Quantity.RELATIVE,
-                          column=table.column, wavelength_column=table.wavelength_column)
+                          column=table.column)
     values = spectrum_on_grid(light, FINE_GRID)
     if values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"{table.file}: a light spectrum must be positive; "
@@ -322,7 +321,7 @@ def read_filter(config: SessionConfig, table: FilterTable) -> Filter:
     """
     if table.file is None:
         return unknown_filter()
-    return read_filter_file(config.path(table.file), table.column, table.wavelength_column)
+    return read_filter_file(config.path(table.file), table.column)
 
 
 def read_reflectance(config: SessionConfig, table: SpectrumTable) -> Spectrum:
@@ -334,6 +333,6 @@ def read_reflectance(config: SessionConfig, table: SpectrumTable) -> Spectrum:
         If the file cannot be read, or does not cover 400-700 nm.
     """
     spectrum = read_spectrum(config.path(table.file), role=Quantity.REFLECTANCE,
-                             column=table.column, wavelength_column=table.wavelength_column)
+                             column=table.column)
     spectrum_on_grid(spectrum, FINE_GRID)
     return spectrum

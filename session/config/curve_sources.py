@@ -17,7 +17,6 @@ class SpectrumTable(Table):
 
     file: str = Field(description="name of the file")
     column: str | int | None = Field(None, description="name or number, where it holds several")
-    wavelength_column: int = Field(1, description="number of the column of wavelengths")
 
 
 class CurvesTable(Table):
@@ -25,7 +24,6 @@ class CurvesTable(Table):
 
     file: str = Field(description="name of the file")
     columns: ListOf[str | int] | None = Field(None, description="names or numbers of the curves")
-    wavelength_column: int = Field(1, description="number of the column of wavelengths")
 
 
 def _as_table(written: Any) -> Any:
@@ -45,7 +43,6 @@ class LightTable(Table):
 
     file: str | None = Field(None, description="name of the file of its spectrum")
     column: str | int | None = Field(None, description="name or number, where it holds several")
-    wavelength_column: int = Field(1, description="number of the column of wavelengths")
     word: str | None = Field(None, description="unknown, daylight, halogen, led, fluorescent, or a "
                              "CIE name such as D65")
     cct: float | None = Field(None, ge=1500, le=25000, description="correlated colour temperature "
@@ -86,7 +83,6 @@ class FilterTable(Table):
     file: str | None = Field(None, description="name of the file of its transmittance, 0 to 1; of "
                              "a filter that nobody measured left out")
     column: str | int | None = Field(None, description="name or number, where it holds several")
-    wavelength_column: int = Field(1, description="number of the column of wavelengths")
 
 
 def _as_filter(written: Any) -> Any:
@@ -104,7 +100,6 @@ class SourceTable(Table):
 
     file: str | None = Field(None, description="name of the file, or \"chart\"")
     columns: ListOf[str | int] | None = Field(None, description="names or numbers of the curves")
-    wavelength_column: int = Field(1, description="number of the column of wavelengths")
     camera: str | None = Field(None, description="a published camera or observer, or one of your "
                                "own that 'spectrabox camera add' keeps")
 

@@ -126,7 +126,7 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
     truth = config.sensitivity.truth
     if truth is None or not config.light.spectrum.stated:   # products are no sensitivities
         return None
-    nm, _, curves = read_curves(config.path(truth.file), truth.columns, truth.wavelength_column)
+    nm, _, curves = read_curves(config.path(truth.file), truth.columns)
     values = on_grid(nm, curves, FINE_GRID, truth.file)
     return FINE_GRID.nm, values / values.max()
 

@@ -34,7 +34,7 @@ MAX_COLUMNS = 20_000        # spectra in one file
 MIN_ACROSS = 5              # wavelengths of a header that is taken for one of them
 
 
-def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> SpectralTable:
+def read_delimited(content: bytes, path: Path) -> SpectralTable:
     """All columns of a delimited text.
 
     Parameters
@@ -42,8 +42,6 @@ def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> Sp
     content : bytes
     path : Path
         Its name, for errors.
-    wavelength_column : int
-        Number of the column of wavelengths, from 1.
 
     Raises
     ------
@@ -55,9 +53,9 @@ def read_delimited(content: bytes, path: Path, wavelength_column: int = 1) -> Sp
     if across is not None:
         names, nm, values = across
         return SpectralTable(nm, names, values, facts, path.name)
-    header, numbers = _header_and_numbers(rows, wavelength_column - 1, path.name)
-    nm = np.array([row[wavelength_column - 1] for row in numbers])
-    others = [index for index in range(len(header)) if index != wavelength_column - 1]
+    header, numbers = _header_and_numbers(rows, path.name)
+    nm = np.array([row[0] for row in numbers])
+    others = range(1, len(header))
     values = np.array([[row[index] if index < len(row) else np.nan for row in numbers]
                        for index in others])
     return SpectralTable(nm, tuple(from_cell(header[index].strip()) for index in others),
@@ -143,19 +141,17 @@ def _wavelengths_across(rows: list[list[str]]
     return distinct([from_cell(row[column].strip()) for row in body]), nm, values
 
 
-def _header_and_numbers(rows: list[list[str]], wavelength: int,
-                        name: str) -> tuple[list[str], list[list[float]]]:
+def _header_and_numbers(rows: list[list[str]], name: str) -> tuple[list[str], list[list[float]]]:
     numbers: list[list[float]] = []
     header: list[str] | None = None
     for row in rows:
         cells = [number(cell) for cell in row]
-        if 0 <= wavelength < len(cells) and np.isfinite(cells[wavelength]):
+        if cells and np.isfinite(cells[0]):
             numbers.append(cells)
         elif not numbers:
             header = row
         elif any(cell.strip() for cell in row):
-            raise InputError(f"{name}: {row[wavelength] if wavelength < len(row) else ''!r} stands "
-                             "where a wavelength is needed")
+            raise InputError(f"{name}: {row[0]!r} stands where a wavelength is needed")
     if len(numbers) < 2:
         raise InputError(f"{name} holds no table of wavelengths and values; a CSV with a column of "
                          "nm is needed")
