@@ -262,9 +262,9 @@ def test_what_nobody_foresaw_is_a_row_too(session, tmp_path, monkeypatch, error,
 
 
 def test_one_batch_at_a_time_uses_a_folder(tmp_path):
-    with sole_user(tmp_path / "out", "batch"), \
+    with sole_user(tmp_path / "out"), \
             pytest.raises(EnvironmentProblem, match="uses this output folder; wait for it"), \
-            sole_user(tmp_path / "out", "batch"):
+            sole_user(tmp_path / "out"):
         pass
 
 

@@ -166,8 +166,7 @@ CALLS = {
                ("--srgb", "200,100,50", "--plot", "DIR/c.png")],
     "match": [("DIR/flat", "DIR/truth.csv")],
     "uplift": [("DIR/p.exr", "-o", "DIR/up", *CAMERA, "--side", "5"),
-               ("DIR/p.exr", "-o", "DIR/shared", *CAMERA, "--side", "5", "--to", "zarr",
-                "--workers", "1"),
+               ("DIR/p.exr", "-o", "DIR/arrays", *CAMERA, "--side", "5", "--to", "zarr"),
                ("DIR/flat/results/photo/preview.png", "--encoded", "-o", "DIR/seen", "--side",
                 "5")],
     "advise": [(*CAMERA, "--signal", "0.2,0.3,0.15", "--lamps", "A"), ("DIR/flat", "--lamps", "A")],
@@ -217,7 +216,7 @@ def test_a_command_answers_with_the_keys_of_the_page(command, folder):
 @pytest.mark.parametrize("code, words", [
     (2, ("sample", "--light", "D65")),                          # without --sensitivity
     (2, ("run", "DIR/flat", "--device", "toaster")),
-    (2, ("uplift", "DIR/p.exr", "-o", "DIR/x", *CAMERA, "--workers", "0")),
+    (2, ("uplift", "DIR/p.exr", "-o", "DIR/x", *CAMERA, "--to", "png")),
     (3, ("run", "DIR/none")), (3, ("sample", *CAMERA)),    # and without a signal
     (3, ("spectrum", "show", "DIR/none.csv")), (3, ("new", "DIR/flat")),
     (3, ("sample", *CAMERA, "--signal", "1,2")),

@@ -19,8 +19,8 @@ from spectrabox.radiometry.system.strips import read_by_strips, written_by_strip
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pictures.uplift_answer import uplift_answer
 from spectrabox.session.pipeline import run_stages
+from spectrabox.session.signals.uplift_answer import uplift_answer
 from spectrabox.session.store.store import load_stage
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")

@@ -22,8 +22,8 @@ from spectrabox.sampling.prior.uplift_table import (
     uplift_signals,
 )
 from spectrabox.session.commands.requests import UpliftRequest
-from spectrabox.session.pictures.uplift_answer import uplift_answer
 from spectrabox.session.signals.signal_options import response_of_names
+from spectrabox.session.signals.uplift_answer import uplift_answer
 
 SIDE = 5
 HALF, SINGLE = 2.0**-11, 2.0**-24       # relative rounding of half and single floats

@@ -54,7 +54,7 @@ def batch(
     from spectrabox.session.terminal.progress_display import progress_display
     order = Order(tuple(session_folders(folders, listed)), out.resolve(), device, allow_outside,
                   program_of_batch())
-    with sole_user(order.out, "batch"):
+    with sole_user(order.out):
         outcomes = kept_outcomes(order)
         kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
         used = 0

@@ -102,14 +102,6 @@ class UpliftRequest:
     to: Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
         "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images "
         "of single floats; zarr: OME-Zarr images, as napari opens them.")] = "exr"
-    workers: Annotated[int | None, typer.Option(
-        "--workers", min=1, show_default=False, help="Processes that share the picture, and go on "
-        "where a command ended that was stopped; one process on all cores by default. Needs --to "
-        "zarr.")] = None
-    cluster: Annotated[str | None, typer.Option(
-        "--cluster", metavar="ADDRESS", show_default=False, help="A Dask scheduler such as "
-        "tcp://host:8786, whose workers see the same folders; local starts one on this machine. "
-        "Needs --to zarr.")] = None
     quiet: Quiet = False
 
 

@@ -168,15 +168,11 @@ def uplift(request: UpliftRequest) -> Answer:
     if not request.encoded and None in (request.sensitivity, request.light):
         raise UsageProblem("give --sensitivity and --light, the camera that took the picture and "
                            "the light it was taken under; or --encoded of a PNG or JPEG in sRGB")
-    from spectrabox.session.pictures.uplift_answer import stated_white, uplift_answer
+    from spectrabox.session.signals.uplift_answer import stated_white, uplift_answer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
     request, white_from, chart = stated_white(request)
     with progress_display(request.quiet) as progress:
-        if request.workers is None and request.cluster is None:
-            facts, text = uplift_answer(request, with_time_left(progress))
-        else:
-            from spectrabox.session.pictures.shared_uplift import shared_uplift_answer
-            facts, text = shared_uplift_answer(request, with_time_left(progress))
+        facts, text = uplift_answer(request, with_time_left(progress))
     white = [float(value) for value in (request.white or "").replace(";", ",").split(",")]
     text += f"\nwhite reads {', '.join(f'{value:.4g}' for value in white)} ({white_from})"
     if request.encoded:

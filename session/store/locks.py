@@ -20,7 +20,7 @@ except ImportError:     # Windows
     fcntl = None        # type: ignore[assignment]
 
 RUN, OUTPUTS = ".run.lock", ".outputs.lock"     # among the results
-USERS = {"batch": ".batch.lock", "uplift": ".picture.lock"}     # in their output folders
+BATCH = ".batch.lock"     # in its output folder
 
 
 @contextlib.contextmanager
@@ -61,14 +61,12 @@ def outputs_writer(folder: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def sole_user(out: Path, command: str) -> Iterator[None]:
-    """Be the only command that uses an output folder, which is made.
+def sole_user(out: Path) -> Iterator[None]:
+    """Be the only batch that uses an output folder, which is made.
 
     Parameters
     ----------
     out : Path
-    command : {"batch", "uplift"}
-        That writes into it from several workers.
 
     Raises
     ------
@@ -76,10 +74,9 @@ def sole_user(out: Path, command: str) -> Iterator[None]:
         If another process does, saying which; if the folder cannot be written.
     """
     require_no_link(out)
-    with held_lock(out / USERS[command], wait=False, command=f"spectrabox {command}",
+    with held_lock(out / BATCH, wait=False, command="spectrabox batch",
                    where="uses this output folder"):
-        folders = [each for each in out.iterdir() if each.is_dir()] if command == "batch" else []
-        for inside in (out, *folders):
+        for inside in (out, *(each for each in out.iterdir() if each.is_dir())):
             sweep_unfinished(inside)
         yield
 

@@ -78,7 +78,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "uplift": (f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
                "    --light D65 --side 9 --out uplifted",
                f"spectrabox uplift painting/photos/painting.dng --sensitivity {CAMERA} \\\n"
-               "    --light D65 --side 9 --to zarr --workers 2 --out arrays"),
+               "    --light D65 --side 9 --to zarr --out arrays"),
     "advise": ("spectrabox advise painting",
                "spectrabox advise painting --lamps A,LED-B3"),
     "match": ("spectrabox match mybox CES99",

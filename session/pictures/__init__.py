@@ -1,1 +1,0 @@
-"""Pictures of spectra as files: uplift of an image, picture stages of sessions, workers."""
