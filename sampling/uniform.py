@@ -9,7 +9,6 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.polytope import circuit_hit_and_run
 from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -24,8 +23,6 @@ from spectrabox.sampling.spectral_measurement import (
 
 # how far an unreachable signal is moved into what can be reached
 TOWARDS_GREY = (0.002, 0.01, 0.03, 0.1)
-BULK = 20_000       # draws from which hit-and-run is the faster
-MAX_BANDS = 5       # beyond which hit-and-run is the faster for any number of draws
 
 
 def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int,
@@ -49,19 +46,14 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
     check_measurement(measurement)
     check_draw_count(draws)
     operator, moved = into_reach(spline_operator(measurement, coefficients))
-    few = draws < BULK and len(operator.y) <= MAX_BANDS
-    if few or operator.noise_covariance.any():
-        coefficient_draws, method = sample_polytope(operator, draws, seed), METHOD
-    else:
-        coefficient_draws = circuit_hit_and_run.sample_in_bulk(operator, draws, seed)
-        method = circuit_hit_and_run.METHOD
+    coefficient_draws = sample_polytope(operator, draws, seed)
     outcome, sentence = coefficient_draws.outcome, coefficient_draws.outcome.value
     if moved:
         outcome = Outcome.MOVED
         sentence = (f"No spectrum of {coefficients} coefficients between 0 and 1 gives the signal: "
                     f"it was moved by up to {100 * moved:.2g} % of white to the nearest that can "
                     "be reached.")
-    return as_spectra(coefficient_draws, method, seed, outcome, sentence)
+    return as_spectra(coefficient_draws, METHOD, seed, outcome, sentence)
 
 
 def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome,

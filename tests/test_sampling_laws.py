@@ -18,7 +18,6 @@ from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
 from spectrabox.sampling.evaluation.metrics import curve_band
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, check_possible
-from spectrabox.sampling.polytope.diagnostics import diagnose
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, marginal_moments
 from spectrabox.sampling.prior.families import skin
 from spectrabox.sampling.prior.families.leaves import leaf
@@ -189,21 +188,6 @@ def test_one_gaussian_has_the_covariance_of_the_mixture():
         known.weights, known.means, known.covariances, strict=True))
     np.testing.assert_allclose(mean, known.weights @ known.means, atol=1e-12)
     np.testing.assert_allclose(root @ root.T, second - np.outer(mean, mean), atol=1e-12)
-
-
-@pytest.mark.parametrize("rho, starts", [(0.3, 50), (0.6, 200), (0.9, 2000)])
-def test_the_effective_number_of_chains_is_that_of_their_mean(rho, starts):
-    """Chains with the same start are alike: the scatter of repeated means."""
-    rng, chains = np.random.default_rng(3), 2000
-    means, effective = [], []
-    for _ in range(400):
-        first = rng.standard_normal((starts, 1))
-        ends = rho * first[np.arange(chains) % starts] + np.sqrt(1 - rho**2) \
-            * rng.standard_normal((chains, 1))
-        means.append(ends.mean())
-        effective.append(diagnose(first, ends).effective_samples)
-    # 400 means know their variance to 7 %; correlations of 0.3 with 50 starts are known to a tenth
-    assert np.var(means, ddof=1) * np.mean(effective) == pytest.approx(1, abs=0.3)
 
 
 def test_a_true_spectrum_is_rejected_as_often_as_stated():
