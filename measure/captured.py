@@ -17,7 +17,6 @@ from spectrabox.calibrate.geometry.colmap_model import ModelImage
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.measure.options import (
-    DriftReferences,
     Inversion,
     PictureOptions,
     Repeatability,
@@ -261,7 +260,6 @@ class Capture(ABC):
     chart: LitChart | None                  # None where no photo shows one
     development: Development = field(default_factory=Development)
     sensitivity: Sensitivity = field(default_factory=Sensitivity)
-    drift: DriftReferences = field(default_factory=DriftReferences)
     repeatability: Repeatability = field(default_factory=Repeatability)
     stray_light: StrayLight = field(default_factory=StrayLight)
     sampling: Sampling = field(default_factory=Sampling)

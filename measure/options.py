@@ -23,28 +23,15 @@ SplineCoefficients = Annotated[int, Field(ge=5, le=40)]
 Surface = Literal["matt", "satin", "glossy"] | None
 SURFACE_FIELD = Field(None, description="how much the surface mirrors, matt, satin or glossy, in "
                       "light that no camera tells from its colour")
-Quadrilaterals = ListOf[ListOf[ListOf[float]]]
-
-
-class DriftReferences(Table):
-    """Neutral references that chart photo and object photo both show: four corners each, in pixels
-    of the photo.
-    """
-
-    chart_px: Quadrilaterals = Field((), description="corners in the chart photo")
-    object_px: Quadrilaterals = Field((), description="corners in the object photo")
-    relative_error: float = Field(0.005, ge=1e-5, le=1, description="how well a reference returns "
-                                  "to its place and angle")
 
 
 class Repeatability(Table):
     """How well what two photos have in common comes back: standard errors that no photo tells."""
 
     light: RelativeError = Field(0.012, description="relative: of the light's strength, from the "
-                                 "chart photo to the object photo; references of [drift] replace "
-                                 "it")
+                                 "chart photo to the object photo")
     shutter: RelativeError = Field(0.009, description="relative: of the exposure at one setting, "
-                                   "from photo to photo; references of [drift] replace it")
+                                   "from photo to photo")
     lamp_position: RelativeError = Field(0.005, description="of the lamp in the chart scene, along "
                                          "each axis, relative to its distance from the chart")
     scene_level: RelativeError = Field(

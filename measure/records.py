@@ -16,7 +16,6 @@ from spectrabox.radiometry.records.calibration import (
     ChartCopy,
     ChartWhite,
     HeldOutPatches,
-    LightDrift,
     PriorInfluence,
 )
 from spectrabox.radiometry.records.photos import (
@@ -57,7 +56,6 @@ class ChartRecords(Record):
     """What the step "chart" makes."""
 
     charts: dict[str, MeasuredChart]            # by view
-    references: Annotated[np.ndarray, "Q K"] | None     # signals in the first chart photo
     notes: tuple[str, ...]
 
 
@@ -67,7 +65,6 @@ class PhotoRecords(Record):
 
     photos: dict[str, LinearImage]              # by view, at the render's size or thumbnails
     regions: dict[str, RegionSamples]           # of flat samples, by view, where some are shown
-    references: Annotated[np.ndarray, "Q K"] | None     # signals in the first photo
     registrations: dict[str, Registration]      # by view, of flat samples that the first shows too
     bands: tuple[str, ...]                      # names, of every photo
     notes: tuple[str, ...]
@@ -104,7 +101,6 @@ class ReconstructionRecords(Record):
 
     joint: JointReconstruction
     signals: SurfaceSignals
-    drift: LightDrift | None                    # of the light between the first chart and photo
     geometry: SceneGeometry                     # that was estimated
     # XML of the scenes of a measured box, by the first view of each; none of scenes in files
     box_scenes: dict[str, str]
@@ -126,7 +122,6 @@ class SignalRecords(Record):
 
     signals: SurfaceSignals
     light: dict[str, RegionLight]               # by view, where it shows regions
-    drift: LightDrift | None
     notes: tuple[str, ...]
 
 
@@ -190,7 +185,7 @@ class CaptureRecords:
     def chart(self) -> ChartRecords:
         """Without charts where none is needed."""
         if "chart" not in self._kept:
-            return ChartRecords({}, None, ())
+            return ChartRecords({}, ())
         return self._kept["chart"].read(ChartRecords)
 
     @cached_property

@@ -38,7 +38,6 @@ from spectrabox.radiometry.records.calibration import (
     Calibration,
     CommonError,
     FittedFilter,
-    LightDrift,
     LightScale,
 )
 from spectrabox.radiometry.records.spectra import SurfaceSignals, WavelengthGrid
@@ -55,8 +54,6 @@ LIGHT_FIELD = "light over the picture"
 LIGHT_SCALE = "light scale"
 REPEATABILITY = "light and shutter repeat"
 ROUNDED_EXPOSURES = "rounded exposures"
-DRIFT = "drift of the light"
-DRIFT_OF_COLOUR = "drift of the light's colour"
 LAMP_AT_CHART = "lamp position at chart"
 SCENE_LEVEL = "level of light on the scene"
 KNOWN_SURFACES = "light by known surfaces"
@@ -89,8 +86,6 @@ CAUSES = {
     LIGHT_SCALE: Cause("proportional", bands=True, surfaces=True, photos=False),
     REPEATABILITY: Cause("proportional", bands=True, surfaces=True, photos=False),
     ROUNDED_EXPOSURES: Cause("proportional", bands=True, surfaces=True, photos=False),
-    DRIFT: Cause("proportional", bands=True, surfaces=True, photos=False),
-    DRIFT_OF_COLOUR: Cause("proportional", bands=True, surfaces=True, photos=False),
     LAMP_AT_CHART: Cause("proportional", bands=True, surfaces=True, photos=False),
     SCENE_LEVEL: Cause("proportional", bands=True, surfaces=True, photos=False),
     KNOWN_SURFACES: Cause("proportional", bands=True, surfaces=True, photos=False),
@@ -249,17 +244,6 @@ def glare_signal(share: np.ndarray | float, mean_signal: np.ndarray) -> np.ndarr
         Of the whole photo.
     """
     return np.asarray(share * mean_signal)
-
-
-def drift_covariance(drift: LightDrift) -> np.ndarray:
-    """Relative covariance (K, K) of signals by a change of the light's colour that no scale undoes.
-
-    Parameters
-    ----------
-    drift : LightDrift
-    """
-    return np.outer(drift.colour,
-                    drift.colour) if drift.colour_changed else np.zeros((drift.ratio.size,) * 2)
 
 
 def with_common_error(scale: LightScale, cause: str, relative: float) -> LightScale:

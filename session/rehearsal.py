@@ -61,12 +61,11 @@ def replays_of(config: SessionConfig, times: int, seed: int, device: str,
     """
     capture, records = _replayable(config)
     start_mitsuba(device)
-    drift = records.reconstruct.drift
-    views = views_of(capture, records, drift)
+    views = views_of(capture, records)
     return prepare_replays(
         views, settings_of(capture), records.calibrations(capture.views),
         records.reconstruct.joint, capture.families,
-        stated_errors(capture, records, views, drift),
+        stated_errors(capture, records, views),
         times=times, seed=seed, progress=progress)
 
 

@@ -1,6 +1,6 @@
 """Two sessions of flat samples.
 
-The first has a chart photo of its own, a drift of the light, a second exposure, a second lamp with
+The first has a chart photo of its own, a second exposure, a second lamp with
 the chart in its photo, dark frames, a flat field and a picture. In the second nobody measured the
 lamps: of one the kind is stated, of the other the colour temperature.
 """
@@ -17,12 +17,6 @@ from spectrabox.fixtures.flat_sample import chart_corners
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.records.spectra import Quantity
 
-CARDS_CHART = [[[300, 240], [340, 240], [340, 270], [300, 270]],
-               [[380, 244], [420, 240], [420, 272], [380, 270]]]
-CARDS_SAMPLE = [[[40, 230], [82, 232], [80, 262], [42, 260]],
-                [[120, 236], [150, 236], [150, 266], [120, 266]]]
-GREYS = (0.43, 0.18)
-DRIFT = np.array([1.055, 1.030, 0.995])     # of the lamp, from the chart photo to the samples'
 SAMPLE, BRIEF, CHART, WARM, FLAT = (Fraction(1, one) for one in (60, 150, 70, 80, 100))
 x0, y0, x1, y1 = rect_of("green_wall")
 TOML = f"""\
@@ -41,11 +35,6 @@ dark = ["photos/dark0.dng", "photos/dark1.dng", "photos/dark2.dng", "photos/dark
 
 [chart]
 leave_out = [3, 11, 20]
-
-[drift]
-chart_px = {CARDS_CHART}
-object_px = {CARDS_SAMPLE}
-relative_error = 0.004
 
 [repeatability]
 light = 0.017
@@ -148,16 +137,6 @@ def warm_power():
     return (NM / 560.0) ** -5 * np.expm1(1.4388e7 / 560 / 2900) / np.expm1(1.4388e7 / NM / 2900)
 
 
-def with_cards(light, quads, white):
-    """A picture with grey cards in it, a little larger than they are outlined."""
-    light = light.copy()
-    for quad, grey in zip(quads, GREYS, strict=True):
-        (left, top), (right, bottom) = np.min(quad, axis=0), np.max(quad, axis=0)
-        part = slice(top - 4, bottom + 5), slice(left - 4, right + 5)
-        light[part] = grey * white * light_over()[part][..., None]
-    return light
-
-
 def write_flat_samples(folder):
     """Photos, spectra and session.toml of the first session."""
     rng, curves, cold, warm = (np.random.default_rng(21), camera_sensitivities(),
@@ -177,10 +156,10 @@ def write_flat_samples(folder):
         shoot(photos / f"{name}.dng", strength * float(exposure) * light, exposure, rng,
               hot_dn_per_s=30000.0)
 
-    samples = with_cards(picture(chart=None), CARDS_SAMPLE, white) * DRIFT
+    samples = picture(chart=None)
     take("sample", samples, SAMPLE)
     take("brief", samples, BRIEF)
-    take("chart", with_cards(picture(paints={}), CARDS_CHART, white), CHART)
+    take("chart", picture(paints={}), CHART)
     take("warm", picture(power=warm), WARM, 0.5 * gain)
     take("flat", 0.92 * white * light_over()[..., None], FLAT)
     for number, exposure in enumerate((SAMPLE, SAMPLE, BRIEF, CHART, WARM)):

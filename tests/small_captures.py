@@ -56,12 +56,12 @@ def measured_chart(samples=None, thumbnail=None):
 
 def chart_records(charts):
     """Charts by the names of their views."""
-    return ChartRecords(charts, None, ())
+    return ChartRecords(charts, ())
 
 
 def photo_records(*names, thumbnail=None):
     """Photos of the views of these names."""
-    return PhotoRecords(dict.fromkeys(names, thumbnail or image()), {}, None, {}, BANDS, ())
+    return PhotoRecords(dict.fromkeys(names, thumbnail or image()), {}, {}, BANDS, ())
 
 
 def records_of(**steps):
@@ -72,3 +72,21 @@ def records_of(**steps):
 def work(capture=None):
     """What a step is lent that shows nothing, keeps nothing and opens the photos of a capture."""
     return Work(OpenPhotos(capture), lambda *_: None, "cpu")
+
+
+WHITE = np.array([0.5, 0.6, 0.4])
+
+
+def photo(ratio=1.0, exposure_s=0.1, rng=None, step=1.0, **changes):
+    """Two grey cards, the right one half as bright, on black; ``ratio`` is the light's."""
+    signal = np.zeros((40, 80, 3))
+    signal[8:33, 8:33], signal[8:33, 48:73] = WHITE, WHITE / 2
+    signal *= np.asarray(ratio) * exposure_s / 0.1
+    variance = np.full(signal.shape, 1e-6)
+    if rng is not None:
+        signal = signal + 1e-3 * rng.standard_normal(signal.shape)
+    parts = {"signal": signal.astype(np.float32), "variance": variance.astype(np.float32),
+             "saturated": np.zeros(signal.shape, bool), "sensor_step": step,
+             "exposure_s": exposure_s, "iso": 100.0, "f_number": 8.0, "kind": PhotoKind.RAW,
+             "camera": "", "source": "IMG.dng", "sha256": ""}
+    return LinearImage(**(parts | changes))

@@ -1,4 +1,4 @@
-"""The light: its scale in closed form, several lights, drift, and spectra that cannot be right."""
+"""The light: its scale in closed form, several lights, and spectra that cannot be right."""
 import numpy as np
 import pytest
 from calibrate_cameras import GRID, daylight
@@ -6,7 +6,7 @@ from calibrate_cameras import GRID, daylight
 from spectrabox.calibrate.chart_consistency import light_power, unlit, wavelength_ranges
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.light_scale import light_drift, scale_from_signals
+from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 
 PREDICTED = np.random.default_rng(1).uniform(0.1, 1, (24, 3))
@@ -42,14 +42,6 @@ def test_the_closed_form_is_the_minimum_that_a_gradient_method_finds():
     # The minimum of a parabola is found to the square root of eps.
     assert scale_from_signals(measured, PREDICTED, 0.01,
                               "chart").value == pytest.approx(loss.x, rel=1e-7)
-
-
-def test_drift_of_level_and_colour_is_found():
-    neutrals = np.outer([0.9, 0.6, 0.36, 0.2], [1.0, 1.2, 0.8])
-    ratio, error = light_drift(neutrals, neutrals * [1.02, 1.02, 1.05], 0.002)
-    np.testing.assert_allclose(ratio, [1.02, 1.02, 1.05], rtol=1e-12)
-    # sqrt(2) x 0.2 % over the square root of 4 regions.
-    np.testing.assert_allclose(error / ratio, 0.002 * np.sqrt(2) / 2, rtol=1e-9)
 
 
 def test_a_truncated_light_is_refused_with_what_is_missing():

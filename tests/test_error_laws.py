@@ -33,11 +33,9 @@ from spectrabox.calibrate.trust import fit_notes
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
 from spectrabox.measure.more_bands.joined_errors import _of_cause
 from spectrabox.measure.surfaces.independent_bands import independent_bands
-from spectrabox.radiometry import light_scale as drift
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import common_variance, is_covariance
 from spectrabox.radiometry.error_model import DISAGREEMENT
-from spectrabox.radiometry.light_scale import light_drift
 from spectrabox.radiometry.records.calibration import ChartWhite
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
 from spectrabox.radiometry.records.scenes import SurfaceAgreement
@@ -85,25 +83,6 @@ def test_p_values_of_shapes_are_uniform_where_blocks_err_as_stated():
                      + 1e-3 * rng.standard_normal((48, 48, 3))) for _ in range(12)]
     values = p_values("shape", surface, scenes, 0.01)
     assert values.size == 1296 and stats.kstest(values, "uniform").pvalue > SIGNIFICANCE
-
-
-@pytest.mark.parametrize("references, stated", [(1, 0.004), (60, 0.0)])
-def test_a_change_of_colour_is_invented_as_often_as_stated(monkeypatch, references, stated):
-    monkeypatch.setattr(drift, "SIGNIFICANCE", 0.2)
-    rng, blank, error = np.random.default_rng(23), image(np.ones((1, 1, 3))), 0.004
-    changed = [drift.drift_between(blank, before, blank, after, stated).colour_changed
-               for before, after in 1 + error * rng.standard_normal((1500, 2, references, 3))]
-    assert abs(np.mean(changed) - 0.2) < SIGMAS * np.sqrt(0.16 / 1500)
-
-
-def test_errors_of_a_drift_are_those_of_students_t_or_as_stated():
-    rng = np.random.default_rng(24)
-    before, after = np.exp(0.003 * rng.standard_normal((2, 3, 4000)))
-    ratio, error = light_drift(before, after, 0.0)
-    assert stats.kstest(np.log(ratio) / (error / ratio),
-                        stats.t(2).cdf).pvalue > SIGNIFICANCE
-    ratio, error = light_drift(before[:1], after[:1], 0.003)
-    assert stats.kstest(np.log(ratio) / (error / ratio), "norm").pvalue > SIGNIFICANCE
 
 
 def agreement(log_ratios, materials):

@@ -30,7 +30,6 @@ from spectrabox.measure.regions.white import (
 from spectrabox.radiometry.chart import plane_centres
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
-    DRIFT,
     LIGHT_FIELD,
     PHOTO_NOISE,
     REPEATABILITY,
@@ -43,7 +42,6 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartWhite,
-    LightDrift,
     SensitivityFit,
 )
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RegionSamples
@@ -53,7 +51,7 @@ SIGMAS, DRAWS = 3.9, 40_000
 LEVEL, GLARE = np.array([0.6, 0.8, 0.5]), np.array([0.004, 0.006, 0.003])
 SURFACES = np.array([[0.3, 0.5, 0.2], [0.9, 0.88, 0.86]])
 FIELD = np.array([-0.1, 0.05])
-REPEATS, DRIFT_ERROR, PLANE = 0.015, 0.004, 0.01
+REPEATS, PLANE = 0.015, 0.01
 
 
 def photo(signal, exposure_s, name):
@@ -84,22 +82,17 @@ def samples():
                          np.zeros((2, 25, 2)))
 
 
-def flat_photo(drift=None):
+def flat_photo():
     """A photo of a cloth and a card, the chart in another."""
-    return FlatPhoto("photo", samples(), OBJECT, CHART, False, None, None, None, None, drift)
+    return FlatPhoto("photo", samples(), OBJECT, CHART, False, None, None, None, None)
 
 
 @pytest.fixture
 def seen(monkeypatch):
-    """White at the regions of a photo; ``drift`` of the light is measured or not."""
+    """White at the regions of a photo."""
     elsewhere = LightAtRegions(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
     monkeypatch.setattr(module, "_light_at", lambda *_: elsewhere)
-    return lambda drift=None: module.white_by_chart(flat_photo(drift), ERRORS)
-
-
-def drift():
-    return LightDrift(np.full(3, 0.9), np.full(3, 0.9 * DRIFT_ERROR), 0.9, 0.9 * DRIFT_ERROR,
-                      np.zeros(3), False, "dimmer")
+    return lambda: module.white_by_chart(flat_photo(), ERRORS)
 
 
 def signals_of(white, correction):
@@ -110,15 +103,13 @@ def signals_of(white, correction):
     return (white.samples.mean - white.glare - glare[:, None]) / lit
 
 
-@pytest.mark.parametrize("measured", [False, True], ids=["repeats as stated", "drift measured"])
-def test_signals_and_their_errors_are_those_of_draws_of_all_that_is_unknown(seen, measured):
-    white = seen(drift() if measured else None)
+def test_signals_and_their_errors_are_those_of_draws_of_all_that_is_unknown(seen):
+    white = seen()
     # glare goes with the light in the whole picture: a quarter of that in the chart photo
     np.testing.assert_allclose(white.glare, GLARE / 4, rtol=1e-6)   # pixels of float32
-    assert white.exposure == pytest.approx(EXPOSURE * (0.9 if measured else 1))
-    np.testing.assert_allclose(white.signal, SURFACES / (0.9 if measured else 1), rtol=1e-6)
-    causes = {DRIFT: DRIFT_ERROR} if measured else {REPEATABILITY: REPEATS, ROUNDED_EXPOSURES: 0.0}
-    causes |= {SAMPLE_PLANE: PLANE}
+    assert white.exposure == pytest.approx(EXPOSURE)
+    np.testing.assert_allclose(white.signal, SURFACES, rtol=1e-6)
+    causes = {REPEATABILITY: REPEATS, ROUNDED_EXPOSURES: 0.0, SAMPLE_PLANE: PLANE}
     assert white.causes == tuple(causes)
     rng = np.random.default_rng(62)
     draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),

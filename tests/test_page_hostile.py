@@ -17,7 +17,7 @@ TOML = ["nan", "1979-05-27", "[]", "{}", "[[1,[2]],3]", "'" + "a" * 5000 + "'", 
         "'/etc/passwd'", "'loop.dng'", '"a\\u0000b"', "[1,2,3,4]", "[[1,2],[3,4],[5,6]]", "['a']"]
 KEYS = ["session.name", "photos", "photos.object", "photos.chart", "light.spectrum", "regions",
         "regions.cube", "regions.b.polygon", "regions.b.rect", "regions.b.photo", "chart",
-        "chart.corners_px", "drift.chart_px", "drift.object_px", "views.v", "views.v.photo",
+        "chart.corners_px", "views.v", "views.v.photo",
         "scene", "scene.box", "scene.box.width_mm", "scene.box.camera", "materials", "picture.rect"]
 PATHS = ["/", "/page", "/report", "/api/state", "/api/size", "/api/tile",
          "/api/value", "/static/..%2fserver.py", "/static/%00", "/api/none", "/api/state/"]
@@ -28,7 +28,7 @@ def mark(chance):
     """A mark as the page writes it, perhaps with something else in place of one of its parts."""
     points = [[chance.uniform(-20, 500), chance.uniform(0, 320)]
               for _ in range(chance.choice([0, 2, 3, 4, 8]))]
-    written = {"kind": chance.choice(["region", "chart corners", "box corners", "reference"]),
+    written = {"kind": chance.choice(["region", "chart corners", "box corners"]),
                "name": chance.choice(["cube", "a", "object"]), "points": points}
     return written | {chance.choice([*written, "photo"]): chance.choice(VALUES)
                       for _ in range(chance.choice([0, 0, 1]))}
@@ -70,7 +70,7 @@ def test_hostile_requests_are_answered_in_sentences_and_change_no_file(calibrate
                     assert len(json.loads(answer)["error"]) > 8
                 if file.read_bytes() != before:     # only by a mark that adds no fault
                     new = set(try_read_session(folder)[1]) - set(faults)
-                    assert status == 200 and all("drift.chart_px names" in fault for fault in new)
+                    assert status == 200 and not new
                     undo = json.dumps({"digest": json.loads(answer)["digest"]})
                     assert ask("POST", "/api/undo", undo)[0] == 200
                     assert file.read_bytes() == before

@@ -2,7 +2,6 @@
 import shutil
 import time
 import tomllib
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -62,16 +61,12 @@ def test_a_region_can_be_taken_away_and_without_the_last_one_the_sample_is_still
     assert tomllib.loads(text)["regions"] == {} and "# the only photo" in text
 
 
-def test_corners_of_the_chart_and_references():
+def test_corners_of_the_chart():
     square = [[1, 1], [9, 1], [9, 9], [1, 9]]
     text = marked(FLAT, a_mark("chart corners", points=square))
     assert tomllib.loads(text)["chart"]["corners_px"] == square
     text = marked(text, a_mark("chart corners"))
     assert "corners_px" not in tomllib.loads(text)["chart"]
-    for _ in range(2):
-        text = marked(text, a_mark("reference", name="chart", points=square))
-    assert tomllib.loads(text)["drift"] == {"chart_px": [square, square]}
-    assert "drift" not in tomllib.loads(marked(text, a_mark("reference", name="chart")))
 
 
 def test_corners_of_a_box_take_the_place_of_the_measured_camera():
@@ -92,7 +87,6 @@ def test_corners_of_a_box_take_the_place_of_the_measured_camera():
     ({"kind": "region", "points": [[1, 1], [2, 2]]}, "needs a name"),
     ({"kind": "region", "name": "a", "points": [[1, 1]]}, "two corners"),
     ({"kind": "chart corners", "points": [[1, 1]]}, "4 corners"),
-    ({"kind": "reference", "name": "sky", "points": [[1, 1]] * 4}, "chart photo or in the"),
     ({"kind": "box corners", "points": [[1, 1]], "names": ["a"]}, r"no \[scene.box\]"),
     ({"kind": "box corners", "points": [[1, 1]]}, "0 names"),
 ])
@@ -207,16 +201,6 @@ def test_what_check_says_of_a_mark_is_said_before_it_is_written(flat, tmp_path, 
     (folder / "session.toml").write_text(marked(session.read()[0], a_mark(**mark)))
     problems = check_session(folder).problems
     assert str(refused.value).splitlines() == [one.sentence for one in problems]
-
-
-def test_references_are_marked_one_after_another_where_the_photo_shows_them(captured):
-    session = MarkedSession(captured, PhotoViews())
-    for name, left in (("chart", 20), ("object", -20), ("object", 20)):
-        points = [[left, 20], [left + 20, 20], [left + 20, 40], [left, 40]]
-        with pytest.raises(InputError, match="leaves the photo") if left < 0 else nullcontext():
-            session.apply({"kind": "reference", "name": name, "points": points},
-                          session.read()[1])
-    assert len(tomllib.loads(session.read()[0])["drift"]["object_px"]) == 1
 
 
 @pytest.mark.parametrize("before", ["\ufeff", ""])

@@ -103,7 +103,7 @@ def page_of_flat(flat):
     b"[session]\nname = 1979-05-27", b"[regions.a]\npolygon = [[1, [2]], 3]", b"regions = 3",
     b"[photos]\nobject = '" + b"a" * 5000 + b"'", b"a = " + b"[" * 5000, b"a = 1" + b"0" * 5000,
     b"[photos]\nobject = \"a\\u0000b\"", b"[photos]\nobject = 'loop.dng'", b"caf\xe9 = 1",
-    b"[drift]\nchart_px = nan", b"[chart]\ncorners_px = [1979-05-27]", None])
+    b"[drift]\nchart_px = 3", b"[chart]\ncorners_px = [1979-05-27]", None])
 def test_the_page_lists_the_faults_of_a_session_as_check_does(session, content):
     (session / "loop.dng").symlink_to("loop.dng")
     with served(session) as (address, _):

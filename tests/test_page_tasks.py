@@ -184,20 +184,3 @@ def test_corners_of_a_box_are_clicked_by_their_names(captured, opened):
     for name, at in seen.items():
         np.testing.assert_allclose(camera["corners_px"][name], at, atol=1)
     assert check_session(captured).problems == []
-
-
-def test_a_grey_card_is_clicked_in_both_photos(captured, opened):
-    card = [(20, 20), (60, 20), (60, 50), (20, 50)]
-    with served(captured) as (address, _):
-        page = opened(address)
-        for photo in ("photo", "chart"):
-            page.click(f"#photos button:has-text('{photo}')")
-            page.wait_for_selector(f"body[data-photo={photo}]")
-            page.click("#tools >> text=Grey card")
-            for at in card:
-                page.mouse.click(*on_screen(page, *at))
-            page.wait_for_selector("#marks >> text=reference")
-        page.wait_for_load_state("networkidle")
-    drift = session_of(captured)["drift"]
-    for photo in ("object", "chart"):
-        np.testing.assert_allclose(drift[f"{photo}_px"], [card], atol=1)

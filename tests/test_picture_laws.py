@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from sampling_cameras import response, seen
 from scipy.sparse import csr_array
-from test_light_drift import photo
+from small_captures import photo
 from test_posterior_laws import SMOOTH, mixture_of
 from test_sampling_uplift import painted
 
@@ -187,7 +187,7 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     crop = SimpleNamespace(rows=slice(0, 12), columns=slice(0, 16))
     scene = SimpleNamespace(
         crop=crop, to_signals=to_signals, calibration=None, prior=None,
-        edges=np.zeros((12, 16), bool), drift=None, veil=np.zeros(bands), ambient=ambient,
+        edges=np.zeros((12, 16), bool), veil=np.zeros(bands), ambient=ambient,
         surface=None,
         view=SimpleNamespace(photo=photo(), grid=GRID,
                              sensitivities=np.ones((bands, GRID.nm.size))),

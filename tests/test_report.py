@@ -257,7 +257,7 @@ def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_st
     for condition in ("lamp and shutter repeated", "lamp and chart stand as stated",
                       "the surfaces are as matt as the scene says"):
         assert condition in whole
-    measured = words(stated=Statements(surfaces=("matt",), drift_references=True),
+    measured = words(stated=Statements(surfaces=("matt",)),
                      scale_from_chart=False)
     for condition in ("repeated", "matt", "stand as stated"):
         assert condition not in measured

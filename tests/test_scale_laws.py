@@ -7,11 +7,10 @@ import itertools
 
 import numpy as np
 import pytest
-from test_light_drift import photo
+from small_captures import photo
 
 from spectrabox.radiometry.error_model import error_of_each_band, with_common_error
 from spectrabox.radiometry.light_scale import (
-    drift_between,
     exposure_ratio,
     rounding_error,
     scale_from_signals,
@@ -38,22 +37,6 @@ def test_rounding_is_what_stated_settings_miss_of_the_true_ratio():
                 pytest.approx(abs(missed - 1), abs=2e-4), pytest.approx(abs(1 / missed - 1),
                                                                         abs=2e-4))
     assert max(errors) > 0.1       # the test can tell: some add up
-
-
-@pytest.mark.parametrize("references", [1, 4])
-def test_the_level_of_a_drift_errs_by_what_all_bands_share(references):
-    """References that come back a little brighter or darker, in all bands alike."""
-    rng, stated = np.random.default_rng(1), 0.01
-    chart = thing = photo()
-    levels, errors = [], []
-    for _ in range(1200):
-        before, after = (np.exp(stated * rng.standard_normal((references, 1))) * [0.5, 0.6, 0.4]
-                         for _ in range(2))
-        drift = drift_between(chart, before, thing, after, stated)
-        levels.append(np.log(drift.level))
-        errors.append(drift.level_error / drift.level)
-    # 1200 levels know a deviation to 2 %; the larger of what is stated and what scatters
-    assert 0.92 < np.mean(errors) / np.std(levels) < 1.3
 
 
 def test_what_all_bands_share_of_an_error_is_taken_off_as_it_was_put_on():

@@ -72,12 +72,6 @@ def no_chart_in_the_chart_scene(folder):
     edit(folder, "scene/chart.xml", ('id="chart"', 'id="sheet"'))
 
 
-def reference_outside_the_photo(folder):
-    corners = "[[[10, 10], [9000, 10], [9000, 60], [10, 60]]]"
-    with (folder / "session.toml").open("a", encoding="utf-8") as stream:
-        stream.write(f"\n[drift]\nchart_px = {corners}\nobject_px = {corners}\n")
-
-
 def lights_without_a_name_to_tell_apart(folder):
     edit(folder, "scene/box.xml", ("</scene>", '''<emitter type="point">
          <point name="position" x="0" y="5" z="0"/>
@@ -105,7 +99,6 @@ FAULTS = {black_stated_too_high: "the black level taken off is too high",
           glossy_with_the_transport_engine: "cube of box.xml is coated or glossy",
           draws_through_a_transport_that_is_not_traced: "the engine kept no light transport",
           no_chart_in_the_chart_scene: "no shape with the id 'chart'",
-          reference_outside_the_photo: "reference region 1 leaves the photo",
           lights_without_a_name_to_tell_apart: "a light without an id",
           a_material_that_no_pixel_sees: "'cube' fills 0 pixels",
           a_material_that_no_light_reaches: "no light reaches material 'red'",

@@ -1,5 +1,4 @@
-"""Lens and drift of the light, corrected within a session."""
-import re
+"""Lens and light scale of a session."""
 from fractions import Fraction
 
 import cv2
@@ -16,8 +15,7 @@ from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.lamp import radiance
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.steps.inversion import scale_of_view
-from spectrabox.radiometry.error_model import DRIFT, LAMP_AT_CHART, REPEATABILITY, SCENE_LEVEL
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
@@ -28,7 +26,6 @@ pytestmark = pytest.mark.usefixtures("light_as_stated")
 
 SIZE = (208, 312)
 # of the box's white back wall and, in the chart photo, a patch
-CARD = [[[100, 60], [200, 60], [200, 120], [100, 120]]]
 
 
 def run(config):
@@ -96,23 +93,7 @@ def dim(folder, factor):
               model="Synthetic 5100", serial="DEMO-1")
 
 
-def test_a_lamp_that_dimmed_between_the_photos_is_found_by_a_reference_in_both(captured):
-    """The same reference photographed: its ratio before dimming is measured, so that only the drift
-    is tested.
-    """
-    drift = f"\n[drift]\nchart_px = {CARD}\nobject_px = {CARD}\nrelative_error = 0.002\n"
-    before = run(append(captured, drift))
-    found = before.reconstruct.joint.views[0].light_scale
-    # The reference says how the photos compare, and to what: nothing needs to be assumed.
-    assert [error.cause for error in found.common_errors] == [LAMP_AT_CHART, SCENE_LEVEL, DRIFT]
-    assert found.common_errors[2].relative == pytest.approx(np.sqrt(2) * 0.002, rel=1e-6)
-    dim(captured, 0.9)
-    after = run(read_session(captured)).reconstruct.joint.views[0]
-    assert after.light_scale.value / found.value == pytest.approx(0.9, abs=0.005)
-    assert any("in the object photo than in the chart photo" in note for note in after.notes)
-
-
-def test_without_a_reference_light_and_shutter_are_taken_to_repeat_as_stated(finished):
+def test_light_and_shutter_are_taken_to_repeat_as_stated(finished):
     config = read_session(finished)
     scale = load_finished(config).records.reconstruct.joint.views[0].light_scale
     errors = {error.cause: error.relative for error in scale.common_errors}
@@ -129,11 +110,5 @@ def test_a_chart_in_the_object_photo_itself_has_seen_the_same_light(captured, fi
     path.write_text(path.read_text().replace("photos/box.dng", "photos/chart.dng"))
     capture = capture_of(read_session(captured))
     scale = scale_of_view(capture, capture.views[0], records.chart.charts[""].thumbnail,
-                          calibration, records, None)
+                          calibration, records)
     assert REPEATABILITY not in [error.cause for error in scale.common_errors]
-
-
-def test_references_in_one_photo_only_are_refused(captured):
-    with pytest.raises(InputError, match=re.escape("drift.chart_px names 1 references and "
-                                                   "drift.object_px 0")):
-        append(captured, f"\n[drift]\nchart_px = {CARD}\n")

@@ -16,7 +16,6 @@ from small_captures import (
     scene_view,
 )
 from test_posterior_laws import SMOOTH, mixture_of
-from test_session_laws import drift
 
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.prior.curve_posterior import PhotoState
@@ -61,28 +60,26 @@ def test_a_photo_without_a_chart_takes_that_under_its_own_light():
     assert [inversion.view_of_chart(capture, view) for view in views] == [first, first, None, own]
 
 
-@pytest.mark.parametrize("photo, measured, causes", [
-    ("chart.dng", False, ()), ("box.dng", False, (REPEATABILITY,)), ("box.dng", True, ())])
-def test_light_and_shutter_repeat_from_photo_to_photo_alone(photo, measured, causes):
-    """A photo of chart and box in one has nothing to repeat, and a measured drift says it all."""
+@pytest.mark.parametrize("photo, causes", [
+    ("chart.dng", ()), ("box.dng", (REPEATABILITY,))])
+def test_light_and_shutter_repeat_from_photo_to_photo_alone(photo, causes):
+    """A photo of chart and box in one has nothing to repeat."""
     calibrated = SimpleNamespace(light_scale=LightScale(5.0, 0.1, None, "chart photo"))
     shown = image(exposure_s=1 / 50)        # as cameras round it: the chart's is 1/60
     records = records_of(chart=chart_records({"": measured_chart(thumbnail=image())}))
     view = scene_view(photo=photo, chart="chart.dng")
     stated = Repeatability(light=0.012, shutter=0.016, scene_level=0.03)    # 0.02 together
     capture = scene_capture(view, repeatability=stated)
-    found = inversion.scale_of_view(capture, view, shown, calibrated, records,
-                                    drift(False) if measured else None)
+    found = inversion.scale_of_view(capture, view, shown, calibrated, records)
     errors = {error.cause: error.relative for error in found.common_errors}
     # where lamp and chart stood is as uncertain in one photo, and nothing measured it
     assert errors[SCENE_LEVEL] == 0.03
     assert [cause for cause in errors if cause == REPEATABILITY] == list(causes)
     assert all(errors[cause] == pytest.approx(0.02) for cause in causes)
-    # exposure and lamp are measured by references in both: nothing is said of their rounding
-    assert (ROUNDED_EXPOSURES in errors) == (not measured)
+    assert ROUNDED_EXPOSURES in errors
     # a material whose known spectrum says how bright the light is
     from_material = scene_capture(view, scale_from_chart=False)
-    assert inversion.scale_of_view(from_material, view, shown, calibrated, records, None) is None
+    assert inversion.scale_of_view(from_material, view, shown, calibrated, records) is None
 
 
 def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_picture():

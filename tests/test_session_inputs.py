@@ -133,7 +133,7 @@ def test_the_same_lamps_at_other_places_of_the_scene_make_another_reconstruction
 SECTIONS = {"chart": {"chart", "calibrate"}, "sensitivity": {"calibrate"},
             "scale": {"reconstruct"}, "repeatability": {"calibrate", "reconstruct"},
             "stray_light": {"reconstruct"}, "reconstruct": {"reconstruct", "photo"},
-            "sampling": {"sample"}, "drift": {"chart", "photo"}}
+            "sampling": {"sample"}}
 # files have digests in keys; these say nothing to a stage
 NAMES = {"reference", "layout", "scene", "truth", "prior", "source"}
 INSTEAD = {"corners_px": ((0.0, 0.0),) * 4, "method": "smooth", "leave_out": (3,),

@@ -1,4 +1,4 @@
-"""Sessions of several photos: whose chart, whose drift, and what a drift of colour adds."""
+"""Sessions of several photos: whose chart, and whose stray light."""
 import dataclasses
 
 import numpy as np
@@ -25,24 +25,15 @@ from small_captures import (
 from test_error_budget import calibration, curves_and_covariance, joint
 
 from spectrabox.measure.captured import Sensitivity
-from spectrabox.measure.records import CalibrationRecords
-from spectrabox.measure.scene import photo_errors as scene_errors
 from spectrabox.measure.steps import calibration as calibration_step
-from spectrabox.measure.steps import inversion
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_signals
 from spectrabox.measure.surfaces.surface_spectra import resample_summary
-from spectrabox.radiometry.error_model import DRIFT, drift_covariance
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records.calibration import LightDrift, LightScale
 from spectrabox.radiometry.records.scenes import StrayLightError
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, SpectrumSummary
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
 COLOUR = np.array([0.02, 0.0, -0.03])
-
-
-def drift(changed):
-    return LightDrift(1.1 * (1 + COLOUR), np.full(3, 1e-3), 1.1, 1e-3, COLOUR, changed, "warmer")
 
 
 @pytest.fixture
@@ -100,49 +91,6 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(even_light):
     assert without == clean
     assert all(abs(one / other - 1) > 1e-3
                for one, other in zip(scales(seen, ~soiled & soiled), clean, strict=True))
-
-
-def test_the_drift_between_the_first_chart_and_photo_is_that_of_no_other_photo(monkeypatch):
-    """Of photos that each have a chart of their own, under one light."""
-    monkeypatch.setattr(inversion, "PhotoView", lambda *given: given)
-    monkeypatch.setattr(inversion, "materials_of", lambda *_: ())
-    monkeypatch.setattr(inversion, "scene_of", lambda stated: stated)
-    names, measured = ("", "second", "third"), drift(True)
-    views = [scene_view(name, chart=f"chart-{name}.dng") for name in names]
-    camera = dataclasses.replace(calibration(np.ones(61), COEFFICIENTS, COVARIANCE),
-                                 light_scale=LightScale(5.0, 0.1, None, "chart photo"))
-    records = records_of(
-        chart=chart_records(dict.fromkeys(names, measured_chart())), photo=photo_records(*names),
-        calibrate=CalibrationRecords(dict.fromkeys(names, camera), {}, None, {}, ()))
-    scales = {title: scale for title, *_, scale, _, _ in inversion.views_of(
-        scene_capture(*views), records, measured)}
-    drifted = {title for title, scale in scales.items()
-               if DRIFT in [error.cause for error in scale.common_errors]}
-    assert drifted == {"photo"}
-    # 10 % brighter in the photo than on its chart
-    assert scales["photo"].value == pytest.approx(1.1 * scales["second"].value)
-
-
-@pytest.mark.parametrize("changed", [True, False])
-def test_a_drift_of_colour_is_an_error_of_the_first_photo_alone(monkeypatch, changed):
-    """The light was 2 % redder: what the first photo's bands differ by is no property of paint."""
-    monkeypatch.setattr(scene_errors, "with_stray_light", lambda found, *_: found)
-    before = 1e-4 * (np.eye(6) + 0.5)[None]
-    two = joint(COEFFICIENTS, model=before)
-    said = [dataclasses.make_dataclass("Noted", ["light_scale", ("notes", tuple, ())], frozen=True)(
-        view.light_scale) for view in two.views]
-    two = dataclasses.replace(two, views=tuple(said))
-    measured = drift(changed)
-    after = scene_errors.with_photo_errors(
-        two, scene_errors.StatedErrors(measured, np.zeros(3), 0.0, {}))
-    expected = before.copy()
-    if changed:
-        expected[0, :3, :3] += np.outer(COLOUR, COLOUR)
-    # a sum of two numbers
-    np.testing.assert_allclose(after.model_covariance, expected, rtol=1e-12)
-    np.testing.assert_array_equal(two.model_covariance, before)
-    assert [view.notes for view in after.views] == [("warmer",), ()]
-    assert drift_covariance(measured).any() == changed
 
 
 def test_stray_light_of_one_photo_is_that_of_no_other():

@@ -80,7 +80,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     for error in _of_tails(of_brightest, regions, relative):
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
     mirrored = dict.fromkeys(joint.materials, "satin")
-    stray = with_stray_light(joint, StatedErrors(None, np.full(3, 0.01), 0.0, mirrored))
+    stray = with_stray_light(joint, StatedErrors(np.full(3, 0.01), 0.0, mirrored))
     glare, _ = _of_stray_light(stray, regions, relative)
     reflections = _of_gloss(stray, regions, relative)
     # what a surface mirrors says nothing of another

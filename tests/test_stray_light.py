@@ -56,7 +56,7 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
     surface = np.repeat([[0, 0, 1]], 40, axis=0).repeat(10, axis=1)
     irradiance = rng.uniform(0.2, 1.0, surface.shape)
     clean = joint(irradiance, surface)
-    lit_otherwise = with_stray_light(clean, StatedErrors(None, np.full(3, 0.01), 0.004,
+    lit_otherwise = with_stray_light(clean, StatedErrors(np.full(3, 0.01), 0.004,
                                                          {"dark": "glossy"}))
     estimate = {stray.cause: stray.relative for stray in lit_otherwise.stray_light}
     photo = clean.views[0].measured
@@ -77,7 +77,7 @@ def test_dark_paint_owes_most_to_glare_and_shadow_to_ambient_light():
     surface = np.repeat([[0, 1]], 20, axis=0).repeat(20, axis=1)
     shaded = np.where(surface == 1, 0.1, 1.0)
     stray = with_stray_light(joint(shaded, surface),
-                             StatedErrors(None, np.full(3, 0.005), 0.002, {})).stray_light
+                             StatedErrors(np.full(3, 0.005), 0.002, {})).stray_light
     glare, ambient = (of_cause.relative for of_cause in stray)
     assert np.all(glare[1] > 10 * glare[0])
     # Round-off: the white paint's light is the brightest; the shadow has a tenth of it.

@@ -1,20 +1,18 @@
-"""Signals of the regions of a photo that an operator outlined: surfaces, neutral references."""
+"""Signals of the regions of a photo that an operator outlined."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from spectrabox.capture.chart.patches import image_from_sensor, pixels_inside
+from spectrabox.capture.chart.patches import image_from_sensor
 from spectrabox.capture.photo.region_edges import region_edge
-from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
+from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.records.photos import LinearImage, RegionEdge, RegionSamples
 
 MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region
 COLOURS = 3                 # bands of a colour camera
-MIN_SIGNAL_TO_NOISE = 10    # of the mean of a neutral reference
 Outline = Sequence[Sequence[float]]
 POINTS_A_SIDE = 5           # of the grid at which the light on a region is looked up
 
@@ -104,45 +102,6 @@ def inside_polygon(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndar
         inside ^= crosses & (x < xa + (y - ya) / (yb - ya) * (xb - xa))
     return inside
 
-
-def region_signals(image: LinearImage, corners_px: ArrayLike) -> np.ndarray:
-    """Mean signal (R, K) of neutral references inside each of R quadrilaterals.
-
-    Parameters
-    ----------
-    image : LinearImage
-    corners_px : (R, 4, 2) array or nested sequences
-        Corner after corner, in pixels of the whole photo.
-
-    Raises
-    ------
-    InputError
-        If a quadrilateral has no four corners, leaves the photo or holds fewer than 16 pixels.
-    ClippedPhotoError
-        If more than 1 % of a region is saturated.
-    CheckError
-        If a region is too dark to be compared.
-    """
-    try:
-        quads = np.asarray(corners_px, dtype=float)
-    except ValueError:          # rows of several lengths
-        quads = np.empty(0)
-    if quads.ndim != 3 or quads.shape[1:] != (4, 2) or not np.all(np.isfinite(quads)):
-        raise InputError("a reference region is written as four corners [[x, y], [x, y], [x, y], "
-                         "[x, y]] in pixels of the photo, going round")
-    means = []
-    for number, quad in enumerate(quads, start=1):
-        name = f"photo {image.source}: reference region {number}"
-        y, x = pixels_inside(quad, image.sensor_step, *image.signal.shape[:2])
-        _require_readable(image.saturated, image.sensor_step, quad, y, x, name,
-                          "more of the reference, corner after corner", "use a darker reference")
-        mean = image.signal[y, x].mean(axis=0, dtype=float)
-        noise = np.sqrt(image.variance[y, x].mean(axis=0, dtype=float) / y.size)
-        if np.any(mean < MIN_SIGNAL_TO_NOISE * noise) or np.any(mean <= 0):
-            raise CheckError(f"{name} is too dark (signal {mean.min():.2g}, noise "
-                             f"{noise.max():.1g}); use a lighter reference or expose more")
-        means.append(mean)
-    return np.array(means)
 
 
 def region_pixels(saturated: np.ndarray, sensor_step: float, corners_px: np.ndarray,

@@ -62,8 +62,8 @@ class PixelErrors:
     glare: np.ndarray           # (K,) signal
     glare_covariance: np.ndarray    # (K, K) of it and of the veil over the whole photo
     gloss: CaptureStates        # what surfaces may mirror, relative to white, in the K bands
-    relative: np.ndarray        # (K, K) further relative covariance: drift of the light's colour,
-                                # disagreement of photo and model
+    relative: np.ndarray        # (K, K) further relative covariance: disagreement of photo and
+                                # model
     # of the photos, with each of the J typical lights
     calibrations: Sequence[Sequence[Calibration]]
     photo_of_band: np.ndarray   # (K,) whose calibration is that of each band

@@ -18,7 +18,7 @@ from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
 from spectrabox.measure.pictures.reference_surfaces import compare_reference_surfaces
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
-from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
+from spectrabox.radiometry.error_model import scale_covariances
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
@@ -175,15 +175,12 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
         row, column = np.divmod(np.arange(first * width, last * width), width)
         return nodes.weights(row + crop.rows.start, column + crop.columns.start)
 
-    relative = references.covariance
-    if scene.drift is not None:
-        relative = relative + drift_covariance(scene.drift)
     typical = lighting.typical @ lighting.spectra
     responses = typical[:, None, :] * (view.sensitivities * view.grid.weights_nm)
     errors = PixelErrors(
         between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
         np.zeros(bands), np.outer(scene.veil, scene.veil),
-        gloss_states(scene.surface, [""] * bands), relative,
+        gloss_states(scene.surface, [""] * bands), references.covariance,
         [(_calibration_under(scene, colour),) for colour in typical], np.zeros(bands, int),
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
     flags = np.full(nodes.surface.shape, SEEN, np.uint8)

@@ -26,10 +26,7 @@ from spectrabox.measure.regions.flat_signals import (
 )
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.error_model import (
-    DISAGREEMENT,
-    drift_covariance,
-)
+from spectrabox.radiometry.error_model import DISAGREEMENT
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.photos import LinearImage
@@ -58,7 +55,6 @@ class _PhotoAtNodes:
     glare: np.ndarray               # (K,) signal
     glare_covariance: np.ndarray    # (K, K)
     causes: Mapping[str, np.ndarray]    # (N, K, K) relative covariance of white by cause
-    drift: np.ndarray               # (K, K) relative
 
 
 def stack_photos(photos: Sequence[PicturePhoto], between: Between,
@@ -101,7 +97,7 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
         log += [common_to_photos(cause, node, white, lamps, errors.disagreement) for node
                 in _blocks([part.causes.get(cause, none) for part in parts])]
     disagreement = block_diagonal(*[errors.disagreement.among_bands(bands)] * len(parts))
-    relative = block_diagonal(*(part.drift for part in parts)) + disagreement + common_to_photos(
+    relative = disagreement + common_to_photos(
         DISAGREEMENT, disagreement, white, lamps, errors.disagreement)
     response = np.vstack([flat[number].response for number in distinct])
     glare, photo_of_band = np.concatenate([part.glare for part in parts]), np.repeat(distinct,
@@ -129,13 +125,11 @@ def _at_nodes(each: PicturePhoto, known: Mapping[str, np.ndarray],
     covariance = np.array([white.white_and_glare(node) for node in nodes])
     by_cause = [white.errors(node, np.ones(bands)) for node in nodes]
     typical = nodes[np.argsort(white.white[first:, 0])[len(nodes) // 2]]
-    drift = each.photo.drift
     return _PhotoAtNodes(
         each.image, white.white[first:], covariance[:, :bands, :bands],
         covariance[:, :bands, bands:], white.glare + white.mean[white.glare_part],
         covariance[0, bands:, bands:] + stray_light(each.photo, white, typical, errors),
-        {cause: np.array([causes[cause] for causes in by_cause]) for cause in by_cause[0]},
-        np.zeros((bands, bands)) if drift is None else drift_covariance(drift))
+        {cause: np.array([causes[cause] for causes in by_cause]) for cause in by_cause[0]})
 
 
 def _averaged(parts: Sequence[_PhotoAtNodes], between: Between) -> _PhotoAtNodes:
@@ -177,8 +171,7 @@ def _averaged(parts: Sequence[_PhotoAtNodes], between: Between) -> _PhotoAtNodes
         mean([np.outer(gain, gain) * part.glare_covariance
               for part, gain in zip(parts, typical, strict=True)]),
         {cause: mean([part.causes.get(cause, none) for part in parts])
-         for cause in dict.fromkeys(cause for part in parts for cause in part.causes)},
-        mean([part.drift for part in parts]))
+         for cause in dict.fromkeys(cause for part in parts for cause in part.causes)})
 
 
 def _stacked(images: Sequence[LinearImage]) -> LinearImage:

@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records.calibration import Calibration, LightDrift
+from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.reconstruct.pixel_light import PixelLight
 from spectrabox.reconstruct.scene.surfaces import region_means
@@ -29,7 +29,6 @@ class TracedPhoto:
     prior: LogitMixture
     joint: JointReconstruction  # whose spectra the light begins with
     calibration: Calibration
-    drift: LightDrift | None    # of the light, from the chart photo to this one
     veil: np.ndarray            # (K,) signal: standard error of one veil over the whole photo
     ambient: float              # standard error of stray light, of the brightest light
     surface: str | None         # what is stated of the surfaces, of gloss.KINDS

@@ -14,7 +14,6 @@ from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
-    DRIFT_OF_COLOUR,
     FILTER,
     GLARE,
     LIGHT_FIELD,
@@ -24,7 +23,6 @@ from spectrabox.radiometry.error_model import (
     SENSITIVITIES,
     SURFACE_REFLECTION,
     added_covariance,
-    drift_covariance,
     filter_covariance,
     glare_signal,
     light_covariance,
@@ -166,9 +164,6 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
                       / np.outer(white.white[row], white.white[row]),
                       DISAGREEMENT: proportional_covariance(
                           signal, errors.disagreement.among_bands(signal.size))})
-        if photo.drift is not None:
-            parts[-1][DRIFT_OF_COLOUR] = proportional_covariance(signal,
-                                                                 drift_covariance(photo.drift))
     causes = dict.fromkeys(cause for part in parts for cause in part)
     zero = np.zeros_like(noise)
     return {PHOTO_NOISE: noise, **{

@@ -22,7 +22,6 @@ from spectrabox.measure.regions.white import FlatErrors, FlatPhoto
 from spectrabox.measure.steps.photos import THUMBNAIL_WIDTH, outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
 from spectrabox.radiometry.records.spectra import SurfaceSpectrum
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
@@ -50,17 +49,9 @@ def calibrated_photos(capture: FlatCapture, records: CaptureRecords,
         Of charts and calibration; those of the photos are made here.
     images : mapping
         Photos by view.
-
-    Raises
-    ------
-    InputError
-        If references tell how the light drifts, which regions that are pointed at do not use.
     """
-    if capture.drift.object_px:
-        raise InputError("with references of [drift] the page shows no spectra while you point; "
-                         "the report has them")
     records.photo = PhotoRecords({name: thumbnail(image, THUMBNAIL_WIDTH)
-                                  for name, image in images.items()}, {}, None, {},
+                                  for name, image in images.items()}, {}, {},
                                  OpenPhotos(capture).bands(images[""]), ())
     first, *others = capture.views
     edges = {view.name: find_edges(images[view.name]) for view in capture.views if others}

@@ -19,7 +19,6 @@ from spectrabox.calibrate.light_field import LightAtRegions, PicturePoints, ligh
 from spectrabox.radiometry.chart import Chart, plane_centres, plane_from_picture, projected
 from spectrabox.radiometry.covariance import common_variance, symmetric
 from spectrabox.radiometry.error_model import (
-    DRIFT,
     LIGHT_FIELD,
     PLANE_ERROR,
     REPEATABILITY,
@@ -31,7 +30,7 @@ from spectrabox.radiometry.error_model import (
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import exposure_ratio, rounding_error
-from spectrabox.radiometry.records.calibration import Calibration, ChartWhite, LightDrift
+from spectrabox.radiometry.records.calibration import Calibration, ChartWhite
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
 from spectrabox.radiometry.response import relative_response
 
@@ -54,7 +53,6 @@ class FlatPhoto:
     layout: Chart
     white: ChartWhite               # in the chart photo
     calibration: Calibration        # of the camera under this light
-    drift: LightDrift | None = None     # of the light from the chart photo to this one
     lamp: str | None = None         # the same for photos under one lamp that stayed; None: its own
     moved: bool = False             # the lamp of an earlier photo stands elsewhere in this one
     # (K,) bool: bands in which too little of the chart can be read; None: there is none
@@ -428,9 +426,6 @@ def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, fl
                          "were exposed, so the samples cannot be compared with the chart; show "
                          "both in one photo, or give files that state it")
     ratio = exposure_ratio(before, after)
-    drift = photo.drift
-    if drift is not None:
-        return ratio * drift.level, {DRIFT: drift.level_error / drift.level}
     return ratio, {REPEATABILITY: errors.repeatability,
                    ROUNDED_EXPOSURES: rounding_error(before, after)}
 

@@ -18,9 +18,7 @@ import numpy as np
 from spectrabox.radiometry.error_model import (
     GLARE,
     STRAY_LIGHT,
-    drift_covariance,
 )
-from spectrabox.radiometry.records.calibration import LightDrift
 from spectrabox.radiometry.records.scenes import (
     JointReconstruction,
     Reconstruction,
@@ -33,32 +31,10 @@ from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 class StatedErrors:
     """What a scene states of its photos beyond noise, camera and light."""
 
-    drift: LightDrift | None    # of the light between the first chart and object photo
     glare: np.ndarray           # (K,) standard error, of a photo's mean signal
     ambient: float              # standard error, of the brightest irradiance
     # of materials that may mirror light: what is stated of their surfaces; None: nothing
     gloss: Mapping[str, str | None]
-
-
-def with_photo_errors(joint: JointReconstruction, errors: StatedErrors) -> JointReconstruction:
-    """The reconstruction with the errors of which its photos tell nothing: a drift of the light
-    between chart and first photo, and light that the scene does not hold.
-
-    A change of the light's colour is among what photo and model disagree by.
-
-    Parameters
-    ----------
-    joint : JointReconstruction
-    errors : StatedErrors
-    """
-    drift = errors.drift
-    if drift is not None:
-        model = np.array(joint.model_covariance)
-        mine = np.flatnonzero(joint.view_of_band == 0)
-        model[:, mine[:, None], mine] += drift_covariance(drift)
-        first = dataclasses.replace(joint.views[0], notes=(*joint.views[0].notes, drift.sentence))
-        joint = dataclasses.replace(joint, model_covariance=model, views=(first, *joint.views[1:]))
-    return with_stray_light(joint, errors)
 
 
 def with_stray_light(joint: JointReconstruction, errors: StatedErrors) -> JointReconstruction:

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
-from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
-from spectrabox.radiometry.error_model import drift_covariance, scale_covariances
+from spectrabox.radiometry.error_model import scale_covariances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import draw_gloss
 from spectrabox.radiometry.records.calibration import Calibration
@@ -150,7 +150,7 @@ class Replays:
 
     def again(self, number: int, rng: np.random.Generator) -> JointReconstruction:
         """The reconstruction from photos of one truth."""
-        return with_photo_errors(replay(self.stage, self.truth(number, rng), rng), self.errors)
+        return with_stray_light(replay(self.stage, self.truth(number, rng), rng), self.errors)
 
     def truth(self, number: int, rng: np.random.Generator) -> Truth:
         """What is photographed in one replay."""
@@ -187,13 +187,8 @@ class Replays:
     def _response(self, index: int, curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it.
         """
-        factor = _response(self.stage.views[index], self.calibrations[index], self.joint, index,
-                           curves, rng)
-        if self.errors.drift is None or index:
-            return factor
-        colour = rng.multivariate_normal(np.zeros(factor.shape[1]),
-                                         drift_covariance(self.errors.drift))
-        return factor * (1 + colour)[:, None]
+        return _response(self.stage.views[index], self.calibrations[index], self.joint, index,
+                         curves, rng)
 
 
 def _cameras(calibration: Calibration, times: int, seed: int) -> np.ndarray:

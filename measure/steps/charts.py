@@ -10,7 +10,6 @@ from spectrabox.capture.chart.detection import chart_overlay, find_chart, find_c
 from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.binning import thumbnail
-from spectrabox.capture.photo.regions import region_signals
 from spectrabox.capture.photo.registration import Edges, find_edges, register
 from spectrabox.measure.captured import Capture, View
 from spectrabox.measure.opened_photos import require_one_camera
@@ -45,7 +44,6 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
     views = capture.views_with_chart
     charts: dict[str, MeasuredChart] = {}
     notes: tuple[str, ...] = ()
-    references = None
     first: tuple[ChartDetection, Edges] | None = None
     for index, view in enumerate(views):
         name = view.chart_names[0]
@@ -63,12 +61,10 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
         lost = require_unclipped(verdict.samples, chart.layout.names, name, chart.layout.neutrals,
                                  work.photos.bands(photo), bands_may_drop=capture.bands_may_drop)
         notes += (*own_notes, *lost)
-        if capture.drift.chart_px and not view.name:
-            references = region_signals(photo, capture.drift.chart_px)
         charts[view.name] = MeasuredChart(detection, verdict.samples,
                                           thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
                                           tuple(verdict.reasons))
-    return ChartRecords(charts, references, notes)
+    return ChartRecords(charts, notes)
 
 
 def _chart_in(capture: Capture, view: View, photo: LinearImage, expected: np.ndarray,

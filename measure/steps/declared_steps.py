@@ -26,7 +26,7 @@ def inputs_of_charts(capture: Capture) -> dict[str, Any]:
     return {"chart": [chart.layout, chart.reflectances, chart.stated, chart.corners_px],
             "photos": {view.name: view.chart for view in capture.views_with_chart},
             "lights": lights_of(capture), "development": capture.development,
-            "drift": capture.drift, "channels": channels_from(capture)}
+            "channels": channels_from(capture)}
 
 
 def lights_of(capture: Capture) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:
     return {"photos": {view.name: view.photo for view in capture.views},
             "regions": {name: [region.outline, region.photos]
                         for name, region in capture.regions.items()},
-            "development": capture.development, "drift": capture.drift,
+            "development": capture.development,
             "channels": channels_from(capture)}
 
 
@@ -59,7 +59,6 @@ def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
     return {"photos": {view.name: [view.photo, view.lens] for view in capture.views},
             "scenes": {view.name: _film_of(view) for view in capture.views},
             "width": capture.inversion.width, "development": capture.development,
-            "drift": capture.drift,
             "channels": channels_from(capture)}
 
 

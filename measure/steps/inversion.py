@@ -13,8 +13,7 @@ from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.scene.draws import require_one_transport
 from spectrabox.measure.scene.geometry import box_scenes, scene_geometry
 from spectrabox.measure.scene.light_strength import learnt_spectra, scale_from_prior
-from spectrabox.measure.scene.photo_errors import StatedErrors, with_photo_errors
-from spectrabox.measure.steps.drift import drift_of
+from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import (
@@ -23,8 +22,8 @@ from spectrabox.radiometry.error_model import (
     with_common_error,
 )
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.light_scale import scale_after_drift, scale_for_photo
-from spectrabox.radiometry.records.calibration import Calibration, LightDrift, LightScale
+from spectrabox.radiometry.light_scale import scale_for_photo
+from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
@@ -41,8 +40,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
                   work: Work) -> ReconstructionRecords:
     """Photos, scenes and calibrations to spectra.
 
-    A drift of the light between the first view's chart and photo corrects its scale and widens its
-    errors. Where neither a chart nor a known material tells the strength of the light, it is
+    Where neither a chart nor a known material tells the strength of the light, it is
     estimated from what the prior expects of surfaces. A trace that was stopped goes on from its
     checkpoint.
 
@@ -61,19 +59,18 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     require_one_camera([*(chart.thumbnail for chart in records.chart.charts.values()),
                         *records.photo.photos.values()])
     start_mitsuba(work.device)
-    drift = drift_of(capture, records)
-    views = views_of(capture, records, drift)
+    views = views_of(capture, records)
     _require_picture(capture, views)
     settings = settings_of(capture)
     views = _with_estimated_scale(capture, views, settings, work.progress)
     joint = reconstruct_views(views, settings, work.progress, work.checkpoint(TRACE))
-    joint = with_photo_errors(joint, stated_errors(capture, records, views, drift))
+    joint = with_stray_light(joint, stated_errors(capture, records, views))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
-                                 drift, scene_geometry(capture), box_scenes(capture))
+                                 scene_geometry(capture), box_scenes(capture))
 
 
-def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[PhotoView],
-                  drift: LightDrift | None) -> StatedErrors:
+def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[PhotoView]
+                  ) -> StatedErrors:
     """What is stated of errors of the photos; surfaces that the scene says to be glossy mirror what
     it says.
 
@@ -82,11 +79,9 @@ def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequenc
     capture : SceneCapture
     records : CaptureRecords
     views : sequence of PhotoView
-    drift : LightDrift or None
-        Of the light between the first view's chart and photo.
     """
     modelled = {bsdf for view in views for bsdf in not_plain_products(view.scene_file)}
-    return StatedErrors(drift, glare_error(capture, records), capture.stray_light.ambient,
+    return StatedErrors(glare_error(capture, records), capture.stray_light.ambient,
                         {name: material.surface
                          for name, material in capture.materials.items()
                          if material.known is None and capture.bsdfs[name] not in modelled})
@@ -120,7 +115,7 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
     InputError
     """
     start_mitsuba(device)
-    views = views_of(capture, records, drift_of(capture, records))
+    views = views_of(capture, records)
     _require_picture(capture, views)
     settings, _ = settings_for(views, settings_of(capture))
     if capture.sampling.through == "transport":
@@ -140,8 +135,7 @@ def _require_picture(capture: SceneCapture, views: Sequence[PhotoView]) -> None:
                          "them diffuse and expect their highlights to be masked")
 
 
-def views_of(capture: SceneCapture, records: CaptureRecords,
-             drift: LightDrift | None) -> list[PhotoView]:
+def views_of(capture: SceneCapture, records: CaptureRecords) -> list[PhotoView]:
     """Every photo with all that explains it.
 
     Parameters
@@ -149,8 +143,6 @@ def views_of(capture: SceneCapture, records: CaptureRecords,
     capture : SceneCapture
     records : CaptureRecords
         Of charts, photos and calibration.
-    drift : LightDrift or None
-        Of the light between the first view's chart and photo.
 
     Raises
     ------
@@ -161,8 +153,7 @@ def views_of(capture: SceneCapture, records: CaptureRecords,
     views: list[PhotoView] = []
     for own, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
         photo = records.photo.photos[own.name]
-        scale = scale_of_view(capture, own, photo, calibration, records,
-                              None if own.name else drift)
+        scale = scale_of_view(capture, own, photo, calibration, records)
         scene = scene_of(own.scene)
         views.append(PhotoView(own.title, scene, photo, calibration, bands,
                                materials_of(capture, scene), scale, dict(own.lights_by_id),
@@ -237,10 +228,9 @@ def view_of_chart(capture: SceneCapture, view: SceneView) -> SceneView | None:
 
 
 def scale_of_view(capture: SceneCapture, view: SceneView, photo: LinearImage,
-                  calibration: Calibration, records: CaptureRecords,
-                  drift: LightDrift | None) -> LightScale | None:
-    """Light scale of a photo from the chart under its light, corrected by the drift between them;
-    None leaves it to the materials, which then tell how strong the light on the scene is.
+                  calibration: Calibration, records: CaptureRecords) -> LightScale | None:
+    """Light scale of a photo from the chart under its light; None leaves it to the materials,
+    which then tell how strong the light on the scene is.
 
     Parameters
     ----------
@@ -251,8 +241,6 @@ def scale_of_view(capture: SceneCapture, view: SceneView, photo: LinearImage,
     calibration : Calibration
         Of the view.
     records : CaptureRecords
-    drift : LightDrift or None
-        Of the light between chart and photo.
     """
     if view.scale is not None:
         return view.scale
@@ -261,10 +249,8 @@ def scale_of_view(capture: SceneCapture, view: SceneView, photo: LinearImage,
     if with_chart is None or chart is None or calibration.light_scale is None:
         return None
     scale = with_common_error(
-        scale_for_photo(calibration.light_scale, chart.thumbnail, photo, drift is not None),
+        scale_for_photo(calibration.light_scale, chart.thumbnail, photo),
         SCENE_LEVEL, capture.repeatability.scene_level)
-    if drift is not None:
-        return scale_after_drift(scale, drift)
     if with_chart.chart == view.photo:
         return scale
     return with_common_error(scale, REPEATABILITY, capture.repeatability.relative_error)

@@ -11,7 +11,7 @@ import numpy as np
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
 from spectrabox.capture.photo.preview import signal_rgb8
-from spectrabox.capture.photo.regions import region_signals, sample_regions
+from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import (
     Edges,
     distance_px,
@@ -59,7 +59,6 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
     regions: dict[str, RegionSamples] = {}
     registrations: dict[str, Registration] = {}
     notes: tuple[str, ...] = ()
-    references = None
     first_edges: Edges | None = None
     for index, view in enumerate(capture.views):
         work.progress((index + 0.1) / len(capture.views), f"reading {view.photo_names[0]}")
@@ -67,8 +66,6 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
         notes += own_notes
         require_one_camera([*(chart.thumbnail for chart in records.chart.charts.values()),
                             *photos.values(), photo])
-        if capture.drift.object_px and not view.name:
-            references = region_signals(photo, capture.drift.object_px)
         if several and not view.name:
             first_edges = find_edges(photo)
         elif first_edges is not None:
@@ -89,7 +86,7 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
                              "that was taken through it")
         notes += work.write_picture(view.label("preview"), partial(
             signal_rgb8, photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
-    return PhotoRecords(photos, regions, references, registrations, work.photos.bands(photo),
+    return PhotoRecords(photos, regions, registrations, work.photos.bands(photo),
                         notes)
 
 
@@ -113,14 +110,11 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
     """
     photos: dict[str, LinearImage] = {}
     notes: tuple[str, ...] = ()
-    references = None
     for index, view in enumerate(capture.views):
         name = view.photo_names[0]
         work.progress((index + 0.1) / len(capture.views), f"reading {name}")
         photo, own_notes = work.photos.developed(view.photo)
         notes += own_notes
-        if capture.drift.object_px and not view.name:
-            references = region_signals(photo, capture.drift.object_px)
         require_exposed(photo, name)
         lens = lens_of(view)
         if lens is not None:
@@ -129,7 +123,7 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
         height, width = photo.signal.shape[:2]
         photos[view.name] = bin_image(photo, *render_size(width, height, capture.inversion.width))
         notes += work.write_picture(view.label("preview"), partial(signal_rgb8, photo.signal))
-    return PhotoRecords(photos, {}, references, {}, work.photos.bands(photo), notes)
+    return PhotoRecords(photos, {}, {}, work.photos.bands(photo), notes)
 
 
 def _outlines_in_both(capture: FlatCapture, view: View) -> dict[str, Outline]:

@@ -74,11 +74,10 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
     lens = lens_of(first)
     if lens is not None:
         photo = undistorted(photo, lens)
-    drift = records.reconstruct.drift
     light = records.reconstruct.joint.views[0].known_light
     if light is not None:
         photo = in_chart_light(photo, light)
-    view = replace(views_of(capture, records, drift)[0], photo=photo)
+    view = replace(views_of(capture, records)[0], photo=photo)
     crop = crop_of(photo, section.rect)
     work.progress(0.02, "tracing light")
     direct = capture.inversion.engine == "single-bounce"
@@ -94,7 +93,7 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
     joint, settings = records.reconstruct.joint, capture.inversion
     return TracedPhoto(
         view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
-        records.calibrations(capture.views)[0], drift,
+        records.calibrations(capture.views)[0],
         glare_error(capture, records) * joint.views[0].measured.mean(axis=(0, 1)),
         capture.stray_light.ambient, section.surface,
         float(np.hypot(settings.surface_error, settings.brightness_error)), capture.seed)

@@ -16,7 +16,6 @@ from spectrabox.measure.regions.white import (
     light_map,
     white_at_regions,
 )
-from spectrabox.measure.steps.drift import drift_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
 
@@ -59,9 +58,7 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
     signals = flat_signals(photos, whites, capture.families, known,
                            capture.band_names(records.photo.bands), errors)
     notes += moved_notes(signals, [photo.name for photo in photos])
-    drift = photos[0].drift
-    return SignalRecords(signals, lights, drift,
-                         notes if drift is None else (*notes, drift.sentence))
+    return SignalRecords(signals, lights, notes)
 
 
 def require_unknown_region(capture: FlatCapture) -> None:
@@ -98,8 +95,7 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart == view.photo, chart.detection.corners_px, layout,
             records.calibrate.whites[with_chart.name], calibration,
-            None if view.name else drift_of(capture, records), view.place,
-            bool(view.moved), clipped_bands(chart.samples, layout.neutrals)))
+            view.place, bool(view.moved), clipped_bands(chart.samples, layout.neutrals)))
     return photos
 
 

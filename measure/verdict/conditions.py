@@ -18,8 +18,6 @@ from spectrabox.measure.tables import text_table
 from spectrabox.measure.words import listed, percent
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.error_model import (
-    DRIFT,
-    DRIFT_OF_COLOUR,
     FILTER,
     KNOWN_SURFACES,
     LAMP_AT_CHART,
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
     from spectrabox.measure.results.surface_result import SurfaceResult
 
 # causes of errors that a condition answers for
-BETWEEN_PHOTOS = (REPEATABILITY, ROUNDED_EXPOSURES, DRIFT, DRIFT_OF_COLOUR)
+BETWEEN_PHOTOS = (REPEATABILITY, ROUNDED_EXPOSURES)
 LIGHT_CAUSES = (WHITE, LIGHT_FIELD, LIGHT_SCALE, *BETWEEN_PHOTOS)
 PLACE_CAUSES = (SCENE_LEVEL, LAMP_AT_CHART)
 CAMERA_CAUSES = (SENSITIVITIES, LIGHT_SPECTRUM, FILTER)
@@ -138,7 +136,6 @@ class Statements:
     chart_measured: bool = False        # they are those of this very copy
     curves: str = ""                    # where measured curves of the camera come from
     chart_in_photo: bool = False        # every photo shows its chart
-    drift_references: bool = False      # chart photo and object photo both show grey references
     lamp_moved: bool = False            # a further photo shows them with the lamp moved
     dark_frames: bool = False
     bracket: bool = False               # of several exposures
@@ -160,7 +157,6 @@ def statements_of(capture: Capture) -> Statements:
         chart_measured=capture.chart is not None and capture.chart.measured,
         curves="" if capture.sensitivity.curves is None else capture.sensitivity.source,
         chart_in_photo=all(view.shows_chart for view in views),
-        drift_references=bool(capture.drift.chart_px),
         lamp_moved=capture.lamp_moved, dark_frames=bool(capture.development.dark_frames),
         bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
 
@@ -202,7 +198,7 @@ def conditions_text(conditions: Sequence[Condition], title: str = "") -> str:
 def _flat_light(found: FlatResult) -> Condition:
     cards = list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits))
     every = all(photo.level_misfits for photo in found.photos if photo.light)
-    between = not found.stated.chart_in_photo and not found.stated.drift_references
+    between = not found.stated.chart_in_photo
     if cards and every:
         standing, known_by = Standing.MEASURED, f"known regions: {listed(cards)}"
     elif between:
@@ -342,9 +338,7 @@ def _scene_light(found: SceneResult) -> Condition:
     causes = (*BETWEEN_PHOTOS, KNOWN_SURFACES)
     error = _common_error(found, causes)
     standing, known_by = Standing.ASSUMED, "stated errors of lamp and shutter"
-    if found.stated.drift_references:
-        standing, known_by = Standing.MEASURED, "grey references in both photos"
-    elif _tied_to_known(found) or not found.scale_from_chart:
+    if _tied_to_known(found) or not found.scale_from_chart:
         standing, known_by = Standing.MEASURED, _known_materials(found)
     elif found.stated.chart_in_photo:
         standing, known_by = Standing.MEASURED, "the chart in the photo itself"

@@ -68,19 +68,6 @@ class LightScale(Record):
     common_errors: tuple[CommonError, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class LightDrift(Record):
-    """Change of the light from the chart photo to the object photo."""
-
-    ratio: Annotated[np.ndarray, "K"]               # object / chart in each band
-    standard_error: Annotated[np.ndarray, "K"]
-    level: float                                    # common to all bands
-    level_error: float
-    colour: Annotated[np.ndarray, "K"]              # ratio / level - 1
-    colour_changed: bool                            # beyond what the errors explain
-    sentence: str
-
-
 class CalibrationDoubt(Enum):
     """What makes a calibration doubtful that was made all the same; the value says what to do."""
 

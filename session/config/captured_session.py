@@ -163,7 +163,7 @@ def _stated_of_capture(config: SessionConfig, reader: _Reader) -> dict[str, Any]
             tuple(reader.file(name) for name in photos.dark_files),
             {band: reader.file(name) for band, name in photos.flats.items()},
             photos.not_linear, photos.orientation),
-        "sensitivity": reader.read(_sensitivity, config), "drift": config.drift,
+        "sensitivity": reader.read(_sensitivity, config),
         "repeatability": config.repeatability, "stray_light": config.stray_light,
         "sampling": config.sampling, "picture": config.picture}
 

@@ -25,7 +25,7 @@ def inconsistencies(config: SessionConfig) -> list[str]:
     """A sentence for every pair of keys that do not go together."""
     faults = _flat_and_scene(config) or [*config.faults()]
     return [*faults, *_sampling(config), *_families(config), *_chart_corners(config),
-            *unpaired_references(config), *_drift(config), *_names(config), *_views(config),
+            *_names(config), *_views(config),
             *_lens(config), *_bands(config), *_unknown_lights(config), *_patches(config),
             *_picture(config)]
 
@@ -65,22 +65,6 @@ def _chart_corners(config: SessionConfig) -> Iterator[str]:
     if corners is not None and [len(corner) for corner in corners] != [2] * 4:
         yield (f"{FILE_NAME}: chart.corners_px needs four [x, y] pairs: of a ColorChecker Classic "
                "the outer corners at dark skin, bluish green, black and white")
-
-
-def unpaired_references(config: SessionConfig) -> list[str]:
-    """A sentence where one photo names more references of [drift] than the other."""
-    if len(config.drift.chart_px) == len(config.drift.object_px):
-        return []
-    return [f"{FILE_NAME}: drift.chart_px names {len(config.drift.chart_px)} references and "
-            f"drift.object_px {len(config.drift.object_px)}; name the same ones in both, in one "
-            "order"]
-
-
-def _drift(config: SessionConfig) -> Iterator[str]:
-    """Drift is between a chart photo and another."""
-    if config.drift.chart_px and not config.needs_chart:
-        yield (f"{FILE_NAME}: [drift] compares the object photo with the chart photo, but nothing "
-               "of this session comes from a chart photo; leave it out")
 
 
 def _names(config: SessionConfig) -> Iterator[str]:

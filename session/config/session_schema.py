@@ -16,7 +16,6 @@ from pydantic import Field, model_validator
 from spectrabox.measure.captured import FIRST_PHOTO, ONE_PHOTO
 from spectrabox.measure.options import (
     SURFACE_FIELD,
-    DriftReferences,
     Inversion,
     PictureOptions,
     Repeatability,
@@ -266,7 +265,6 @@ class SessionTables(Table):
     photos: PhotosSection
     chart: ChartSection = ChartSection()
     camera: CameraSection = CameraSection()
-    drift: DriftReferences = DriftReferences()
     repeatability: Repeatability = Repeatability()
     stray_light: StrayLight = StrayLight()
     light: LightSection

@@ -52,11 +52,7 @@ scene = "scene/chart.xml"           # light and chart in place; the chart is a r
 # [camera]
 # lens = "lens.json"                # from 'spectrabox geometry lens': object photos are undistorted
 
-# [drift]                           # did the light change between the photos? Neutral references
-# chart_px = [[[x, y], [x, y], [x, y], [x, y]]]
-# object_px = [[[x, y], [x, y], [x, y], [x, y]]]
-
-# [repeatability]                   # from chart photo to object photo; [drift] measures it instead
+# [repeatability]                   # from chart photo to object photo
 # light = {REPEATABILITY.light}
 # shutter = {REPEATABILITY.shutter}
 # lamp_position = {REPEATABILITY.lamp_position}             # in the chart scene, of its distance

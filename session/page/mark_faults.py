@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.capture.photo.linear import photo_size
-from spectrabox.capture.photo.regions import region_pixels, region_signals
+from spectrabox.capture.photo.regions import region_pixels
 from spectrabox.measure.opened_photos import develop
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.radiometry.errors import SpectraboxError
@@ -21,7 +21,7 @@ from spectrabox.session.problems import readable, require_chart
 
 
 def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews) -> list[str]:
-    """Faults of what a session says of a region, the chart's corners, a box or references.
+    """Faults of what a session says of a region, the chart's corners or a box.
 
     A photo that is missing or cannot be read is no fault of the mark.
 
@@ -51,8 +51,6 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
             _chart(config)
         elif kind == "box corners":
             scene_of(stated_scene(config))
-        elif kind == "reference":
-            _references(config, name)
     except SpectraboxError as error:
         return str(error).splitlines()
     return []
@@ -81,15 +79,3 @@ def _chart(config: SessionConfig) -> None:
     chart = readable(develop, capture, view.chart)
     if chart is not None:
         require_chart(capture, view, chart[0])
-
-
-def _references(config: SessionConfig, name: str) -> None:
-    capture = readable(capture_of, config)
-    if capture is None:
-        return
-    view = capture.views[0]
-    files, quads = ((view.chart, capture.drift.chart_px) if name == "chart"
-                    else (view.photo, capture.drift.object_px))
-    developed = readable(develop, capture, files) if files and quads else None
-    if developed is not None:
-        region_signals(developed[0], quads)

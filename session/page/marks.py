@@ -12,7 +12,6 @@ from typing import Any, Literal
 import tomlkit
 from pydantic import Field
 from tomlkit.exceptions import TOMLKitError
-from tomlkit.items import Array
 
 from spectrabox.radiometry.checked_tables import ListOf, Table, checked
 from spectrabox.radiometry.errors import InputError
@@ -24,7 +23,7 @@ from spectrabox.session.config.session_file import (
     text_of,
     toml_of,
 )
-from spectrabox.session.config.session_rules import inconsistencies, unpaired_references
+from spectrabox.session.config.session_rules import inconsistencies
 from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.flat.new_session import known_file
 from spectrabox.session.page.mark_faults import mark_faults
@@ -45,15 +44,13 @@ class Mark(Table):
     """One mark, or its removal where it has no points.
 
     A region has two corners of a rectangle, or three or more of a polygon; the chart four corners
-    in the order of its layout; a box six corners or more by name; a reference four corners. A
+    in the order of its layout; a box six corners or more by name. A
     "rename" gives a region the one of ``names``; "stated" says what is known of it, "session" what
     is known of the session, "view" of a further photo, which is removed where nothing is stated.
     """
 
-    kind: Literal["region", "rename", "stated", "session", "view", "chart corners", "box corners",
-                  "reference"]
-    name: str = Field("", description="of a region or view; \"chart\" or \"object\" photo of a "
-                      "reference")
+    kind: Literal["region", "rename", "stated", "session", "view", "chart corners", "box corners"]
+    name: str = Field("", description="of a region or view")
     photo: str | ListOf[str] = Field("", description="views that a region lies in; empty for every "
                                      "one")
     points: ListOf[Pixel] = Field((), description="in pixels of the whole photo")
@@ -153,9 +150,6 @@ class MarkedSession:
         if config is None:
             return faults
         faults = inconsistencies(config)
-        if mark.kind == "reference":        # the second of a pair is still to come
-            unpaired = unpaired_references(config)
-            faults = [fault for fault in faults if fault not in unpaired]
         return faults + mark_faults(config, mark.kind, mark.name, self._photos)
 
     def undo(self, seen: str) -> None:
@@ -215,10 +209,8 @@ def _write(document: tomlkit.TOMLDocument, mark: Mark) -> None:
     elif mark.kind == "chart corners":
         _require_count(points, 4, "a chart")
         _put(_table(document, "chart"), "corners_px", points)
-    elif mark.kind == "box corners":
-        _mark_box(document, mark, points)
     else:
-        _mark_reference(document, mark, points)
+        _mark_box(document, mark, points)
 
 
 def _mark_region(document: Any, mark: Mark, points: list[list[float]]) -> None:
@@ -329,22 +321,6 @@ def _mark_box(document: Any, mark: Mark, points: list[list[float]]) -> None:
     for name, point in zip(mark.names, points, strict=True):
         corners[name] = _array(point)
     camera["corners_px"] = corners
-
-
-def _mark_reference(document: Any, mark: Mark, points: list[list[float]]) -> None:
-    if mark.name not in ("chart", "object"):
-        raise InputError("a reference lies in the chart photo or in the object photo")
-    drift, key = _table(document, "drift"), f"{mark.name}_px"
-    if not points:
-        drift.pop(key, None)
-        if not drift:
-            document.pop("drift")
-        return
-    _require_count(points, 4, "a reference")
-    references = drift.setdefault(key, tomlkit.array())
-    if not isinstance(references, Array):
-        raise InputError(f"{FILE_NAME}: drift.{key} must be a list; correct it first")
-    references.append(_array(points))
 
 
 def _require_count(points: list[list[float]], wanted: int, what: str) -> None:

@@ -72,15 +72,13 @@ def corner_names(tables: SessionTables | None) -> list[str]:
 
 
 def marks_of(tables: SessionTables | None) -> dict[str, Any]:
-    """What can be drawn on photos: outlines of regions, corners and references."""
+    """What can be drawn on photos: outlines of regions, and corners."""
     if tables is None:
-        return {"regions": {}, "chart_corners": None, "box_corners": None,
-                "references": {"chart": (), "object": ()}}
+        return {"regions": {}, "chart_corners": None, "box_corners": None}
     box = None if tables.scene is None else tables.scene.box
     return {"regions": {name: _region(region) for name, region in tables.regions.items()},
             "chart_corners": _points(tables.chart.corners_px),
-            "box_corners": None if box is None else box.camera.corners_px,
-            "references": {"chart": tables.drift.chart_px, "object": tables.drift.object_px}}
+            "box_corners": None if box is None else box.camera.corners_px}
 
 
 def _region(region: RegionSection) -> dict[str, Any]:

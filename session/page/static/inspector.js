@@ -64,11 +64,9 @@ export function showMarks() {
   for (const name of names) showRow(name);
 }
 function otherMarks() {
-  const { chart_corners: chart, box_corners: box, references } = session.state.marks, others = [];
+  const { chart_corners: chart, box_corners: box } = session.state.marks, others = [];
   if (chart) others.push({ name: "chart corners", drop: { kind: "chart corners" } });
   if (box) others.push({ name: `${Object.keys(box).length} box corners` });
-  for (const where of ["chart", "object"]) if (references[where]?.length)
-    others.push({ name: `${references[where].length} reference in the ${where} photo`, drop: { kind: "reference", name: where } });
   return others;
 }
 const otherRow = ({ name, drop }) => make("li", {}, make("div", { className: "mark" }, make("span", { className: "fill", text: name }),

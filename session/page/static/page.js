@@ -16,10 +16,9 @@ const HINTS = {
   white: "Drag a rectangle over a white or grey card of known reflectance.",
   chart: "Drag the four corners onto the chart: first patch, end of the first row, last patch, start of the last row (of a ColorChecker dark skin, bluish green, black, white).",
   box: "Choose a corner's name and click it, six corners or more; then Save. Delete the line fov_deg in session.toml unless you measured it.",
-  reference: "Click the four corners of a grey card that is in both photos.",
 };
 const TOUCH_HINTS = { look: "Tap a colour to see its spectrum. Hold a finger on it to mark it.", region: "Drag a finger over one colour." };
-const TOOL_KEYS = { p: "look", r: "region", g: "polygon", c: "compare", w: "white", k: "chart", b: "box", n: "reference" };
+const TOOL_KEYS = { p: "look", r: "region", g: "polygon", c: "compare", w: "white", k: "chart", b: "box" };
 const KEYS = [["P", "point"], ["R", "region"], ["G", "polygon"], ["C", "compare"], ["W", "white card"], ["K", "chart"], ["F", "whole photo"], ["I", "fold the inspector"], ["+ −", "zoom"],
   ["Space", "move the photo while it is held"], ["Arrows", "move the photo, or the selected mark; with Shift by ten"], ["Enter", "set a point in the middle"], ["Delete", "remove the selected mark"], ["Ctrl Z", "undo"], ["Esc", "let go"]];
 const POINTER_PX = 12, MIN_SIDE = 12;       // of the square under the pointer: on the screen, and at least of the photo
@@ -104,7 +103,7 @@ async function point(at, byKey = false) {
   view.points = mode === "box" ? named.map(([, position]) => position) : [...view.points, at];
   if (mode === "box") nextCorner();
   if (DRAWS.includes(mode) && view.points.length === 2) { const rect = view.points; clearPoints(); await addRect(rect); }
-  else if (["chart", "reference"].includes(mode) && view.points.length === 4) await save();
+  else if (mode === "chart" && view.points.length === 4) await save();
   view.draw(); show();
 }
 function pickAt(at) {
@@ -121,7 +120,6 @@ async function save() {
     polygon: { kind: "region", name: freeName("sample"), points, photo: ownPhoto() },
     chart: { kind: "chart corners", points },
     box: { kind: "box corners", points: named.map(([, at]) => at), names: named.map(([name]) => name) },
-    reference: { kind: "reference", name: session.role === "chart" ? "chart" : "object", points },
   }[mode];
   if (await mark(marked)) { say("marked"); if (mode === "chart") { choose("look"); return; } if (mode === "polygon") view.select(marked.name); }
   clearPoints(); show();
@@ -173,7 +171,7 @@ function show() {
   const problems = problemsOf(now); $("progress").textContent = stateWords(now); $("progress").title = problems.join("\n"); $("progress").className = problems.length ? "bad" : upToDate(now) ? "good" : "";
   $("undo").disabled = !now.undo; $("stop").hidden = !run.running || Boolean(run.until && !run.waiting);
   $("run").disabled = $("report").hidden && ((run.running && !run.until) || run.waiting || now.problems.length > 0 || (live && !Object.keys(now.marks.regions).length));
-  for (const [tool, hidden] of [["compare", !live], ["white", !live], ["box", !now.corner_names.length], ["reference", !photos.some(({ role }) => role === "chart")]])
+  for (const [tool, hidden] of [["compare", !live], ["white", !live], ["box", !now.corner_names.length]])
     document.querySelector(`[data-mode="${tool}"]`).hidden = hidden;
   $("corner-label").hidden = mode !== "box";
   $("save").hidden = !(mode === "box" && named.length >= 6) && !(mode === "polygon" && view.points.length > 2) && !(mode === "chart" && quad && !view.points.length);
@@ -208,7 +206,7 @@ function photoItem({ role, file, there }) {
 }
 function showOutlines() {
   const { marks, photos, live } = session.state ?? {}, { role } = session; if (!marks) return;
-  const { chart_corners: chart, box_corners: box, references } = marks, ofChart = role.endsWith("chart");
+  const { chart_corners: chart, box_corners: box } = marks, ofChart = role.endsWith("chart");
   const onChart = photos.some((one) => one.role === "chart") ? ofChart : true;
   view.patches = mode === "chart" ? [] : live?.charts[role]?.patches ?? [];
   view.outlines = [
@@ -216,7 +214,6 @@ function showOutlines() {
       .map(([name, { outline, rect }]) => ({ name, outline, rect, edits: mode !== "chart" && outline.length > 2, selects: outline.length > 2 })),
     ...(quad ? [{ name: "chart", outline: quad, edits: !view.points.length, labels: CORNERS }] : chart && onChart ? [{ name: "chart", outline: chart }] : []),
     ...(box && !ofChart ? Object.entries(box).map(([name, at]) => ({ name, outline: [at] })) : []),
-    ...((role === "chart" ? references.chart : role === "photo" ? references.object : null) ?? []).map((outline) => ({ name: "reference", outline })),
   ];
   view.picks = inspector.chosen.picks.flatMap(({ role: of, at, name }, i) => name || of !== role ? [] : [{ at, label: `point ${i + 1}` }]);
   view.draw();
