@@ -10,7 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import read_plane
+from spectrabox.capture.photo.stored_images import (
+    FULL_SCALE,
+    LINEAR_BYTES,
+    read_header,
+    stored_values,
+)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.radiometry.records.photos import RawFrame
@@ -46,3 +51,28 @@ def read_mosaic(path: str | os.PathLike[str], pattern: str, *, white_level: floa
                     exposure_s=exposure_s or stated_exposure_s, iso=iso, f_number=f_number,
                     camera=camera or stated_camera, file=Path(path).name,
                     sha256=sha256_of(Path(path)))
+
+
+def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:
+    """Values (H, W) as stored in a file of one band, its exposure in s and its camera.
+
+    Parameters
+    ----------
+    path : path
+        Such as the mosaic of an industrial camera.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, has several bands, or holds anything but 8 or 16-bit
+        integers.
+    """
+    header = read_header(Path(path))
+    bands = header.spec.nchannels
+    if bands != 1 or header.kind not in FULL_SCALE:
+        raise InputError(f"{header.path.name} has {bands} bands of {header.kind} values; a "
+                         "mosaic is one band of 8 or 16-bit integers: save the raw frame without "
+                         "demosaicing")
+    values, header = stored_values(Path(path), LINEAR_BYTES)
+    plane = np.ascontiguousarray(values[..., 0])
+    return plane, header.positive("ExposureTime"), header.camera

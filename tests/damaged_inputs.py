@@ -21,7 +21,7 @@ from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.capture.meter.measurement_files import read_reading, reading_facts
-from spectrabox.capture.photo.image_files import read_encoded_file, read_plane
+from spectrabox.capture.photo.image_files import read_encoded_file
 from spectrabox.capture.photo.image_rows import open_channels, open_rows
 from spectrabox.capture.photo.image_writers import write_exr, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
@@ -41,7 +41,7 @@ from spectrabox.sampling.prior.mixture import SHIPPED, load_prior
 from spectrabox.session.camera.patch_files import read_patches
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.signals.measurement_file import read_more
-from spectrabox.session.signals.signal_options import read_signals
+from spectrabox.session.signals.signal_options import read_named_signals
 from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 
 MODELS = Path(load_camera_prior.__code__.co_filename).parent / "models"
@@ -194,8 +194,6 @@ def _photos(folder: Path) -> Rows:
     yield "TIFF photo", folder / "a.tif", open_photo, False
     write_png(folder / "a.png", np.uint8(255 * pixels))
     yield "PNG", folder / "a.png", read_encoded_file, False
-    write_plane(folder / "mosaic.png", rng.integers(0, 255, (40, 48, 1)))
-    yield "mosaic", folder / "mosaic.png", read_plane, False
     yield "picture by rows", folder / "a.exr", _read_rows, False
     yield "channels by rows", folder / "a.exr", _read_channels, False
 
@@ -312,7 +310,7 @@ def _tables(folder: Path) -> Rows:
     (folder / "patches.csv").write_text("R,G,B\n" + "\n".join(
         ",".join(f"{value:.4f}" for value in row) for row in cells))
     yield "patches", folder / "patches.csv", read_patches, True
-    yield "signals", folder / "patches.csv", lambda path: read_signals(path, "RGB"), True
+    yield "signals", folder / "patches.csv", lambda path: read_named_signals(path, "RGB"), True
     spectrum = Spectrum(grid, np.ones(grid.nm.size), Quantity.RADIANCE, "lamp")
     reading = SpectralReading(
         spectrum=spectrum, quantity=Quantity.RADIANCE, outcome=next(iter(ReadingOutcome)),

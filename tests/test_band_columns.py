@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.band_columns import columns_of_bands
 from spectrabox.session.cli import app
-from spectrabox.session.signals.signal_options import read_named_signals, read_signals
+from spectrabox.session.signals.signal_options import read_named_signals
 
 SIGNAL = {"R": 0.4, "G": 0.2, "B": 0.05}
 
@@ -22,7 +22,7 @@ def test_a_signal_is_the_same_in_any_order_of_its_columns(tmp_path, order, writt
     path = tmp_path / "signals.csv"
     head, row = [written(band) for band in order], [f"{SIGNAL[band]:g}" for band in order]
     path.write_text(f"{separator.join(head)}\n{separator.join(row)}\n")
-    np.testing.assert_array_equal(read_signals(path, "RGB"), [[0.4, 0.2, 0.05]])
+    np.testing.assert_array_equal(*read_named_signals(path, "RGB").values(), [0.4, 0.2, 0.05])
     path.write_text(f"name,{separator.join(head)}\nwall,{separator.join(row)}\n")
     assert read_named_signals(path, "RGB")["wall"].tolist() == [0.4, 0.2, 0.05]
 

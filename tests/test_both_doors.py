@@ -20,7 +20,7 @@ CAMERA, LIGHT, NOISE = "Nikon 5100 (NPL)", "LED-B3", 0.003
 SEEN = ("--sensitivity", CAMERA, "--light", LIGHT, "--noise", NOISE)
 # how an answer is laid out, and regions and wavelengths as options and files write them
 WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "line", "says", "title",
-         "light_words", "_cells", "_cell", "condition_on_families",
+         "light_words", "_cells", "_cell",
          "coverage_facts", "held_out_facts", "held_out_sentence", "poor_patches",
          "posterior_facts", "judgement_text", "rows", "copy_facts", "edition_sentence",
          "edition_told", "evidence_since", "evidence_words", "difference_sentence",

@@ -242,7 +242,7 @@ from spectrabox.radiometry.errors import InputError
 path = sys.argv[1]
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for read in (linear.open_photo, image_files.read_linear_file, image_files.read_encoded_file,
-             image_files.read_encoded_values, image_files.read_plane, image_rows.open_rows,
+             image_files.read_encoded_values, image_rows.open_rows,
              image_rows.open_encoded, image_rows.open_channels,
              lambda path: open_any(path, not_linear=True)):
     try:

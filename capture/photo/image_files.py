@@ -231,28 +231,3 @@ def _encoded(path: Path) -> tuple[np.ndarray, PictureHeader]:
     values, header = stored_values(path, ENCODED_BYTES)
     scale = FULL_SCALE.get(header.kind, 1)
     return np.clip(_bands(values, header) / np.float32(scale), 0, 1), header
-
-
-def read_plane(path: str | os.PathLike[str]) -> tuple[np.ndarray, float | None, str]:
-    """Values (H, W) as stored in a file of one band, its exposure in s and its camera.
-
-    Parameters
-    ----------
-    path : path
-        Such as the mosaic of an industrial camera.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, has several bands, or holds anything but 8 or 16-bit
-        integers.
-    """
-    header = read_header(Path(path))
-    bands = header.spec.nchannels
-    if bands != 1 or header.kind not in FULL_SCALE:
-        raise InputError(f"{header.path.name} has {bands} bands of {header.kind} values; a "
-                         "mosaic is one band of 8 or 16-bit integers: save the raw frame without "
-                         "demosaicing")
-    values, header = stored_values(Path(path), LINEAR_BYTES)
-    plane = np.ascontiguousarray(values[..., 0])
-    return plane, header.positive("ExposureTime"), header.camera

@@ -171,18 +171,6 @@ def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Compone
     return Components(weights / weights.sum(), means, covariances, family)
 
 
-def condition_on_families(prior: LogitMixture) -> str:
-    """What a band of this prior is conditional on, as the end of a sentence.
-
-    Parameters
-    ----------
-    prior : LogitMixture
-    """
-    if prior.stated:
-        return f"the surface being of {' or '.join(prior.stated)}, as stated"
-    return f"the surface being of one of the prior's families ({', '.join(prior.families)})"
-
-
 def logit(reflectance: np.ndarray) -> np.ndarray:
     """Logit of reflectances, clipped to 0.004-0.996.
 

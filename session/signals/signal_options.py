@@ -149,11 +149,6 @@ def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.n
     return numbers(signal, bands, name), numbers(noise, bands, "noise") if noise else None
 
 
-def read_signals(path: Path, bands: Sequence[str]) -> list[np.ndarray]:
-    """As ``read_named_signals``, without names."""
-    return list(read_named_signals(path, bands).values())
-
-
 def read_named_signals(path: Path, bands: Sequence[str]) -> dict[str, np.ndarray]:
     """Signals (K,) of a CSV by their names: a header of band names, one signal per row.
 
