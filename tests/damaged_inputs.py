@@ -7,7 +7,6 @@ import bz2
 import json
 import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -196,15 +195,6 @@ def _photos(folder: Path) -> Rows:
     yield "PNG", folder / "a.png", read_encoded_file, False
     yield "picture by rows", folder / "a.exr", _read_rows, False
     yield "channels by rows", folder / "a.exr", _read_channels, False
-
-
-def write_plane(path: Path, values: np.ndarray) -> None:
-    """A PNG of one band of 8 bits, which no writer of ours makes."""
-    rows = b"".join(b"\0" + row.astype(np.uint8).tobytes() for row in values)
-    head = struct.pack(">IIBBBBB", values.shape[1], values.shape[0], 8, 0, 0, 0, 0)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(part)) + kind + part + struct.pack(">I", zlib.crc32(kind + part))
-        for kind, part in ((b"IHDR", head), (b"IDAT", zlib.compress(rows)), (b"IEND", b""))))
 
 
 def _read_rows(path: Path) -> None:
