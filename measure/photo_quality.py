@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.measure.camera import chart_signals
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.photos import LinearImage
 
@@ -19,8 +21,8 @@ MAX_CLIPPED = 0.002     # share of pixels that may be clipped: a lamp in view, a
 BRIGHT_PERCENTILE = 99.5
 
 
-def judge_photo(image: LinearImage, chart: Chart = CLASSIC) -> tuple[tuple[str, ...], bool]:
-    """Why a photo should be shot again, and whether a chart is in it.
+def judge_photo(image: LinearImage, chart: Chart = CLASSIC) -> tuple[tuple[Finding, ...], bool]:
+    """What was found of a photo, and whether a chart is in it.
 
     Parameters
     ----------
@@ -30,30 +32,39 @@ def judge_photo(image: LinearImage, chart: Chart = CLASSIC) -> tuple[tuple[str, 
 
     Returns
     -------
-    reasons : tuple of str
-        Empty for a good photo.
+    findings : tuple of Finding
+        Without ``faults`` for a good photo.
     chart : bool
     """
-    reasons = []
-    clipped = clipped_share(image)
-    brightest = brightest_signal(image)
-    if max(clipped) > MAX_CLIPPED:
-        reasons.append(f"{max(clipped):.1%} of the pixels are clipped; expose "
-                       f"{_stops_words(-1.0)}")
-    elif max(brightest) < DARKEST:
-        reasons.append(f"the brightest parts reach {max(brightest):.0%} of saturation; expose "
-                       f"{_stops_words(exposure_stops(image))}")
+    findings = exposed(clipped_share(image), brightest_signal(image))
     if not chart.has_known_colours:
-        return tuple(reasons), False
+        return tuple(findings), False
     try:
         signals = chart_signals(chart, None, visible_grid())
         detection = locate_chart(image, signals, None, chart)
     except SpectraboxError:
-        return tuple(reasons), False
+        return tuple(findings), False
     verdict = judge_chart(image, detection, signals, chart)
     if detection.mirrored:
-        reasons.append("the chart is mirrored")
-    return (*reasons, *verdict.reasons), True
+        findings.append(Finding("chart.mirrored", Severity.WARN))
+    return (*findings, *verdict.findings), True
+
+
+def exposed(clipped: Sequence[float], brightest: Sequence[float]) -> list[Finding]:
+    """Pixels that are clipped, or a photo that is too dark.
+
+    Parameters
+    ----------
+    clipped, brightest : sequences of K float
+        As ``clipped_share`` and ``brightest_signal``.
+    """
+    if max(clipped) > MAX_CLIPPED:
+        return [Finding("photo.clipped", Severity.WARN, values={
+            "clipped": max(clipped), "limit": MAX_CLIPPED})]
+    if max(brightest) < DARKEST:
+        return [Finding("photo.dark", Severity.WARN, values={
+            "brightest": max(brightest), "least": DARKEST, "stops": _stops_to_bright(brightest)})]
+    return []
 
 
 def clipped_share(image: LinearImage) -> tuple[float, ...]:
@@ -71,8 +82,8 @@ def brightest_signal(image: LinearImage) -> tuple[float, ...]:
 
 def exposure_stops(image: LinearImage) -> float:
     """By how many stops a longer exposure brings the brightest parts to ``BRIGHT``."""
-    return float(np.log2(BRIGHT / max(max(brightest_signal(image)), 1e-6)))
+    return _stops_to_bright(brightest_signal(image))
 
 
-def _stops_words(stops: float) -> str:
-    return f"{abs(stops):.1f} stops {'longer' if stops > 0 else 'shorter'}"
+def _stops_to_bright(brightest: Sequence[float]) -> float:
+    return float(np.log2(BRIGHT / max(max(brightest), 1e-6)))

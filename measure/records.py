@@ -11,6 +11,7 @@ import numpy as np
 
 from spectrabox.measure.captured import View
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartCopy,
@@ -48,7 +49,7 @@ class MeasuredChart(Record):
     samples: PatchSamples
     thumbnail: LinearImage                      # of the photo, for its exposure and source
     light: Annotated[np.ndarray, "I"]           # on the patches, as it changes evenly over them
-    reasons: tuple[str, ...] = ()               # to shoot the photo again
+    findings: tuple[Finding, ...] = ()          # of the photo
 
 
 @dataclass(frozen=True, eq=False)

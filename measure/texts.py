@@ -12,12 +12,13 @@ Where a template cannot say it, a function of the values does.
 from __future__ import annotations
 
 import string
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from spectrabox.capture.photo.processed_photos import RAW_INSTEAD
 from spectrabox.measure import words
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.findings import Finding, faults
 
 Template = str | Callable[[Mapping[str, Any]], str]
 
@@ -35,7 +36,80 @@ class Text:
 
 # ---- chart photo ---------------------------------------------------------------------------------
 
-CHART: dict[str, Text] = {}
+def _chart_figures(values: Mapping[str, Any]) -> str:
+    white = f"at {words.percent(values['white'], 0)} of full scale" \
+        if values["white_8bit"] is None else f"{values['white_8bit']:.0f} of 255"
+    return (f"White patch {white}, light even to {words.percent(values['uneven'], 0)}, glare "
+            f"{words.percent(values['glare'], 1)}, tilt {values['tilt_deg']:.0f} degrees, edges "
+            f"{words.percent(values['blur'], 0)} of a patch, {values['pixels']} pixels or more per "
+            "patch.")
+
+
+CHART: dict[str, Text] = {
+    # where it is
+    "chart.found-in-photo": Text("Chart", "The chart was found in the whole photo at {side_px} "
+                                 "px."),
+    "chart.found-in-part": Text("Chart", "The chart was found in a part of the photo at {side_px} "
+                                "px."),
+    "chart.found-in-same-place": Text("Chart", "The chart was found in its position in another "
+                                      "photo."),
+    "chart.corners-given": Text("Chart", "The chart is at the corners given by hand."),
+    "chart.mirrored": Text("Mirrored chart", "The chart is mirrored{where}.",
+                           "Give the photo as the camera took it."),
+    # its photo
+    "chart.figures": Text("Photo of the chart", _chart_figures),
+    "chart.processed-photo": Text(
+        "Kind of file", "The photo was processed by the camera: its values are not proportional "
+        "to light. Position, light, glare and focus are judged here, noise is not, and nothing can "
+        "be measured on it.", f"To measure, {RAW_INSTEAD}."),
+    "chart.image-file": Text(
+        "Kind of file", "The photo is an image file taken as linear: good for finding the chart.",
+        "Calibrate with the camera's raw file."),
+    "chart.clipped": Text(
+        "Clipping", "{clipped} of {patches} patches are saturated ({names:listed}).",
+        "Halve the exposure.", "{clipped} patches", "none"),
+    "chart.dark": Text(
+        "Exposure", "The white patch reaches only {white:percent} of full scale, and "
+        "{least:percent0} is needed.", "Expose {times:.0f} times as long.", "{white:percent}",
+        "at least {least:percent0}"),
+    "chart.black-noisy": Text(
+        "Noise of the black patch", "The mean of the black patch is known to only "
+        "{relative_error:percent0}, and {limit:percent0} is needed.",
+        "Expose longer, or bring the chart closer.", "{relative_error:percent0}",
+        "{limit:percent0}"),
+    "chart.uneven-light": Text(
+        "Even light", "The light changes by {uneven:percent0} over the chart{where}; at most "
+        "{limit:percent0} is accepted.", "Move the lamp away, use two lamps, or photograph a "
+        "white card in the same place as flat field.", "{uneven:percent0}", "{limit:percent0}"),
+    "chart.uneven-beyond-scene": Text(
+        "Even light", "The light changes by {uneven:percent0} over the chart{where} beyond what "
+        "the chart scene explains; at most {limit:percent0} is accepted.", "Move the lamp away, "
+        "use two lamps, or photograph a white card in the same place as flat field, and shoot the "
+        "chart again.", "{uneven:percent0}", "{limit:percent0}"),
+    "chart.veiled": Text(
+        "Veiling glare", "Veiling glare of {veil:percent0} of white lies over the whole chart; the "
+        "fit subtracts it, but is less certain.", "Shade the lens from the sky and from lamps, "
+        "wipe it, and avoid haze.", "{veil:percent}", "{limit:percent0}"),
+    "chart.glare": Text(
+        "Glare", "White light of up to {glare:percent} of the white patch lies on {names:listed}.",
+        "Turn the chart or the lamp so that the chart does not mirror the lamp or a window.",
+        "{glare:percent}", "{limit:percent0}"),
+    "chart.glints": Text(
+        "Dust and glints", "{excluded:percent0} of the samples of {patch} stand out, as dust or "
+        "glints do; at most {limit:percent0} is accepted.",
+        "Clean the chart and keep reflections off it.", "{excluded:percent0}", "{limit:percent0}"),
+    "chart.tilted": Text(
+        "Tilt", "The chart is turned away by {tilt_deg:.0f} degrees; at most {limit_deg:.0f} is "
+        "accepted.", "Face it to the camera.", "{tilt_deg:.0f} degrees", "{limit_deg:.0f} degrees"),
+    "chart.blurred": Text(
+        "Focus", "Edges are {blur:percent0} of a patch wide; at most {limit:percent0} is accepted.",
+        "Focus on the chart.", "{blur:percent0}", "{limit:percent0}"),
+    "chart.small": Text(
+        "Size of the chart", "The mean of {patch} is known to only {relative_error:percent}, from "
+        "{pixels} pixels, and {limit:percent0} is needed.",
+        "Bring the chart closer, or expose longer.", "{relative_error:percent}",
+        "{limit:percent0}"),
+}
 
 # ---- calibration ---------------------------------------------------------------------------------
 
@@ -43,7 +117,14 @@ CALIBRATION: dict[str, Text] = {}
 
 # ---- photos and files ----------------------------------------------------------------------------
 
-PHOTOS: dict[str, Text] = {}
+PHOTOS: dict[str, Text] = {
+    "photo.clipped": Text(
+        "Clipping", "{clipped:percent} of the pixels are clipped.", "Expose 1.0 stops shorter.",
+        "{clipped:percent}", "{limit:percent}"),
+    "photo.dark": Text(
+        "Exposure", "The brightest parts reach only {brightest:percent0} of saturation.",
+        "Expose {stops:.1f} stops longer.", "{brightest:percent0}", "at least {least:percent0}"),
+}
 
 # ---- flat samples --------------------------------------------------------------------------------
 
@@ -89,6 +170,11 @@ def remedy(finding: Finding) -> str:
 def says(finding: Finding) -> str:
     """What was found and what to do about it."""
     return " ".join(filter(None, [sentence(finding), remedy(finding)]))
+
+
+def reasons(findings: Iterable[Finding]) -> list[str]:
+    """What each fault says, in their order."""
+    return [says(one) for one in faults(findings)]
 
 
 def shown(finding: Finding) -> str:

@@ -71,6 +71,16 @@ def worst(findings: Iterable[Finding]) -> Severity:
                default=Severity.INFO)
 
 
+def at_least(findings: Iterable[Finding], severity: Severity) -> tuple[Finding, ...]:
+    """Findings of this severity and of worse ones, in their order."""
+    return tuple(one for one in findings if one.severity.value >= severity.value)
+
+
+def faults(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings with evidence of a fault, in their order: from WARN on."""
+    return at_least(findings, Severity.WARN)
+
+
 def each_once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Findings in their order, equal ones once."""
     kept: list[Finding] = []

@@ -15,6 +15,7 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.surface_spectra import Scores
 from spectrabox.measure.verdict.conditions import Statements
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
 from spectrabox.radiometry.records.photos import (
@@ -33,6 +34,7 @@ from spectrabox.radiometry.records.spectra import (
 )
 from spectrabox.session.outputs.session_results import SessionResults, StageRun, UsedFile
 
+GIVEN_CORNERS = Finding("chart.corners-given", Severity.INFO)
 GRID = visible_grid(5.0)
 COEFFICIENTS = 12
 BASIS = basis_matrix(GRID.nm, COEFFICIENTS)
@@ -148,7 +150,7 @@ def _chart(rng: np.random.Generator, bands: int) -> ChartResult:
     samples = PatchSamples(measured, np.array([np.eye(bands) * 1e-7] * 24), np.full(24, 400),
                            np.zeros((24, bands)), np.full((24, bands), 0.01))
     fall_off = np.linspace(1, 0.88, 6) * np.linspace(1, 0.96, 4)[:, None]
-    return ChartResult(ChartDetection(corners, 0.97, False, "neural detector"), samples,
+    return ChartResult(ChartDetection(corners, 0.97, False, GIVEN_CORNERS), samples,
                        measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
 
 

@@ -15,10 +15,12 @@ from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredCha
 from spectrabox.measure.steps.measurement import InMemory
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import CLASSIC
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
 from spectrabox.radiometry.records.spectra import UnknownLight
 
 BANDS = ("R", "G", "B")
+GIVEN_CORNERS = Finding("chart.corners-given", Severity.INFO)
 
 
 def photo_of(name):
@@ -50,7 +52,7 @@ def scene_capture(*views, reflectances=None, excluded=None, **fields):
 
 def measured_chart(samples=None, thumbnail=None):
     """A chart of these patches in even light."""
-    return MeasuredChart(ChartDetection(np.zeros((24, 4, 2)), 1.0, False, "given"), samples,
+    return MeasuredChart(ChartDetection(np.zeros((24, 4, 2)), 1.0, False, GIVEN_CORNERS), samples,
                          thumbnail or image(), np.ones(24))
 
 

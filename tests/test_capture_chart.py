@@ -108,7 +108,7 @@ def test_corners_given_by_hand_are_taken_and_turned(tmp_path, reference):
         # The geometry is exact; least squares of the homography leaves round-off.
         np.testing.assert_allclose(detection.corners_px.mean(axis=1), true_centres(corners()),
                                    atol=1e-3)
-        assert detection.how_found == "corners given by hand"
+        assert detection.how_found.code == "chart.corners-given"
 
 
 def test_wrong_corners_are_refused(tmp_path, reference):

@@ -9,6 +9,7 @@ from geometry_views import TRUE
 
 from spectrabox.calibrate.geometry.lens import pinhole
 from spectrabox.calibrate.geometry.pose import _require_one, lens_of_focal_length, pose_from_points
+from spectrabox.capture.chart import quality
 from spectrabox.capture.chart.chart_agreement import (
     TYPICAL_SIGNALS,
     _log_fit,
@@ -16,7 +17,6 @@ from spectrabox.capture.chart.chart_agreement import (
     white_excess,
 )
 from spectrabox.capture.chart.patches import clipped_bands, require_unclipped, sample_patches
-from spectrabox.capture.chart.quality import _exposure_reasons
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark
 from spectrabox.capture.develop.flat_field import smooth_flat
@@ -152,7 +152,8 @@ def test_a_photo_is_too_dark_where_no_band_knows_black(errors, count):
     covariance = np.zeros((24, 3, 3))
     covariance[-1] = np.diag((0.02 * np.array(errors)) ** 2)
     samples = PatchSamples(mean, covariance, np.full(24, 100), np.zeros((24, 3)), np.zeros((24, 3)))
-    assert len(_exposure_reasons(samples, CLASSIC.names, white, 23)) == count
+    codes = [one.code for one in quality.black_noisy(samples, 23, white)]
+    assert codes == ["chart.black-noisy"] * count
 
 
 def raw(mosaic, cfa, name="photo.dng"):

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from spectrabox.capture.chart import quality
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
-from spectrabox.capture.chart.quality import judge_chart, uneven_light_reasons
+from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.image_writers import NO_DATE, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
@@ -20,6 +21,7 @@ from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, mosa
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry import chart as published
 from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.session.cli import app
 
@@ -41,6 +43,11 @@ def chart_photo(folder, signals=SIGNALS, place=PLACE, **changes):
     return write_photo(folder / "chart.dng", chart_scene(HEIGHT, WIDTH, signals, place, **changes))
 
 
+def faults_of(verdict):
+    """Codes of what speaks against a photo, with the values."""
+    return {one.code: one.values for one in faults(verdict.findings)}
+
+
 def judged(folder, **changes):
     image = open_photo(chart_photo(folder, **changes))
     return judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
@@ -60,34 +67,35 @@ def test_the_stored_reference_is_that_of_the_published_reflectances():
 
 def test_a_good_photo_is_good(tmp_path):
     verdict = judged(tmp_path)
-    assert (verdict.verdict, verdict.reasons) == ("good", ())
+    assert (verdict.verdict, faults_of(verdict)) == ("good", {})
     # 3 sigma cuts keep 99.2 % of three independent bands; the highest of 24 patches of 300 samples
     # stays below 5 %.
     assert verdict.excluded.max() < 0.05 and verdict.blur < 0.1 and verdict.tilt_deg < 5
 
 
-@pytest.mark.parametrize("changes, reason", [
-                             ({"signals": 1.8 * SIGNALS, "background": 0.1},
-                              r"clipping: \d of 24 patches are saturated \(.*white 9.5"),
-                             ({"signals": 0.04 * SIGNALS, "background": 0.01, "frame": 0.001},
-                              r"under-exposure: the white patch reaches 2\."),
-                             ({"gradient_stops": 2.5},
-                              r"uneven light: it changes by \d+% over the chart"),
-                             ])
-def test_exposure_and_light_are_judged(tmp_path, changes, reason):
+@pytest.mark.parametrize("changes, code, holds", [
+    ({"signals": 1.8 * SIGNALS, "background": 0.1}, "chart.clipped",
+     lambda values: "white 9.5" in values["names"] and values["clipped"] < values["patches"] == 24),
+    ({"signals": 0.04 * SIGNALS, "background": 0.01, "frame": 0.001}, "chart.dark",
+     # the exposure that is advised brings the white patch to 0.7
+     lambda values: 0.02 < values["white"] < 0.03
+     and values["times"] * values["white"] == pytest.approx(0.7)),
+    ({"gradient_stops": 2.5}, "chart.uneven-light",
+     lambda values: values["uneven"] > values["limit"])])
+def test_exposure_and_light_are_judged(tmp_path, changes, code, holds):
     verdict = judged(tmp_path, **changes)
-    import re
-    assert verdict.verdict == "re-shoot" and any(re.match(reason, given)
-                                                 for given in verdict.reasons)
+    assert verdict.verdict == "re-shoot" and holds(faults_of(verdict)[code])
 
 
 def test_light_that_a_scene_explains_is_no_reason_to_shoot_again():
     x = np.tile(np.linspace(0, 1, 6), 4)
     light = 2.0**(2 * x)
-    assert "it changes by 300% over the chart and" in uneven_light_reasons(light)[0]
+    alone, = quality.uneven_light(light)
+    assert (alone.code, alone.values["uneven"]) == ("chart.uneven-light", 3.0)
     # Photo and scene agree within 10 %.
-    assert uneven_light_reasons(light, light * (1 + 0.1 * x)) == []
-    assert "beyond what the chart scene explains" in uneven_light_reasons(light, light**-1)[0]
+    assert quality.uneven_light(light, light * (1 + 0.1 * x)) == []
+    beyond, = quality.uneven_light(light, light**-1, "a.dng")
+    assert (beyond.code, beyond.subject) == ("chart.uneven-beyond-scene", "a.dng")
 
 
 def test_a_light_without_power_in_a_band_is_named_and_not_the_chart(tmp_path):
@@ -112,8 +120,8 @@ def test_glare_is_named_with_its_patches(tmp_path):
                                                 / 70**2)[..., None]
     image = open_photo(write_photo(tmp_path / "chart.dng", scene))
     verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
-    assert verdict.verdict == "re-shoot" and any(reason.startswith("glare: white light of up to")
-                                                 for reason in verdict.reasons)
+    values = faults_of(verdict)["chart.glare"]
+    assert values["glare"] == verdict.glare > values["limit"] and values["names"]
 
 
 def test_blur_and_tilt_are_measured(tmp_path):
@@ -129,7 +137,7 @@ def test_blur_and_tilt_are_measured(tmp_path):
     tilted = judged(tmp_path, place=squeezed)
     # The geometry of the fitted chart is right to about 1 %.
     assert tilted.tilt_deg == pytest.approx(50, abs=2)
-    assert any(reason.startswith("tilt: the chart is turned away by") for reason in tilted.reasons)
+    assert faults_of(tilted)["chart.tilted"]["tilt_deg"] == tilted.tilt_deg
 
 
 @pytest.mark.parametrize("electrons, small", [(ELECTRONS, False), (150, True)])
@@ -141,7 +149,7 @@ def test_a_small_chart_is_too_small_where_its_means_are_not_known(tmp_path, elec
     verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS, place), TYPICAL_SIGNALS)
     # 64 pixels of 12 % noise are 1.5 %, and of 1 % noise 0.1 %
     assert verdict.pixels <= 81
-    assert any(reason.startswith("too small: the mean of") for reason in verdict.reasons) == small
+    assert ("chart.small" in faults_of(verdict)) == small
     assert small or verdict.verdict == "good"
 
 
@@ -151,7 +159,7 @@ def test_a_veil_is_told_from_a_tone_curve_and_named(tmp_path):
     verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
     # the veil is 0.12 / 1.12 of the white patch; it is tried in steps of 0.01
     assert verdict.veil == pytest.approx(0.107, abs=0.011) and verdict.glare < 0.03
-    assert [reason[:16] for reason in verdict.reasons] == ["veiling glare of"]
+    assert faults_of(verdict) == {"chart.veiled": {"veil": verdict.veil, "limit": 0.03}}
     for power in (0.6, 1 / 2.4):
         curved = open_photo(write_photo(tmp_path / "curved.dng", (0.8 * scene) ** power))
         with pytest.raises(CheckError, match=r"its values go with the power 0\.\d\d of the light"):
@@ -222,7 +230,17 @@ def test_chart_answers_good_with_the_keys_of_the_contract(tmp_path):
 
 def test_chart_says_re_shoot_with_exit_code_4(tmp_path):
     code, text = call("chart", chart_photo(tmp_path, gradient_stops=2.5))
-    assert code == 4 and text.startswith("RE-SHOOT") and "- uneven light" in text
+    assert code == 4 and text.startswith("RE-SHOOT") and "The light changes by" in text
+
+
+def test_chart_gives_codes_and_values_beside_its_reasons(tmp_path):
+    code, text = call("chart", chart_photo(tmp_path, gradient_stops=2.5), "--json")
+    facts = json.loads(text)
+    reasons = [f"{one['sentence']} {one['remedy']}" for one in facts["findings"]
+               if one["severity"] in ("warn", "fail")]
+    assert code == 4 and reasons == facts["reasons"] and len(reasons) >= 1
+    figures = {one["code"]: one["values"] for one in facts["findings"]}["chart.figures"]
+    assert figures["uneven"] == facts["uneven"]
 
 
 def test_chart_refuses_and_says_why(tmp_path):
@@ -238,7 +256,7 @@ def test_chart_refuses_and_says_why(tmp_path):
 def test_chart_takes_corners_by_hand(tmp_path):
     words = " ".join(f"{x:.1f},{y:.1f}" for x, y in PLACE)
     code, text = call("chart", chart_photo(tmp_path), "--corners", words, "--json")
-    assert code == 0 and json.loads(text)["how_found"] == "corners given by hand"
+    assert code == 0 and "corners given by hand" in json.loads(text)["how_found"]
     code, text = call("chart", chart_photo(tmp_path), "--corners", "1,2 3", "--json")
     assert code == 3 and "8 numbers in pixels of the photo are needed" in json.loads(text)["error"]
 
@@ -251,6 +269,7 @@ def test_a_jpeg_or_png_is_taken_as_encoded_and_marked(tmp_path):
     facts = json.loads(text)
     assert (code, facts["verdict"]) == (0, "good")
     assert facts["kind"] == "image processed by the camera, decoded as sRGB"
+    assert "chart.processed-photo" in [one["code"] for one in facts["findings"]]
     code, text = call("chart", tmp_path / "chart.png", "--linear", "--json")
     assert code == 3 and "not proportional to light" in json.loads(text)["error"]
 

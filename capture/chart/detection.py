@@ -36,6 +36,7 @@ from spectrabox.radiometry.chart import (
     table_orders,
 )
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
 
 QUAD_SHARE = 0.6                         # of a patch's side that is sampled
@@ -172,7 +173,7 @@ def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDet
     if agreement.residual <= ACCEPTED_RESIDUAL and np.array_equal(
             agreement.order, np.arange(len(chart.names))):
         return replace(before, confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
-                       how_found="in its position in another photo")
+                       how_found=Finding("chart.found-in-same-place", Severity.INFO))
     return find_chart(image, reference, None, chart)
 
 
@@ -203,11 +204,11 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
 # ---- proposals -----------------------------------------------------------------------------------
 
 def _proposals(image: LinearImage, picture: np.ndarray, corners_px: np.ndarray | None,
-               chart: Chart) -> Iterator[tuple[np.ndarray, str]]:
-    """Quadrilaterals (I, 4, 2) in sensor pixels and their source in words, the likeliest first."""
+               chart: Chart) -> Iterator[tuple[np.ndarray, Finding]]:
+    """Quadrilaterals (I, 4, 2) in sensor pixels and where they are from, the likeliest first."""
     if corners_px is not None:
         given = homography(chart_units(chart, chart.fiducials), np.asarray(corners_px, float))
-        yield _printed_quads(given, chart), "corners given by hand"
+        yield _printed_quads(given, chart), Finding("chart.corners-given", Severity.INFO)
         return
     if not chart.detectable:
         return
@@ -219,17 +220,18 @@ def _proposals(image: LinearImage, picture: np.ndarray, corners_px: np.ndarray |
             yield sensor_from_image(fitted, image.sensor_step), how_found
 
 
-def _windows(height: int, width: int) -> Iterator[tuple[tuple[slice, slice], int, str]]:
-    """Parts of the picture to search, and the long side to search them at."""
+def _windows(height: int, width: int) -> Iterator[tuple[tuple[slice, slice], int, Finding]]:
+    """Parts of the picture to search, and the long side in pixels to search them at."""
     longest = max(height, width)
     for side in dict.fromkeys(min(side, int(MAX_MAGNIFIED * longest)) for side in PICTURE_SIDES):
-        yield (slice(0, height), slice(0, width)), side, f"found in the whole photo at {side} px"
+        yield (slice(0, height), slice(0, width)), side, Finding(
+            "chart.found-in-photo", Severity.INFO, values={"side_px": side})
     h, w = int(REGION_SHARE * height), int(REGION_SHARE * width)
     for top in (0, (height - h) // 2, height - h):
         for left in (0, (width - w) // 2, width - w):
             side = min(PICTURE_SIDES[0], int(MAX_MAGNIFIED * max(h, w)))
-            yield (slice(top, top + h),
-                   slice(left, left + w)), side, f"found in a part of the photo at {side} px"
+            yield (slice(top, top + h), slice(left, left + w)), side, Finding(
+                "chart.found-in-part", Severity.INFO, values={"side_px": side})
 
 
 def _resized(picture: np.ndarray, side: int) -> tuple[np.ndarray, float]:

@@ -1,11 +1,12 @@
-"""The verdict on a chart photo: good, or re-shoot, with the reasons and what to do.
+"""What speaks against a chart photo: one function a rule, each against a stated limit.
 
-Clipping, under-exposure, uneven light, glare, tilt, blur and size, each against a stated limit. The
-limits are ours: they are set where the error of a patch mean, or of what follows from it, reaches
-about 2 %.
+Clipping, under-exposure, uneven light, glare, tilt, blur and size. The limits are ours: they are
+set where the error of a patch mean, or of what follows from it, reaches about 2 %. A new rule is a
+function here that ``judge_chart`` calls, and its text in ``measure.texts``.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,9 @@ from spectrabox.capture.chart.chart_agreement import (
 )
 from spectrabox.capture.chart.detection import homography
 from spectrabox.capture.chart.patches import image_from_sensor, patches_and_excluded
+from spectrabox.radiometry.appearance import encode_srgb
 from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.findings import Finding, Severity, faults
 from spectrabox.radiometry.records.photos import (
     ChartDetection,
     LinearImage,
@@ -31,6 +34,8 @@ from spectrabox.radiometry.records.photos import (
 )
 
 MIN_WHITE_SIGNAL = 0.05          # of full scale: black-level errors are then 1 % of grey patches
+WANTED_WHITE_SIGNAL = 0.7        # of full scale, that a longer exposure is advised for
+MAX_TIMES = 500.0                # longer exposure that is advised
 MAX_RELATIVE_ERROR = 0.05        # standard error / mean of the black patch in its best band
 MAX_UNEVEN = 0.40                # of the light over the chart: a smooth field leaves 2 % of it
 MAX_GLARE = 0.03                 # of the white patch: 0.013 at most without glare, 40 cameras
@@ -49,10 +54,9 @@ NO_EDGE = 2                      # darkest neutral patches, that do not stand ou
 
 @dataclass(frozen=True, eq=False)
 class ChartVerdict:
-    """What an operator should do with this photo, and the figures behind it."""
+    """What was found of a chart photo, and the figures behind it."""
 
-    verdict: str                     # "good" or "re-shoot"
-    reasons: tuple[str, ...]
+    findings: tuple[Finding, ...]
     samples: PatchSamples
     excluded: np.ndarray             # (I,) share of samples left out as dust or glints
     white_signal: float              # of the white patch in its brightest band, of full scale
@@ -63,6 +67,16 @@ class ChartVerdict:
     tilt_deg: float
     blur: float                      # width of an edge, of the side of a patch
     pixels: int                      # samples of the smallest patch
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing asks for another photo."""
+        return not faults(self.findings)
+
+    @property
+    def verdict(self) -> str:
+        """"good" or "re-shoot"."""
+        return "good" if self.good else "re-shoot"
 
 
 def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.ndarray,
@@ -77,8 +91,8 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
         Signals that an ordinary camera would read, in chart order.
     chart : Chart
     light_explained : bool
-        The light over the chart will be compared with that of a scene (``uneven_light_reasons``):
-        its fall-off alone is no reason to shoot again.
+        The light over the chart will be compared with that of a scene (``uneven_light``): its
+        fall-off alone is no reason to shoot again.
 
     Raises
     ------
@@ -87,7 +101,7 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     """
     samples, excluded = patches_and_excluded(image, detection)
     agreement = chart_agreement(image, detection.corners_px, reference, chart)
-    uneven = float(agreement.light.max() / agreement.light.min() - 1)
+    uneven = _range(agreement.light)
     # A file that went through a tone curve is undone by its power, as well as one number can.
     linear = (samples.mean if image.kind is PhotoKind.RAW
               else np.maximum(samples.mean, 0) ** (1 / agreement.contrast))
@@ -104,17 +118,192 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
     tilt = tilt_deg(detection.corners_px, chart)
     blur, names = edge_width(image, detection.corners_px, chart), chart.names
-    # A camera that processes its photos smooths and sharpens: their noise says nothing.
-    noise_known = image.kind is not PhotoKind.PROCESSED
-    reasons = (*_exposure_reasons(samples, names, white, darkest, noise_known),
-               *([] if light_explained else uneven_light_reasons(agreement.light)),
-               *_figure_reasons(names, excluded if noise_known else np.zeros(1), glare, veil, tilt,
-                                blur, MAX_PROCESSED_GLARE if image.kind is PhotoKind.PROCESSED
-                                else MAX_GLARE),
-               *(_size_reasons(samples, names) if noise_known else []))
-    return ChartVerdict("re-shoot" if reasons else "good", reasons, samples, excluded, white,
-                        agreement.light, uneven, float(glare.max()), veil, tilt, blur, pixels)
+    processed = image.kind is PhotoKind.PROCESSED
+    findings = [*clipped(samples, names), *dark(white),
+                *([] if light_explained else uneven_light(agreement.light)), *veiled(veil),
+                *glaring(glare, names, MAX_PROCESSED_GLARE if processed else MAX_GLARE),
+                *tilted(tilt), *blurred(blur)]
+    if not processed:   # a camera that smooths and sharpens its photos: their noise says nothing
+        findings += [*black_noisy(samples, darkest, white), *glints(excluded, names),
+                     *small(samples, names)]
+    findings += [*no_raw_file(image), Finding("chart.figures", Severity.INFO, values={
+        "white": white, "uneven": uneven, "glare": float(glare.max()), "tilt_deg": tilt,
+        "blur": blur, "pixels": pixels,
+        "white_8bit": 255 * float(encode_srgb(np.array(white))) if processed else None})]
+    return ChartVerdict(tuple(findings), samples, excluded, white, agreement.light, uneven,
+                        float(glare.max()), veil, tilt, blur, pixels)
 
+
+# ---- rules ---------------------------------------------------------------------------------------
+
+def clipped(samples: PatchSamples, names: Sequence[str]) -> list[Finding]:
+    """Saturated patches.
+
+    Parameters
+    ----------
+    samples : PatchSamples
+    names : sequence of I str
+        Of the patches.
+    """
+    patches = np.flatnonzero(samples.clipped.any(axis=1)).tolist()
+    return [Finding("chart.clipped", Severity.WARN, values={
+        "names": [names[patch] for patch in patches], "clipped": len(patches),
+        "patches": len(names)})] if patches else []
+
+
+def dark(white: float) -> list[Finding]:
+    """A white patch that is too dark against errors of the black level.
+
+    Parameters
+    ----------
+    white : float
+        Signal of the white patch in its brightest band, of full scale.
+    """
+    if white >= MIN_WHITE_SIGNAL:
+        return []
+    return [Finding("chart.dark", Severity.WARN, values={
+        "white": white, "least": MIN_WHITE_SIGNAL,
+        "times": min(WANTED_WHITE_SIGNAL / max(white, 1e-3), MAX_TIMES)})]
+
+
+def black_noisy(samples: PatchSamples, darkest: int, white: float) -> list[Finding]:
+    """A black patch whose mean is lost in noise, of a photo that is not dark as a whole.
+
+    Parameters
+    ----------
+    samples : PatchSamples
+    darkest : int
+        Index of the black patch.
+    white : float
+        As of ``dark``.
+    """
+    mean = np.maximum(samples.mean[darkest], np.finfo(float).tiny)
+    relative = float((samples.standard_error[darkest] / mean).min())
+    if relative <= MAX_RELATIVE_ERROR or white < MIN_WHITE_SIGNAL:
+        return []
+    return [Finding("chart.black-noisy", Severity.WARN, values={
+        "relative_error": relative, "limit": MAX_RELATIVE_ERROR})]
+
+
+def uneven_light(light: np.ndarray, irradiance: np.ndarray | None = None,
+                 photo: str = "") -> list[Finding]:
+    """Light that changes too much over the chart.
+
+    Parameters
+    ----------
+    light : (I,) array
+        On the patches, of a ``ChartVerdict``.
+    irradiance : (I,) array, optional
+        What a scene with lamp and chart in their places gives each patch: only the rest counts.
+    photo : str
+        Its name, where it is not clear by itself.
+    """
+    uneven = _range(light if irradiance is None else light / irradiance)
+    if uneven <= MAX_UNEVEN:
+        return []
+    return [Finding("chart.uneven-light" if irradiance is None else "chart.uneven-beyond-scene",
+                    Severity.WARN, photo, {"uneven": uneven, "limit": MAX_UNEVEN})]
+
+
+def veiled(veil: float) -> list[Finding]:
+    """Veiling glare over the whole chart.
+
+    Parameters
+    ----------
+    veil : float
+        Of the white patch; 0 if small.
+    """
+    return [Finding("chart.veiled", Severity.WARN, values={"veil": veil, "limit": MAX_GLARE})] \
+        if veil else []
+
+
+def glaring(glare: np.ndarray, names: Sequence[str], limit: float) -> list[Finding]:
+    """Patches that mirror a lamp or a window.
+
+    Parameters
+    ----------
+    glare : (I,) array
+        White light on each patch, of the white patch's signal.
+    names : sequence of I str
+    limit : float
+    """
+    patches = [patch for patch in np.argsort(-glare).tolist() if glare[patch] > limit]
+    return [Finding("chart.glare", Severity.WARN, values={
+        "glare": float(glare.max()), "names": [names[patch] for patch in patches],
+        "limit": limit})] if patches else []
+
+
+def glints(excluded: np.ndarray, names: Sequence[str]) -> list[Finding]:
+    """A patch with dust or glints.
+
+    Parameters
+    ----------
+    excluded : (I,) array
+        Share of each patch's samples that stand out.
+    names : sequence of I str
+    """
+    most = int(excluded.argmax())
+    return [Finding("chart.glints", Severity.WARN, values={
+        "excluded": float(excluded[most]), "patch": names[most], "limit": MAX_EXCLUDED})] \
+        if excluded[most] > MAX_EXCLUDED else []
+
+
+def tilted(tilt: float) -> list[Finding]:
+    """A chart that is turned away from the camera.
+
+    Parameters
+    ----------
+    tilt : float
+        Between card and sensor in degrees.
+    """
+    return [Finding("chart.tilted", Severity.WARN, values={
+        "tilt_deg": tilt, "limit_deg": MAX_TILT_DEG})] if tilt > MAX_TILT_DEG else []
+
+
+def blurred(blur: float) -> list[Finding]:
+    """Edges of patches that are too wide.
+
+    Parameters
+    ----------
+    blur : float
+        Width of an edge, of the side of a patch.
+    """
+    return [Finding("chart.blurred", Severity.WARN, values={"blur": blur, "limit": MAX_BLUR})] \
+        if blur > MAX_BLUR else []
+
+
+def small(samples: PatchSamples, names: Sequence[str]) -> list[Finding]:
+    """A patch that has too few pixels for their noise.
+
+    Parameters
+    ----------
+    samples : PatchSamples
+    names : sequence of I str
+    """
+    error = samples.standard_error
+    relative = (error / np.maximum(samples.mean, samples.mean.max(axis=0) / 10)).min(axis=1)
+    worst = int(relative.argmax())
+    if relative[worst] <= MAX_MEAN_ERROR:
+        return []
+    return [Finding("chart.small", Severity.WARN, values={
+        "patch": names[worst], "relative_error": float(relative[worst]),
+        "pixels": int(samples.pixels[worst]), "limit": MAX_MEAN_ERROR})]
+
+
+def no_raw_file(image: LinearImage) -> list[Finding]:
+    """A photo that is no camera raw.
+
+    Parameters
+    ----------
+    image : LinearImage
+    """
+    if image.kind is PhotoKind.RAW:
+        return []
+    return [Finding("chart.processed-photo" if image.kind is PhotoKind.PROCESSED
+                    else "chart.image-file", Severity.NOTE)]
+
+
+# ---- figures -------------------------------------------------------------------------------------
 
 def tilt_deg(quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
     """Angle between the card and the sensor in degrees, 0 to 90 (weak perspective).
@@ -173,82 +362,9 @@ def _outer_edges(chart: Chart) -> list[tuple[int, tuple[float, float]]]:
     return [(int(patch), outward) for side, outward in sides for patch in side if patch not in dark]
 
 
-def _exposure_reasons(samples: PatchSamples, names: tuple[str, ...], white: float,
-                      darkest: int, noise_known: bool = True) -> list[str]:
-    reasons = []
-    clipped = np.flatnonzero(samples.clipped.any(axis=1))
-    if clipped.size:
-        reasons.append(f"clipping: {clipped.size} of {len(names)} patches are saturated "
-                       f"({', '.join(names[i] for i in clipped)}); "
-                       "halve the exposure")
-    error = np.sqrt(np.diagonal(samples.covariance_of_mean[darkest]))
-    relative = float(np.min(error / np.maximum(samples.mean[darkest], np.finfo(float).tiny)))
-    if white < MIN_WHITE_SIGNAL:
-        reasons.append(f"under-exposure: the white patch reaches {white:.1%} of full scale and "
-                       f"{MIN_WHITE_SIGNAL:.0%} "
-                       f"is needed; expose {min(0.7 / max(white, 1e-3), 500):.0f} times as long")
-    elif noise_known and relative > MAX_RELATIVE_ERROR:
-        reasons.append(f"under-exposure: the mean of the black patch is known to {relative:.0%} "
-                       f"only and {MAX_RELATIVE_ERROR:.0%} is needed; expose longer or bring the "
-                       "chart closer")
-    return reasons
-
-
-def uneven_light_reasons(light: np.ndarray, irradiance: np.ndarray | None = None) -> list[str]:
-    """Why the light over the chart asks for another photo, if it does.
-
-    Parameters
-    ----------
-    light : (I,) array
-        On the patches, of a ``ChartVerdict``.
-    irradiance : (I,) array, optional
-        What a scene with lamp and chart in their places gives each patch: only the rest counts.
-    """
-    rest = light if irradiance is None else light / irradiance
-    uneven = float(rest.max() / rest.min() - 1)
-    if uneven <= MAX_UNEVEN:
-        return []
-    beyond = "" if irradiance is None else ", beyond what the chart scene explains,"
-    return [f"uneven light: it changes by {uneven:.0%} over the chart{beyond} and {MAX_UNEVEN:.0%} "
-            "is the most; move the lamp away or use two, or photograph a white card in the same "
-            "place as flat field"]
-
-
-def _figure_reasons(names: tuple[str, ...], excluded: np.ndarray, glare: np.ndarray, veil: float,
-                    tilt: float, blur: float, max_glare: float) -> list[str]:
-    reasons = []
-    if veil:
-        reasons.append(f"veiling glare of {veil:.0%} of white lies over the whole chart; the fit "
-                       "takes it off, but is less certain: shade the lens from the sky and from "
-                       "lamps, wipe it, and avoid haze")
-    if glare.max() > max_glare:
-        shining = np.flatnonzero(glare > max_glare)
-        reasons.append(f"glare: white light of up to {glare.max():.1%} of the white patch lies on "
-                       f"{', '.join(names[i] for i in shining[np.argsort(-glare[shining])][:4])}; "
-                       "turn the chart or the lamp so that it does not mirror the lamp or a window")
-    if excluded.max() > MAX_EXCLUDED:
-        reasons.append(f"dust or glints: {excluded.max():.0%} of the samples of "
-                       f"{names[int(excluded.argmax())]} stand out, {MAX_EXCLUDED:.0%} is the "
-                       "most; clean the chart and keep reflections off it")
-    if tilt > MAX_TILT_DEG:
-        reasons.append(f"tilt: the chart is turned away by {tilt:.0f} degrees and "
-                       f"{MAX_TILT_DEG:.0f} is the most; face it to the camera")
-    if blur > MAX_BLUR:
-        reasons.append(f"blur: edges are {blur:.0%} of a patch wide and {MAX_BLUR:.0%} is the "
-                       "most; focus on the chart")
-    return reasons
-
-
-def _size_reasons(samples: PatchSamples, names: tuple[str, ...]) -> list[str]:
-    """Whether a patch has too few pixels for their noise."""
-    error = samples.standard_error
-    relative = (error / np.maximum(samples.mean, samples.mean.max(axis=0) / 10)).min(axis=1)
-    worst = int(relative.argmax())
-    if relative[worst] <= MAX_MEAN_ERROR:
-        return []
-    return [f"too small: the mean of {names[worst]} is known to {relative[worst]:.1%} only, from "
-            f"{int(samples.pixels[worst])} pixels, and {MAX_MEAN_ERROR:.0%} is needed; bring the "
-            "chart closer or expose longer"]
+def _range(light: np.ndarray) -> float:
+    """Largest / smallest - 1."""
+    return float(light.max() / light.min() - 1)
 
 
 def _rise(profile: np.ndarray) -> float | None:

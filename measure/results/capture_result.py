@@ -33,6 +33,7 @@ from spectrabox.measure.verdict.conditions import (
 from spectrabox.measure.verdict.criterion import Criterion, Verdict
 from spectrabox.measure.verdict.overall import overall_verdict
 from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -79,7 +80,7 @@ class CaptureResult(ABC):
     # by view, of further photos whose charts are a fit of their own
     other_calibrations: Mapping[str, Calibration] = field(default_factory=dict)
     # by view with a chart, why to photograph that again; none of a good photo
-    chart_reasons: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    chart_findings: Mapping[str, tuple[Finding, ...]] = field(default_factory=dict)
     photo: LinearImage                # at the render's size, or a thumbnail
     grid: WavelengthGrid              # of the spectra
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
@@ -245,7 +246,8 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "calibration": records.calibrations(capture.views)[0],
             "other_calibrations": {name: calibrations[name]
                                    for name in records.calibrate.other_charts},
-            "chart_reasons": {name: chart.reasons for name, chart in records.chart.charts.items()},
+            "chart_findings": {name: chart.findings
+                               for name, chart in records.chart.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
             "photo": records.photo.photos[""], "stated": statements_of(capture),
             "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),

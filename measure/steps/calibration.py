@@ -23,7 +23,8 @@ from spectrabox.calibrate.light_error import OTHER_LIGHT, SAME_LIGHT, light_diff
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
-from spectrabox.capture.chart.quality import uneven_light_reasons
+from spectrabox.capture.chart import quality
+from spectrabox.measure import texts
 from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.opened_photos import require_curves_of_bands
@@ -372,9 +373,9 @@ def _with_lamp_error(capture: SceneCapture,
 
 
 def _uneven_light_notes(capture: SceneCapture, charts: Mapping[str, MeasuredChart],
-                  irradiance: np.ndarray) -> tuple[str, ...]:
+                        irradiance: np.ndarray) -> tuple[str, ...]:
     """Chart photos whose light changes by more than lamp and chart in their places explain."""
     return tuple(
-        f"{view.chart_names[0]} should be shot again: {reason}"
-        for view in capture.views_with_chart
-        for reason in uneven_light_reasons(charts[view.name].light, irradiance))
+        texts.says(finding) for view in capture.views_with_chart
+        for finding in quality.uneven_light(charts[view.name].light, irradiance,
+                                            view.chart_names[0]))

@@ -63,7 +63,7 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
         notes += (*own_notes, *lost)
         charts[view.name] = MeasuredChart(detection, verdict.samples,
                                           thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
-                                          tuple(verdict.reasons))
+                                          verdict.findings)
     return ChartRecords(charts, notes)
 
 

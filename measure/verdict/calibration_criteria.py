@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spectrabox.calibrate.chart_copy import COPY_ERROR
+from spectrabox.measure import texts
 from spectrabox.measure.results.chart_words import held_out_sentence, poor_patches
 from spectrabox.measure.verdict.criterion import Criterion, Status, graded, limit_words
 from spectrabox.measure.words import percent
+from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.records.calibration import Calibration, CalibrationDoubt, HeldOutPatches
 
 if TYPE_CHECKING:
@@ -73,12 +75,15 @@ def where_of(view: str) -> str:
 
 def chart_photos(found: CaptureResult) -> list[Criterion]:
     """Whether each chart photo is good, as ``spectrabox chart`` says it of the same photo."""
-    return [Criterion(f"Photo of the chart{where_of(view)}", float(len(reasons)),
-                      "re-shoot" if reasons else "good", "good",
-                      Status.WARN if reasons else Status.PASS,
-                      f"Shoot the chart{where_of(view)} again: {'; '.join(reasons)}."
-                      if reasons else f"The photo of the chart{where_of(view)} is good.")
-            for view, reasons in found.chart_reasons.items()]
+    rows = []
+    for view, findings in found.chart_findings.items():
+        reasons = [texts.says(finding) for finding in faults(findings)]
+        sentence = f"Shoot the chart{where_of(view)} again. {' '.join(reasons)}" if reasons \
+            else f"The photo of the chart{where_of(view)} is good."
+        rows.append(Criterion(f"Photo of the chart{where_of(view)}", float(len(reasons)),
+                              "re-shoot" if reasons else "good", "good",
+                              Status.WARN if reasons else Status.PASS, sentence))
+    return rows
 
 
 def held_out_criteria(found: CaptureResult) -> list[Criterion]:

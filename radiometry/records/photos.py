@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.shaped import Record
 
 CLIPPED_LIMIT = 0.01        # of the samples of a patch: with more its mean is too low
@@ -73,7 +74,7 @@ class ChartDetection(Record):
     corners_px: Annotated[np.ndarray, "I 4 2"]      # sampled quadrilaterals, chart order
     confidence: float                               # 0 to 1: agreement with the reference
     mirrored: bool
-    how_found: str
+    how_found: Finding                              # "chart.found-in-photo", "chart.corners-given"
 
 
 @dataclass(frozen=True, eq=False)

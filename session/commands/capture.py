@@ -70,9 +70,10 @@ def chart(
     except CheckError as error:
         if debug or not as_json:
             raise
-        return Answer({"verdict": "refused", "reasons": [str(error)], "corners_px": None,
-                       "mean": None, "standard_error": None, "mirrored": None, "confidence": 0.0,
-                       "photo": photo, "edition": None}, "", error.exit_code)
+        return Answer({"verdict": "refused", "reasons": [str(error)], "findings": [],
+                       "corners_px": None, "mean": None, "standard_error": None,
+                       "mirrored": None, "confidence": 0.0, "photo": photo, "edition": None}, "",
+                      error.exit_code)
     if overlay is not None:
         write_png(overlay, chart_overlay(image, detection))
     if out is not None:
@@ -83,9 +84,9 @@ def chart(
     return Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
                    "edition": edition.facts,
                    "failed_extras": [one.facts for one in failed]},
-                  "\n".join([_text(photo, image, detection, verdict), f"edition {edition.says}",
+                  "\n".join([_text(photo, detection, verdict), f"edition {edition.says}",
                              *(f"note: {one.sentence}" for one in failed)]),
-                  0 if verdict.verdict == "good" else RE_SHOOT, failed)
+                  0 if verdict.good else RE_SHOOT, failed)
 
 
 @Command
@@ -145,9 +146,12 @@ def _photo_facts(image: LinearImage) -> dict[str, Any]:
 
 def _facts(photo: Path, image: LinearImage, chart: Chart, detection: ChartDetection,
            verdict: ChartVerdict) -> dict[str, Any]:
+    from spectrabox.measure import texts
     from spectrabox.measure.chart_patches import angle_deg, centres_px
     samples = verdict.samples
-    return {"verdict": verdict.verdict, "reasons": list(verdict.reasons), "names": chart.names,
+    return {"verdict": verdict.verdict, "reasons": texts.reasons(verdict.findings),
+            "findings": [texts.facts(finding) for finding in verdict.findings],
+            "names": chart.names,
             "corners_px": detection.corners_px.tolist(),
             "centres_px": centres_px(detection).tolist(),
             "angle_deg": angle_deg(detection, chart), "mean": samples.mean.tolist(),
@@ -159,35 +163,13 @@ def _facts(photo: Path, image: LinearImage, chart: Chart, detection: ChartDetect
             "gradient": samples.gradient.tolist(), "excluded_fraction": verdict.excluded.tolist(),
             "white_signal": verdict.white_signal, "uneven": verdict.uneven, "glare": verdict.glare,
             "veil": verdict.veil, "tilt_deg": verdict.tilt_deg, "blur": verdict.blur,
-            "how_found": detection.how_found, "kind": image.kind.value, "camera": image.camera,
-            "exposure_s": image.exposure_s, "photo": str(photo)}
+            "how_found": texts.says(detection.how_found), "kind": image.kind.value,
+            "camera": image.camera, "exposure_s": image.exposure_s, "photo": str(photo)}
 
 
-def _text(photo: Path, image: LinearImage, detection: ChartDetection, verdict: ChartVerdict) -> str:
-    lines = [f"{verdict.verdict.upper()}  {photo.name}: chart {detection.how_found}, "
-             f"agreement {detection.confidence:.2f}"]
-    lines += [f"- {reason}" for reason in verdict.reasons]
-    processed = image.kind.name == "PROCESSED"
-    white = f"{_encoded(verdict.white_signal):.0f} of 255" if processed \
-        else f"{verdict.white_signal:.0%} of full scale"
-    lines.append(f"white patch {white}, light even to "
-                 f"{verdict.uneven:.0%}, glare {verdict.glare:.1%}, tilt {verdict.tilt_deg:.0f} "
-                 f"degrees, edges {verdict.blur:.0%} of a patch, {verdict.pixels} pixels or more "
-                 "per patch")
-    if processed:
-        from spectrabox.capture.photo.processed_photos import RAW_INSTEAD
-        lines.append(f"{image.kind.value}: its values are not proportional to light; position, "
-                     "light, glare and focus are judged here, noise is not, and nothing can be "
-                     f"measured on it: {RAW_INSTEAD}")
-    elif image.kind.name != "RAW":
-        lines.append(f"{image.kind.value}: good for finding the chart; calibrate with the camera's "
-                     "raw file")
-    return "\n".join(lines)
-
-
-def _encoded(signal: float) -> float:
-    """What an 8-bit sRGB file holds of a signal."""
-    import numpy as np
-
-    from spectrabox.radiometry.appearance import encode_srgb
-    return 255 * float(encode_srgb(np.array(signal)))
+def _text(photo: Path, detection: ChartDetection, verdict: ChartVerdict) -> str:
+    from spectrabox.measure import texts
+    return "\n".join([
+        f"{verdict.verdict.upper()}  {photo.name}: agreement with the chart "
+        f"{detection.confidence:.2f}",
+        *(f"- {texts.says(finding)}" for finding in (detection.how_found, *verdict.findings))])

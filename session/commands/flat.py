@@ -246,6 +246,7 @@ def _show_photo(photo: Path, orientation: int | None, chart_photo: Path | None, 
     """Look for the chart, and write a picture to read regions from, with the chart drawn on it."""
     from spectrabox.capture.develop.developed import open_any
     from spectrabox.capture.photo.orientation import photo_orientation, turned
+    from spectrabox.measure import texts
     from spectrabox.session.camera.camera_files import chart_named
     from spectrabox.session.flat.look import write_picture
     picture = photo.with_name(f"{photo.stem}-pixels.png")
@@ -264,16 +265,19 @@ def _show_photo(photo: Path, orientation: int | None, chart_photo: Path | None, 
                  f"this prints: spectrabox open {shlex.quote(str(photo))}\n"
                  f"or: read corners from the axes of the picture, and give --region "
                  f"NAME={RECTANGLE} for each colour")
-    facts = {"picture": picture, "size_px": size, "verdict": None, "reasons": [],
+    facts = {"picture": picture, "size_px": size, "verdict": None, "reasons": [], "findings": [],
              "corners_px": None}
     if chart is None:
         return Answer(facts, next_step)
     detection, verdict = chart
-    return Answer({**facts, "verdict": verdict.verdict, "reasons": verdict.reasons,
+    reasons = texts.reasons(verdict.findings)
+    return Answer({**facts, "verdict": verdict.verdict, "reasons": reasons,
+                   "findings": [texts.facts(finding) for finding in verdict.findings],
                    "corners_px": detection.corners_px},
-                  "\n".join([f"{verdict.verdict.upper()}  {photo.name}: chart "
-                             f"{detection.how_found}, drawn on the picture",
-                             *(f"- {reason}" for reason in verdict.reasons), next_step]))
+                  "\n".join([f"{verdict.verdict.upper()}  {photo.name}: the chart is drawn on the "
+                             "picture",
+                             *(f"- {reason}" for reason in (texts.says(detection.how_found),
+                                                            *reasons)), next_step]))
 
 
 def _pairs(words: Sequence[str], option: str, form: str) -> dict[str, str]:

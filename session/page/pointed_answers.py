@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.records import ChartRecords
 from spectrabox.measure.regions.edge_words import edge_sentence
@@ -17,6 +18,7 @@ from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
 from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Spectrum, SurfaceSpectrum
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -41,8 +43,9 @@ def described_charts(capture: FlatCapture, records: ChartRecords) -> dict[str, A
         chart = records.charts[view.name]
         role = view.title if view.shows_chart else f"{view.name} chart".strip()
         charts[role] = {"patches": np.round(chart.detection.corners_px, 1).tolist(),
-                        "verdict": "RE-SHOOT" if chart.reasons else "GOOD",
-                        "reasons": list(chart.reasons)}
+                        "verdict": "RE-SHOOT" if faults(chart.findings) else "GOOD",
+                        "reasons": texts.reasons(chart.findings),
+                        "findings": [texts.facts(finding) for finding in chart.findings]}
     return charts
 
 

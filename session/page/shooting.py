@@ -11,6 +11,7 @@ from typing import Any
 
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.orientation import photo_orientation, turned
+from spectrabox.measure import texts
 from spectrabox.measure.photo_quality import (
     brightest_signal,
     clipped_share,
@@ -19,6 +20,7 @@ from spectrabox.measure.photo_quality import (
 )
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.terminal.command_line import describe_error
 
@@ -37,7 +39,8 @@ class Shot:
 
     file: str
     verdict: str                    # GOOD, RE-SHOOT, or FAULT where this program failed
-    reasons: tuple[str, ...]
+    reasons: list[str]              # what to do about it, or why it cannot be read
+    findings: list[dict[str, Any]]  # as ``measure.texts.facts``
     chart: bool                     # whether a chart is in it
     clipped: tuple[float, ...]      # share of pixels, by band
     brightest: tuple[float, ...]    # of saturation, by band
@@ -138,17 +141,18 @@ class Shooting:
         try:
             path = self.folder / name
             image = turned(open_any(path, not_linear=True), photo_orientation(path))
-            reasons, chart = judge_photo(image, self._chart)
+            findings, chart = judge_photo(image, self._chart)
         except (SpectraboxError, OSError, MemoryError) as error:
             verdict, reason = RE_SHOOT, describe_error(error)[0]
         except Exception as error:  # noqa: BLE001 - a fault of ours must not end the watch
             verdict, reason = FAULT, ("a fault of spectrabox, not of the photo: "
                                       + describe_error(error)[0])
         else:
-            return Shot(plain(name), RE_SHOOT if reasons else GOOD, reasons, chart,
+            return Shot(plain(name), RE_SHOOT if faults(findings) else GOOD,
+                        texts.reasons(findings), [texts.facts(one) for one in findings], chart,
                         clipped_share(image), brightest_signal(image), exposure_stops(image),
                         time.monotonic() - since)
         if not give_up:
             return None
-        return Shot(plain(name), verdict, (plain(reason),), False, (), (), 0.0,
+        return Shot(plain(name), verdict, [plain(reason)], [], False, (), (), 0.0,
                     time.monotonic() - since)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.results.flat_result import FlatResult
@@ -170,7 +171,8 @@ def _chart(found: CaptureResult, chart: ChartResult) -> dict[str, Any]:
             "saturated_fraction": chart.samples.saturated_fraction,
             "saturated": chart.samples.saturated_fraction.max(axis=1), "predicted": chart.predicted,
             "irradiance": chart.irradiance, "corners_px": chart.detection.corners_px,
-            "confidence": chart.detection.confidence, "how_found": chart.detection.how_found,
+            "confidence": chart.detection.confidence,
+            "how_found": texts.says(chart.detection.how_found),
             "mirrored": chart.detection.mirrored,
             "left_out": None if chart.left_out is None
             else held_out_facts(chart.left_out, chart.layout.names)}

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import jinja2
 from markupsafe import Markup
 
-from spectrabox.measure import words
+from spectrabox.measure import texts, words
 from spectrabox.measure.extras import FailedExtra, attempt, different
 from spectrabox.measure.plot_style import band_colours
 from spectrabox.measure.results.capture_result import CaptureResult
@@ -59,7 +59,8 @@ PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
 PIECES = Path(__file__).parent.parent / "pieces"    # parts that the page of a session has too
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
-           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
+           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab,
+           "says": texts.says}
 # a number and its unit stay on one line, "0.8 %" is written one way; not in scripts and styles
 UNITS = re.compile(r"<(script|style)\b.*?</\1>|>[^<]+", re.DOTALL)
 Kind = TypeVar("Kind", bound=Markup)

@@ -16,6 +16,7 @@ from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.image_files import image_of_array
 from spectrabox.capture.photo.orientation import AS_READ, photo_orientation, turned
 from spectrabox.capture.photo.preview import signal_rgb8
+from spectrabox.measure import texts
 from spectrabox.measure.camera import judged_chart
 from spectrabox.measure.captured import InputFile
 from spectrabox.measure.chart_edition import ChartEdition, edition_in_photo
@@ -28,6 +29,7 @@ from spectrabox.measure.chart_patches import (
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 
 if TYPE_CHECKING:
@@ -220,7 +222,12 @@ class ChartInPhoto:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why to photograph the chart again, and what to do; empty if the photo is good."""
-        return self.quality.reasons
+        return tuple(texts.reasons(self.quality.findings))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All that was found of the photo, as codes and values; faults are its ``reasons``."""
+        return self.quality.findings
 
     @property
     def names(self) -> tuple[str, ...]:

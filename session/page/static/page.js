@@ -224,7 +224,7 @@ function showShooting() {
   $("watched").textContent = `in ${shooting.folder}` + (shooting.arriving.length ? `, arriving: ${shooting.arriving.join(", ")}` : "");
   $("shots").replaceChildren(...shooting.shots.map((shot) => make("li", {}, make("strong", { className: shot.verdict, text: shot.verdict }), " ",
     button(shot.file, () => open(`shot:${shot.file}`), session.role === `shot:${shot.file}` ? { "aria-current": "true" } : {}),
-    ` ${shot.chart ? "chart found. " : ""}${shot.reasons.join("; ")} (${Math.abs(shot.stops).toFixed(1)} stops ${shot.stops > 0 ? "longer" : "shorter"} would be best)`)));
+    ` ${shot.chart ? "chart found. " : ""}${shot.reasons.join(" ")} (${Math.abs(shot.stops).toFixed(1)} stops ${shot.stops > 0 ? "longer" : "shorter"} would be best)`)));
   const missing = photos.filter(({ there }) => !there).map(({ role, file }) => `${role} (${file})`);
   $("missing").textContent = missing.length ? `Still missing: ${missing.join(", ")}` : "Nothing is missing.";
 }

@@ -13,7 +13,7 @@ export function verdictPanel(anchor) {
   showPanel(anchor, "verdict", [title("Verdict"),
     make("p", { text: verdict ? `${verdict.status.toUpperCase()}: ${verdict.says}` : "Mark a colour: the verdict on it stands here." }),
     ...charts.map(([role, { verdict: word, reasons }]) => make("p", {}, make("strong", { className: word, text: `Chart ${word}` }),
-      ` (${role}): ${word === "GOOD" ? "it can be used" : reasons.join("; ")}`))], "Verdict");
+      ` (${role}): ${word === "GOOD" ? "it can be used" : reasons.join(" ")}`))], "Verdict");
 }
 
 // ---- the one state, with what is behind it
