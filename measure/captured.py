@@ -25,6 +25,7 @@ from spectrabox.measure.options import (
 )
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
@@ -47,7 +48,7 @@ class InputFile:
     name: str                               # as sentences and keys call it
     path: Path
     opened: LinearImage | None = None       # a photo that is developed already ...
-    notes: tuple[str, ...] = ()             # ... and what was noted meanwhile
+    findings: tuple[Finding, ...] = ()      # ... and what was found meanwhile
 
 
 # Files of one photo by band, several of a bracket; those of a colour camera under ONE_PHOTO.

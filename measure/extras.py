@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from spectrabox.radiometry.errors import SpectraboxError, interrupt_behind
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.system.words import message
 
 Made = TypeVar("Made")
@@ -42,6 +43,11 @@ class FailedExtra:
     def facts(self) -> dict[str, Any]:
         """For JSON."""
         return {"extra": self.extra, "error": self.error}
+
+    @property
+    def finding(self) -> Finding:
+        """That it is missing."""
+        return Finding("extra.failed", Severity.NOTE, self.extra, {"error": self.error})
 
     @property
     def why(self) -> str:

@@ -9,6 +9,7 @@ from spectrabox.capture.develop.developed import develop_photos, open_any
 from spectrabox.capture.photo.stored_images import stated_bands
 from spectrabox.measure.captured import ONE_PHOTO, Capture, InputFile, PhotoFiles
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
+from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import default_band_names
 
@@ -28,10 +29,10 @@ class OpenPhotos:
 
     def __init__(self, capture: Capture) -> None:
         self._capture = capture
-        self._last: tuple[PhotoFiles, LinearImage, tuple[str, ...]] | None = None
+        self._last: tuple[PhotoFiles, LinearImage, tuple[Finding, ...]] | None = None
         self._channels: Channels | None = None
 
-    def developed(self, photo: PhotoFiles) -> tuple[LinearImage, tuple[str, ...]]:
+    def developed(self, photo: PhotoFiles) -> tuple[LinearImage, tuple[Finding, ...]]:
         """As ``develop``."""
         if self._last is None or self._last[0] != photo:
             self._last = None           # its memory is needed for the next
@@ -54,11 +55,11 @@ class OpenPhotos:
 
 
 def develop(capture: Capture, photo: PhotoFiles,
-            channels: Channels | None = None) -> tuple[LinearImage, tuple[str, ...]]:
+            channels: Channels | None = None) -> tuple[LinearImage, tuple[Finding, ...]]:
     """A photo as linear signal, without dark signal and flat-fielded where there are the frames.
 
     One of several bands is stacked; its bands are brought to the shortest of their exposures where
-    all state one. Notes say what was found on the way: hot pixels, measured exposure ratios, a file
+    all state one. Findings are what showed on the way: hot pixels, measured exposure ratios, a file
     that is not linear.
 
     Parameters
@@ -71,18 +72,18 @@ def develop(capture: Capture, photo: PhotoFiles,
     Returns
     -------
     image : LinearImage
-    notes : tuple of str
+    findings : tuple of Finding
     """
     several = ONE_PHOTO not in photo
     channels = (channels_of_photos(capture) if channels is None else channels) if several else ()
-    images, notes = [], []
+    images, findings = list[LinearImage](), list[Finding]()
     for number, (band, files) in enumerate(photo.items()):
-        image, said = _developed_files(capture, band, files,
-                                       channels[number] if several else None)
+        image, of_files = _developed_files(capture, band, files,
+                                           channels[number] if several else None)
         images.append(image)
-        notes += [note for note in said if note not in notes]
+        findings += of_files
     if not several:
-        return images[0], tuple(notes)
+        return images[0], each_once(findings)
     exposures = [image.exposure_s for image in images]
     shortest = None if None in exposures else min(exposure for exposure in exposures
                                                   if exposure is not None)
@@ -90,21 +91,21 @@ def develop(capture: Capture, photo: PhotoFiles,
     stacked = stack_bands([image for image, _ in every], _names_of_channels(photo, channels),
                           [channel for _, channel in every],
                           None if shortest is None else [shortest] * len(every))
-    return dataclasses.replace(stacked, exposure_s=shortest), tuple(notes)
+    return dataclasses.replace(stacked, exposure_s=shortest), each_once(findings)
 
 
 def _developed_files(capture: Capture, band: str, files: tuple[InputFile, ...],
-                     channels: tuple[int, ...] | None) -> tuple[LinearImage, tuple[str, ...]]:
+                     channels: tuple[int, ...] | None
+                     ) -> tuple[LinearImage, tuple[Finding, ...]]:
     """Files of one band: a photo, or a bracket of exposures."""
     if files[0].opened is not None:
-        return files[0].opened, files[0].notes
+        return files[0].opened, files[0].findings
     chosen = capture.development
     flat = chosen.flat_fields.get(band, chosen.flat_fields.get(ONE_PHOTO))
-    image, notes = develop_photos([file.path for file in files],
-                                  [frame.path for frame in chosen.dark_frames],
-                                  None if flat is None else flat.path, chosen.not_linear,
-                                  channels, chosen.orientation)
-    return image, tuple(notes)
+    return develop_photos([file.path for file in files],
+                          [frame.path for frame in chosen.dark_frames],
+                          None if flat is None else flat.path, chosen.not_linear, channels,
+                          chosen.orientation)
 
 
 def channels_of_photos(capture: Capture) -> Channels:

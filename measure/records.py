@@ -9,6 +9,7 @@ from typing import Annotated, Any, Protocol, TypeVar
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.measure.captured import View
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
 from spectrabox.radiometry.findings import Finding
@@ -57,7 +58,7 @@ class ChartRecords(Record):
     """What the step "chart" makes."""
 
     charts: dict[str, MeasuredChart]            # by view
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]               # of files and bands
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ class PhotoRecords(Record):
     regions: dict[str, RegionSamples]           # of flat samples, by view, where some are shown
     registrations: dict[str, Registration]      # by view, of flat samples that the first shows too
     bands: tuple[str, ...]                      # names, of every photo
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]               # of files and regions
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +226,8 @@ class CaptureRecords:
     def notes(self) -> list[str]:
         """What the steps noted, each note once."""
         of_signals = self.flat_signals.notes if "signals" in self._kept else ()
-        return [*dict.fromkeys((*self.chart.notes, *self.photo.notes, *self.calibrate.notes,
-                                *of_signals))]
+        of_photos = map(texts.says, (*self.chart.findings, *self.photo.findings))
+        return [*dict.fromkeys((*of_photos, *self.calibrate.notes, *of_signals))]
 
     def calibrations(self, views: tuple[View, ...]) -> list[Calibration]:
         """The calibration of every view, in their order."""

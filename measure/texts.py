@@ -104,6 +104,9 @@ CHART: dict[str, Text] = {
     "chart.blurred": Text(
         "Focus", "Edges are {blur:percent0} of a patch wide; at most {limit:percent0} is accepted.",
         "Focus on the chart.", "{blur:percent0}", "{limit:percent0}"),
+    "chart.bands-lost": Text(
+        "Clipping", "{subject}: {clipped} of {patches} patches are saturated ({names:listed}) in "
+        "{bands:listed}, left out of the measurement.", "Halve the exposure to have them."),
     "chart.small": Text(
         "Size of the chart", "The mean of {patch} is known to only {relative_error:percent}, from "
         "{pixels} pixels, and {limit:percent0} is needed.",
@@ -117,7 +120,38 @@ CALIBRATION: dict[str, Text] = {}
 
 # ---- photos and files ----------------------------------------------------------------------------
 
+def _not_registered(values: Mapping[str, Any]) -> str:
+    chart = "" if values["chart_px"] is None else \
+        f" The chart lies within {values['chart_px']:.1f} pixels of where it lay."
+    return (f"{values['subject']} and {values['first']} have too few edges in common to tell "
+            "whether the camera moved: regions are taken where the first photo shows them." + chart)
+
+
 PHOTOS: dict[str, Text] = {
+    "extra.failed": Text("Extras", "No {subject}: {error}."),
+    # developing
+    "dark.hot-pixels": Text("Dark frame", "Dark frame {subject}: {hot} hot pixels.",
+                            shown="{hot} hot pixels"),
+    "bracket.ratio": Text(
+        "Exposures", "{shorter} ({shorter_s:g} s) and {longer} ({longer_s:g} s): ratio "
+        "{measured:.4f} measured, {stated:.4f} stated, {curvature:+.2%} from dark to bright."),
+    "bracket.ratio-unknown": Text(
+        "Exposures", "{shorter} and {longer} share too few well-exposed pixels to measure their "
+        "ratio: the stated exposures are used."),
+    "bracket.left-out": Text(
+        "Exposures", "{subject} is left out: saturated over more than {limit:percent0} of the "
+        "picture."),
+    "photo.not-linear": Text(
+        "Kind of file", "The photo is not linear: it was decoded as sRGB, and colour matrix and "
+        "tone curve of the camera remain.", f"To measure, {RAW_INSTEAD}."),
+    # regions
+    "photo.not-registered": Text("Position of the camera", _not_registered),
+    "region.uneven": Text(
+        "Scatter of pixels", "Region “{subject}” is uneven: its pixels scatter by "
+        "{scatter:percent0} beyond noise and even light, and its spectrum is the mean of what lies "
+        "in it.", "Outline a smaller part for one paint.", "{scatter:percent0}",
+        "{limit:percent0}"),
+    # exposure
     "photo.clipped": Text(
         "Clipping", "{clipped:percent} of the pixels are clipped.", "Expose 1.0 stops shorter.",
         "{clipped:percent}", "{limit:percent}"),

@@ -1,6 +1,5 @@
 """What capture refuses and puts back, and cameras of pixels that are not square."""
 import dataclasses
-import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -65,10 +64,12 @@ def test_bands_drop_out_where_too_many_patches_are_clipped_in_them():
                            0 * clipped)
     neutrals = CLASSIC.neutrals
     assert clipped_bands(samples, neutrals).tolist() == [False, False, True, False, True, False]
-    note, = require_unclipped(samples, CLASSIC.names, "c.dng", neutrals, tuple("abcdef"),
+    lost, = require_unclipped(samples, CLASSIC.names, "c.dng", neutrals, tuple("abcdef"),
                               bands_may_drop=True)
-    assert note.startswith("c.dng: 6 of 24 patches are saturated (dark skin, light skin,")
-    assert "in c, e, which are left out" in note
+    assert (lost.code, lost.subject, lost.values["bands"]) == ("chart.bands-lost", "c.dng",
+                                                               ["c", "e"])
+    assert lost.values["clipped"] == len(lost.values["names"]) == 6
+    assert lost.values["names"][0] == "dark skin"
     with pytest.raises(ClippedPhotoError, match=r"halve the exposure of c, e$"):
         require_unclipped(samples, CLASSIC.names, "c.dng", neutrals, tuple("abcdef"))
 
@@ -98,9 +99,9 @@ def test_black_levels_that_are_off_do_not_change_the_ratio_of_two_exposures():
     """
     light = np.where(np.arange(60) < 30, 0.005, 0.1) * np.ones((40, 1))
     short, long = image(light + 5e-4), image(8 * light, exposure_s=0.08, source="long.dng")
-    _, notes = merge_exposures([short, long])
-    ratio = float(re.search(r"ratio ([\d.]+) measured", " ".join(notes))[1])
-    assert ratio == pytest.approx(0.8 / 0.1005, rel=1e-4)
+    _, (pair,) = merge_exposures([short, long])
+    assert pair.code == "bracket.ratio"
+    assert pair.values["measured"] == pytest.approx(0.8 / 0.1005, rel=1e-4)
 
 
 @pytest.mark.parametrize("added, expected", [((0.05, 0.05, 0.05), 0.05), ((0.05, 0.0, 0.0), 0.0),

@@ -85,7 +85,8 @@ def test_pixels_have_spectra_from_the_bands_that_are_not_lost(finished):
     assert records.picture.masked < 0.05
     silent = np.isnan(records.signals.signal).all(axis=0)
     assert [records.signals.bands[band] for band in np.flatnonzero(silent)] == ["610 R"]
-    assert any("in 610 R, which is left out: halve the exposure" in note for note in records.notes)
+    lost, = (one for one in records.chart.findings if one.code == "chart.bands-lost")
+    assert lost.values["bands"] == ["610 R"]
 
 
 def test_spectra_of_many_bands_hold(finished):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 from spectrabox.radiometry.records.spectra import default_band_names
 
@@ -75,7 +76,7 @@ def clipped_bands(samples: PatchSamples, neutrals: Sequence[int] = ()) -> np.nda
 
 def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str,
                       neutrals: Sequence[int] = (), bands: Sequence[str] = (), *,
-                      bands_may_drop: bool = False) -> tuple[str, ...]:
+                      bands_may_drop: bool = False) -> tuple[Finding, ...]:
     """Refuse a chart photo whose clipped patches leave too little in a band (``clipped_bands``).
 
     Fewer clipped signals are left out of every fit, band by band (``PatchSamples.clipped``).
@@ -95,8 +96,8 @@ def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: s
 
     Returns
     -------
-    tuple of str
-        A sentence if bands are lost.
+    tuple of Finding
+        One if bands are lost.
 
     Raises
     ------
@@ -106,15 +107,17 @@ def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: s
     lost = clipped_bands(samples, neutrals)
     if not lost.any():
         return ()
-    patches = np.flatnonzero(samples.clipped[:, lost].any(axis=1))
-    clipped = (f"{patches.size} of {len(names)} patches are saturated "
-               f"({', '.join(names[patch] for patch in patches.tolist())})")
-    of_bands = ", ".join(np.array(bands or default_band_names(lost.size))[lost])
+    patches = [names[patch] for patch in
+               np.flatnonzero(samples.clipped[:, lost].any(axis=1)).tolist()]
+    lost_bands = np.array(bands or default_band_names(lost.size))[lost].tolist()
     if bands_may_drop and np.count_nonzero(~lost) >= MIN_BANDS:
-        return (f"{photo_name}: {clipped} in {of_bands}, which {'is' if lost.sum() == 1 else 'are'}"
-                " left out: halve the exposure to have them",)
-    which = f" of {of_bands}" if lost.size > MIN_BANDS else ""
-    raise ClippedPhotoError(f"chart photo {photo_name}: {clipped}; halve the exposure{which}")
+        return (Finding("chart.bands-lost", Severity.NOTE, photo_name, {
+            "bands": lost_bands, "names": patches, "clipped": len(patches),
+            "patches": len(names)}),)
+    which = f" of {', '.join(lost_bands)}" if lost.size > MIN_BANDS else ""
+    raise ClippedPhotoError(
+        f"chart photo {photo_name}: {len(patches)} of {len(names)} patches are saturated "
+        f"({', '.join(patches)}); halve the exposure{which}")
 
 
 def pixels_inside(quad_px: np.ndarray, sensor_step: float, height: int,

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import LinearImage
 
 MAX_DISAGREEMENT = 0.05      # of the ratio of two exposures: stated times are rounded by 2.4 %
@@ -26,8 +27,8 @@ MIN_SHARED = 200             # samples seen well in both exposures
 
 
 def merge_exposures(images: Sequence[LinearImage],
-                    spills: bool = False) -> tuple[LinearImage, tuple[str, ...]]:
-    """One image at the shortest exposure, and a note on how well each pair of exposures agrees.
+                    spills: bool = False) -> tuple[LinearImage, tuple[Finding, ...]]:
+    """One image at the shortest exposure, and how well each pair of exposures agrees.
 
     Photos of the same exposure are averaged. A pixel is saturated where every exposure is; it then
     keeps the value of the shortest.
@@ -61,7 +62,7 @@ def merge_exposures(images: Sequence[LinearImage],
     if len(ordered) == 1:
         return ordered[0], _left_out(flooded)
     agreements = [_agreement(a, b, spills) for a, b in itertools.pairwise(ordered)]
-    notes = [note for _, note in agreements]
+    findings = [finding for _, finding in agreements]
     scales = [1 / float(factor)
               for factor in np.cumprod([1.0, *(ratio for ratio, _ in agreements)])]
     expected = _exposure_weighted(ordered, scales, spills)
@@ -85,12 +86,12 @@ def merge_exposures(images: Sequence[LinearImage],
     variance = np.where(lost, ordered[0].variance, 1 / safe).astype(np.float32)
     names = " + ".join(image.source for image in ordered)
     return dataclasses.replace(ordered[0], signal=signal, variance=variance, saturated=lost,
-                               source=f"bracket of {names}"), (*notes, *_left_out(flooded))
+                               source=f"bracket of {names}"), (*findings, *_left_out(flooded))
 
 
-def _left_out(flooded: Sequence[str]) -> tuple[str, ...]:
-    return tuple(f"{source} is left out: saturated over more than {MAX_FLOODED_SHARE:.0%} of the "
-                 "picture" for source in flooded)
+def _left_out(flooded: Sequence[str]) -> tuple[Finding, ...]:
+    return tuple(Finding("bracket.left-out", Severity.NOTE, source, {"limit": MAX_FLOODED_SHARE})
+                 for source in flooded)
 
 
 def variance_line(image: LinearImage) -> tuple[np.ndarray, np.ndarray]:
@@ -150,16 +151,16 @@ def _exposure_weighted(images: Sequence[LinearImage], scales: Sequence[float],
                     images[0].signal).astype(np.float32)
 
 
-def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple[float, str]:
-    """Ratio of two exposures and a note; as stated where they share too few samples."""
+def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple[float, Finding]:
+    """Ratio of two exposures and how it was found; as stated where they share too few samples."""
     stated = float(longer.exposure_s or 1) / float(shorter.exposure_s or 1)
     read_sigma = np.sqrt(variance_line(shorter)[0])
     least = np.maximum(MIN_SIGNAL, MIN_READ_SIGMAS * read_sigma)
     usable = ~near_saturated(shorter.saturated | longer.saturated, spills)
     shared = usable & (longer.signal > least * np.float32(stated))
     if np.count_nonzero(shared) < MIN_SHARED:
-        return (stated, f"{shorter.source} and {longer.source} share too few well-exposed pixels "
-                "to measure their ratio")
+        return stated, Finding("bracket.ratio-unknown", Severity.NOTE, values={
+            "shorter": shorter.source, "longer": longer.source})
     a, b = shorter.signal[shared].astype(float), longer.signal[shared].astype(float)
     ratio = float(b.sum() / a.sum())
     pair = (f"{shorter.source} ({shorter.exposure_s:g} s) and {longer.source} "
@@ -177,8 +178,10 @@ def _agreement(shorter: LinearImage, longer: LinearImage, spills: bool) -> tuple
                          "dark to bright parts; the sensor or the file is not linear there: keep "
                          "the brightest parts below the clip point, give raw files, or subtract a "
                          "dark frame")
-    return (ratio, f"{pair}: ratio {ratio:.4f} measured, {stated:.4f} stated, {curvature:+.2%} "
-            "from dark to bright")
+    return ratio, Finding("bracket.ratio", Severity.INFO, values={
+        "shorter": shorter.source, "shorter_s": shorter.exposure_s, "longer": longer.source,
+        "longer_s": longer.exposure_s, "measured": ratio, "stated": stated,
+        "curvature": curvature})
 
 
 def _require_one_setting(images: Sequence[LinearImage]) -> None:

@@ -17,15 +17,16 @@ from spectrabox.capture.photo.orientation import AS_READ, turned
 from spectrabox.capture.photo.processed_photos import NotLinearError
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.photos import LinearImage, RawFrame
+from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFrame
 
 NOT_LINEAR = "NOT LINEAR: decoded as sRGB, colour matrix and tone curve remain"
 
 
 def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | None,
                    not_linear: bool = False, channels: Sequence[int] | None = None,
-                   orientation: int = AS_READ) -> tuple[LinearImage, tuple[str, ...]]:
-    """One linear image from photos of one scene, and notes on dark frames and exposures.
+                   orientation: int = AS_READ) -> tuple[LinearImage, tuple[Finding, ...]]:
+    """One linear image from photos of one scene, and what was found of dark frames and exposures.
 
     Dark frames are averaged by exposure and subtracted from the photos of theirs; photos of several
     exposures are merged; the flat is divided out last.
@@ -57,8 +58,8 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         frame = read_raw(path)
         by_exposure.setdefault(frame.exposure_s, []).append(frame)
     dark_frames = {exposure: mean_dark(frames) for exposure, frames in by_exposure.items()}
-    notes = [f"dark frame {dark.source}: {int(dark.hot.sum())} hot pixels"
-             for dark in dark_frames.values()]
+    findings = [Finding("dark.hot-pixels", Severity.INFO, dark.source,
+                        {"hot": int(dark.hot.sum())}) for dark in dark_frames.values()]
     images = [] if darks else [open_any(path, not_linear) for path in photos]
     sharing: dict[str, list[tuple[RawFrame, DarkFrame]]] = {}
     for path in photos if darks else ():
@@ -75,14 +76,14 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         # the dark frame's own noise, which no number of photos averages away
         left = (1 - 1 / len(pairs)) * common_variance(*pairs[0])
         images.append(dataclasses.replace(mean, variance=mean.variance + left.astype(np.float32)))
-        notes += ratios
+        findings += ratios
     merged, ratios = merge_exposures(images)
     merged = only_channels(merged, channels)
     if flat is not None:
         merged = divide_by_flat(merged, only_channels(open_any(flat, not_linear), channels))
-    if not_linear and any(NOT_LINEAR in image.source for image in images):
-        notes.append(NOT_LINEAR)
-    return turned(merged, orientation), (*notes, *ratios)
+    if any(image.kind is PhotoKind.PROCESSED for image in images):
+        findings.append(Finding("photo.not-linear", Severity.WARN))
+    return turned(merged, orientation), (*findings, *ratios)
 
 
 def open_any(path: Path, not_linear: bool = False) -> LinearImage:

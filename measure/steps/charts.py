@@ -17,6 +17,7 @@ from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredCha
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import ChartNotFoundError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage
 
@@ -43,28 +44,29 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
     chart = capture.lit_chart
     views = capture.views_with_chart
     charts: dict[str, MeasuredChart] = {}
-    notes: tuple[str, ...] = ()
+    findings: list[Finding] = []
     first: tuple[ChartDetection, Edges] | None = None
     for index, view in enumerate(views):
         name = view.chart_names[0]
         work.progress((index + 0.1) / len(views), f"finding the chart in {name}")
-        photo, own_notes = work.photos.developed(view.chart)
+        photo, own_findings = work.photos.developed(view.chart)
         require_one_camera([*(each.thumbnail for each in charts.values()), photo])
         expected = typical_camera_signals(chart.reflectances, FINE_GRID, view.power)
         again = None if first is None else _moved(*first, photo)
         detection = _chart_in(capture, view, photo, expected, again)
         if capture.one_tripod and len(capture.views) > 1 and first is None:
             first = detection, find_edges(photo)
-        notes += work.write_picture(view.label("overlay"), partial(chart_overlay, photo, detection))
+        findings += work.write_picture(view.label("overlay"),
+                                       partial(chart_overlay, photo, detection))
         verdict = judge_chart(photo, detection, expected, chart.layout,
                               light_explained=capture.chart_scene is not None)
         lost = require_unclipped(verdict.samples, chart.layout.names, name, chart.layout.neutrals,
                                  work.photos.bands(photo), bands_may_drop=capture.bands_may_drop)
-        notes += (*own_notes, *lost)
+        findings += (*own_findings, *lost)
         charts[view.name] = MeasuredChart(detection, verdict.samples,
                                           thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
                                           verdict.findings)
-    return ChartRecords(charts, notes)
+    return ChartRecords(charts, tuple(findings))
 
 
 def _chart_in(capture: Capture, view: View, photo: LinearImage, expected: np.ndarray,

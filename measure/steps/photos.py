@@ -25,6 +25,7 @@ from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecor
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 
@@ -58,12 +59,12 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
     photos: dict[str, LinearImage] = {}
     regions: dict[str, RegionSamples] = {}
     registrations: dict[str, Registration] = {}
-    notes: tuple[str, ...] = ()
+    findings: list[Finding] = []
     first_edges: Edges | None = None
     for index, view in enumerate(capture.views):
         work.progress((index + 0.1) / len(capture.views), f"reading {view.photo_names[0]}")
-        photo, own_notes = work.photos.developed(view.photo)
-        notes += own_notes
+        photo, own_findings = work.photos.developed(view.photo)
+        findings += own_findings
         require_one_camera([*(chart.thumbnail for chart in records.chart.charts.values()),
                             *photos.values(), photo])
         if several and not view.name:
@@ -74,20 +75,20 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
             if registration is not None:
                 registrations[view.name] = registration
             elif both:
-                notes += (_not_registered(capture, records, view),)
+                findings.append(_not_registered(capture, records, view))
         outlines = outlines_in(capture, view, registrations.get(view.name))
         if outlines:
             regions[view.name] = sample_regions(photo, outlines, without_clipped=several)
-            notes += _uneven_region_notes(regions[view.name])
+            findings += uneven_regions(regions[view.name], view.name)
         photos[view.name] = thumbnail(photo, THUMBNAIL_WIDTH)
         if view.filter is not None and np.array_equal(photos[view.name].signal,
                                                       photos[""].signal):
             raise InputError(f"{view.photo_names[0]} is the photo without the filter; give the one "
                              "that was taken through it")
-        notes += work.write_picture(view.label("preview"), partial(
+        findings += work.write_picture(view.label("preview"), partial(
             signal_rgb8, photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
     return PhotoRecords(photos, regions, registrations, work.photos.bands(photo),
-                        notes)
+                        tuple(findings))
 
 
 def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
@@ -109,12 +110,12 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
         If a photo's shape is not that of its scene.
     """
     photos: dict[str, LinearImage] = {}
-    notes: tuple[str, ...] = ()
+    findings: list[Finding] = []
     for index, view in enumerate(capture.views):
         name = view.photo_names[0]
         work.progress((index + 0.1) / len(capture.views), f"reading {name}")
-        photo, own_notes = work.photos.developed(view.photo)
-        notes += own_notes
+        photo, own_findings = work.photos.developed(view.photo)
+        findings += own_findings
         require_exposed(photo, name)
         lens = lens_of(view)
         if lens is not None:
@@ -122,8 +123,9 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
         require_same_shape(photo, scene_of(view.scene), name)
         height, width = photo.signal.shape[:2]
         photos[view.name] = bin_image(photo, *render_size(width, height, capture.inversion.width))
-        notes += work.write_picture(view.label("preview"), partial(signal_rgb8, photo.signal))
-    return PhotoRecords(photos, {}, {}, work.photos.bands(photo), notes)
+        findings += work.write_picture(view.label("preview"), partial(signal_rgb8, photo.signal))
+    return PhotoRecords(photos, {}, {}, work.photos.bands(photo),
+                        tuple(findings))
 
 
 def _outlines_in_both(capture: FlatCapture, view: View) -> dict[str, Outline]:
@@ -154,15 +156,13 @@ def _registration(capture: FlatCapture, records: CaptureRecords, view: View,
                       both, _charts_px(records.chart.charts, first, view))
 
 
-def _not_registered(capture: FlatCapture, records: CaptureRecords, view: View) -> str:
+def _not_registered(capture: FlatCapture, records: CaptureRecords, view: View) -> Finding:
     """That a photo was not compared with the first, and what its chart says."""
     first = capture.views[0]
     chart_px = _charts_px(records.chart.charts, first, view)
-    stayed = "" if chart_px is None else \
-        f"; the chart lies within {distance_px(chart_px):.1f} pixels of where it lay"
-    return (f"{view.photo_names[0]} and {first.photo_names[0]} have too few edges in common to "
-            "tell whether the camera moved: regions are taken where the first photo shows them"
-            f"{stayed}")
+    return Finding("photo.not-registered", Severity.NOTE, view.photo_names[0], {
+        "first": first.photo_names[0],
+        "chart_px": None if chart_px is None else float(distance_px(chart_px))})
 
 
 def registration_of(charts: Mapping[str, MeasuredChart], first: View, view: View,
@@ -206,9 +206,16 @@ def outlines_in(capture: FlatCapture, view: View, registration: Registration | N
             for name, region in capture.regions_in(view).items()}
 
 
-def _uneven_region_notes(samples: RegionSamples) -> tuple[str, ...]:
-    return tuple(
-        f"region {name!r} is uneven: its pixels scatter by {scatter:.0%} beyond noise and even "
-        "light, and its spectrum is the mean of what lies in it; outline a smaller part for one "
-        "paint" for name, scatter in zip(samples.names, samples.scatter.max(axis=1), strict=True)
-        if scatter > UNEVEN)
+def uneven_regions(samples: RegionSamples, photo: str = "") -> list[Finding]:
+    """Regions whose pixels scatter by more than noise and even light.
+
+    Parameters
+    ----------
+    samples : RegionSamples
+    photo : str
+        Name of the view; empty of the first.
+    """
+    return [Finding("region.uneven", Severity.NOTE, name, {
+                "scatter": float(scatter), "limit": UNEVEN, "photo": photo})
+            for name, scatter in zip(samples.names, samples.scatter.max(axis=1), strict=True)
+            if scatter > UNEVEN]

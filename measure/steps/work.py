@@ -10,6 +10,7 @@ import numpy as np
 from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import Progress
 
 
@@ -23,7 +24,7 @@ class Work:
     folder: Path | None = None          # takes the step's pictures; None: none are made
     checkpoints: Path | None = None     # takes what a stopped trace goes on from
 
-    def write_picture(self, name: str, drawn: Callable[[], np.ndarray]) -> tuple[str, ...]:
+    def write_picture(self, name: str, drawn: Callable[[], np.ndarray]) -> tuple[Finding, ...]:
         """A PNG among the step's pictures, if any are made.
 
         Parameters
@@ -34,15 +35,15 @@ class Work:
 
         Returns
         -------
-        tuple of str
-            A note of why there is none, where that failed: spectra need no picture.
+        tuple of Finding
+            Why there is none, where that failed: spectra need no picture.
         """
         folder = self.folder
         if folder is None:
             return ()
         _, failed = attempt(f"picture {name!r}", lambda: write_png(folder / f"{name}.png", drawn()),
                             None)
-        return () if failed is None else (failed.why,)
+        return () if failed is None else (failed.finding,)
 
     def checkpoint(self, name: str) -> Path | None:
         """The file that a stopped trace is kept in."""

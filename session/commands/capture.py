@@ -110,11 +110,13 @@ def develop(
     from spectrabox.capture.develop.developed import develop_photos
     from spectrabox.capture.photo.image_writers import write_linear_exr
     from spectrabox.capture.photo.orientation import photo_orientation
+    from spectrabox.measure import texts
     check_ending(out, {".exr": "the signal in floating point"})
-    image, notes = develop_photos(photos, dark, flat_field,
-                                  not_linear)
+    image, findings = develop_photos(photos, dark, flat_field, not_linear)
+    notes = [texts.says(finding) for finding in findings]
     write_linear_exr(out, image, photo_orientation(photos[0]))
-    facts = {**_photo_facts(image), "out": str(out), "notes": list(notes),
+    facts = {**_photo_facts(image), "out": str(out), "notes": notes,
+             "findings": [texts.facts(finding) for finding in findings],
              "size": [image.signal.shape[1], image.signal.shape[0]]}
     lines = [f"wrote {out}: {image.signal.shape[1]} x {image.signal.shape[0]} pixels, "
              f"{facts['saturated_fraction']:.2%} saturated, noise at half scale "

@@ -14,6 +14,7 @@ from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper
 from spectrabox.measure.steps.photos import measure_flat_photos
 from spectrabox.measure.steps.signals import find_signals
 from spectrabox.measure.steps.work import Work
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import SurfaceSpectrum
 
@@ -32,8 +33,8 @@ class PhotosAtHand(OpenPhotos):
         super().__init__(capture)
         self._images = [(view.photo, images[view.name]) for view in capture.views]
 
-    def developed(self, photo: PhotoFiles) -> tuple[LinearImage, tuple[str, ...]]:
-        """The photo; its notes are the report's."""
+    def developed(self, photo: PhotoFiles) -> tuple[LinearImage, tuple[Finding, ...]]:
+        """The photo; what else showed of it is the report's."""
         return next(image for files, image in self._images if files == photo), ()
 
 

@@ -46,8 +46,8 @@ class Photo:
     ----------
     image : LinearImage
         Signal (H, W, K) as a fraction of (white - black), with its variance.
-    notes : tuple of str
-        What happened while it was developed.
+    findings : tuple of Finding
+        What showed while it was developed; ``notes`` are its sentences.
     orientation : int
         How it was turned from what the sensor read, as EXIF numbers it: 1 not at all.
 
@@ -63,7 +63,7 @@ class Photo:
     """
 
     image: LinearImage
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     orientation: int = AS_READ
 
     @property
@@ -73,6 +73,11 @@ class Photo:
         Of a mosaic, one entry for each 2 x 2 cell: half the height and width of ``size_px``.
         """
         return self.image.signal
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What showed while it was developed, in sentences."""
+        return tuple(texts.says(finding) for finding in self.findings)
 
     @property
     def bands(self) -> int:
@@ -165,17 +170,17 @@ def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
     if not paths:
         raise InputError("no photo was given; give one, or several exposures of a bracket")
     turn = photo_orientation(paths[0]) if orientation is None else orientation
-    image, notes = develop_photos(paths, [Path(one) for one in dark or []],
-                                  None if flat is None else Path(flat), not_linear,
-                                  orientation=turn)
-    return Photo(image, tuple(notes), turn)
+    image, findings = develop_photos(paths, [Path(one) for one in dark or []],
+                                     None if flat is None else Path(flat), not_linear,
+                                     orientation=turn)
+    return Photo(image, findings, turn)
 
 
 def as_input_file(photo: str | Path | Photo) -> InputFile:
     """A photo's file, or a photo that is open already, as a capture names it."""
     if isinstance(photo, Photo):
         source = photo.image.source
-        return InputFile(source, Path(source), photo.image, photo.notes)
+        return InputFile(source, Path(source), photo.image, photo.findings)
     return InputFile(str(photo), Path(photo))
 
 
