@@ -160,6 +160,49 @@ PHOTOS: dict[str, Text] = {
         "Expose {stops:.1f} stops longer.", "{brightest:percent0}", "at least {least:percent0}"),
 }
 
+# ---- readings of instruments ---------------------------------------------------------------------
+
+METERS: dict[str, Text] = {
+    # how a reading ended
+    "meter.measured": Text("Reading", "Measured."),
+    "meter.low-light": Text(
+        "Reading", "Measured, but the instrument says that the light is low: expect noise.",
+        "Repeat, or use a wider aperture."),
+    "meter.too-dark": Text(
+        "Reading", "No reading: the light is too weak for this instrument; this is not a spectrum "
+        "of zeros.", "Bring more light, a longer exposure or a wider aperture."),
+    "meter.too-bright": Text(
+        "Reading", "No reading: the light is too strong.",
+        "Use a shorter exposure, a smaller aperture or a filter."),
+    "meter.no-sync": Text(
+        "Reading", "No reading: the instrument could not lock to the light's flicker.",
+        "State its frequency, or switch sync off."),
+    "meter.unsteady": Text(
+        "Reading", "No reading: the light changed during the measurement.",
+        "Let it warm up, then repeat."),
+    # what to beware of
+    "meter.warning": Text("Warning of the instrument", "Warning {number}: {meaning}."),
+    "meter.negative-values": Text(
+        "Noise", "{negative} of {values} values between 400 and 700 nm are negative: the light is "
+        "near the instrument's noise."),
+    "meter.no-luminance": Text(
+        "Luminance", "The instrument reports no luminance: the spectrum was not checked against "
+        "it."),
+    "meter.not-calibrated": Text(
+        "Calibration of the instrument", lambda values: "No " + " and ".join(values["missing"])
+        + " calibration was made before this reading: it rests on the one that the instrument "
+        "had."),
+    "meter.noted": Text("Note", "{note}"),
+    # of a series
+    "meter.drift": Text(
+        "Drift", "The light drifts by {drift:+.1%} ± {error:.1%} over the series.",
+        "Let it warm up, then start again.", "{drift:+.1%}", "{limit:percent}"),
+    "meter.readings-empty": Text(
+        "Readings without a spectrum", lambda values: f"{values['empty']} of {values['readings']} "
+        f"readings gave no spectrum. {METERS[values['outcome']].sentence}",
+        lambda values: str(METERS[values["outcome"]].remedy)),
+}
+
 # ---- flat samples --------------------------------------------------------------------------------
 
 FLAT: dict[str, Text] = {}
@@ -180,7 +223,7 @@ CONDITIONS: dict[str, Text] = {}
 
 ADVICE: dict[str, Text] = {}
 
-TEXTS: dict[str, Text] = {**CHART, **CALIBRATION, **PHOTOS, **FLAT, **SCENES, **SURFACES,
+TEXTS: dict[str, Text] = {**CHART, **CALIBRATION, **PHOTOS, **METERS, **FLAT, **SCENES, **SURFACES,
                           **CONDITIONS, **ADVICE}
 
 

@@ -27,6 +27,7 @@ from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.transcripts.transcript import read_transcript
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.spectral_files import write_examples
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.named_spectra import relative_response
@@ -304,8 +305,9 @@ def _tables(folder: Path) -> Rows:
     spectrum = Spectrum(grid, np.ones(grid.nm.size), Quantity.RADIANCE, "lamp")
     reading = SpectralReading(
         spectrum=spectrum, quantity=Quantity.RADIANCE, outcome=next(iter(ReadingOutcome)),
-        flags=("a",), instrument="PR-655", serial_number="1", firmware="2", integration_ms=3.0,
-        luminance=4.0, taken_at="2026-01-01", transcript="a")
+        findings=(Finding("meter.no-luminance", Severity.NOTE),), instrument="PR-655",
+        serial_number="1", firmware="2", integration_ms=3.0, luminance=4.0,
+        taken_at="2026-01-01", transcript="a")
     (folder / "001.json").write_text(json.dumps(reading_facts(reading)))
     yield "reading", folder / "001.json", read_reading, True
     for transcript in sorted(TRANSCRIPTS.glob("*[0-9].transcript")):

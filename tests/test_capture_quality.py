@@ -18,6 +18,8 @@ from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.preview import encode_srgb8, signal_rgb8
 from spectrabox.fixtures.chart_scene import GRID_MM, PITCH_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
+from spectrabox.measure import texts
+from spectrabox.measure.photo_quality import DARKEST, MAX_CLIPPED, exposed
 from spectrabox.radiometry import chart as published
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.findings import faults
@@ -121,6 +123,28 @@ def test_glare_is_named_with_its_patches(tmp_path):
     verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
     values = faults_of(verdict)["chart.glare"]
     assert values["glare"] == verdict.glare > values["limit"] and values["names"]
+
+
+LIMITS = {"chart.dark": (lambda value: quality.dark(1 - value), 1 - quality.MIN_WHITE_SIGNAL),
+          "chart.tilted": (quality.tilted, quality.MAX_TILT_DEG),
+          "chart.blurred": (quality.blurred, quality.MAX_BLUR),
+          "chart.glare": (lambda value: quality.glaring(np.array([0, value]), "ab", 0.03), 0.03),
+          "chart.glints": (lambda value: quality.glints(np.array([0, value]), "ab"),
+                           quality.MAX_EXCLUDED),
+          "chart.uneven-light": (lambda value: quality.uneven_light(np.array([1, 1 + value])),
+                                 quality.MAX_UNEVEN),
+          "photo.clipped": (lambda value: exposed((0, value), (0.5, 0.5)), MAX_CLIPPED),
+          "photo.dark": (lambda value: exposed((0, 0), (0, 1 - value)), 1 - DARKEST)}
+
+
+@pytest.mark.parametrize("code", LIMITS)
+def test_a_rule_finds_a_fault_beyond_its_limit_and_none_within(code):
+    rule, limit = LIMITS[code]
+    assert rule(0.99 * limit) == []
+    fault, = rule(1.01 * limit)
+    assert fault.code == code and faults([fault])
+    # plain data, as JSON keeps it, and a text that its values fill
+    assert json.loads(json.dumps(texts.facts(fault)))["remedy"]
 
 
 def test_blur_and_tilt_are_measured(tmp_path):

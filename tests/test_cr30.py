@@ -29,6 +29,7 @@ from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
@@ -176,7 +177,7 @@ def test_it_is_calibrated_and_measures_by_command(over_socket):
     assert not player.problems and player.finished
     np.testing.assert_allclose(reading.lab, (90.52, -0.98, 0.06), atol=0.01)
     assert (reading.instrument, reading.serial_number) == ("CR30", "CM443L0787")
-    assert re.fullmatch(r"white 2.*, black 2.*", reading.calibration) and not reading.flags
+    assert re.fullmatch(r"white 2.*, black 2.*", reading.calibration) and not reading.findings
 
 
 def test_it_measures_when_its_button_is_pressed():
@@ -190,8 +191,8 @@ def test_a_reading_without_calibration_says_so_on_disk_too(tmp_path):
     reading = measured(cr30_player(GREEN))
     back = read_reading(store_reading(tmp_path, reading))
     assert back.calibration == "none before these readings"
-    assert back.flags == ("no white and black calibration was made before this reading: it rests "
-                          "on the one that the instrument had",)
+    assert back.findings == reading.findings == (Finding(
+        "meter.not-calibrated", Severity.NOTE, values={"missing": ["white", "black"]}),)
     assert back.lab == reading.lab and back.quantity is Quantity.REFLECTANCE
 
 

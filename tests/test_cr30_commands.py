@@ -93,7 +93,7 @@ def test_a_calibration_that_was_left_out_is_stated(tmp_path, typed, options):
     code, out, err = measure(tmp_path, playing([GREEN]), "--as", "paint", "--name", "vase",
                              *options, typed=typed)
     assert code == 0, err
-    assert "no white and black calibration was made before this reading" in out
+    assert "No white and black calibration was made before this reading" in out
     head, _, _ = table(tmp_path / "spectra" / "vase.csv")
     assert "calibration of the instrument: none before these readings" in head[-1]
 

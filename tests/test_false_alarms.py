@@ -126,7 +126,7 @@ def test_a_steady_lamp_is_said_to_drift_as_often_as_students_t_says(readings):
     t = np.array([each.relative_drift / each.relative_drift_error for each in series])
     known = stats.t(readings - 2)
     assert_uniform(known.cdf(t))
-    assert_share([bool(each.flags) for each in series], 2 * known.sf(DRIFT_SIGMA))
+    assert_share([bool(each.findings) for each in series], 2 * known.sf(DRIFT_SIGMA))
 
 
 @pytest.mark.parametrize("readings", [3, 12])

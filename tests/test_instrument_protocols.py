@@ -116,7 +116,7 @@ def test_a_code_means_what_the_manual_says(name, command, reply, outcome):
     reading, _ = measured(meter, {command: reply})
     assert reading.outcome is outcome
     assert (reading.spectrum is not None) == (outcome in (GOOD, LOW))
-    assert bool(reading.flags) == (b"OK:10" in reply)
+    assert bool(reading.findings) == (b"OK:10" in reply)
 
 
 @pytest.mark.parametrize("name", ["specbos1211", "specbos2501"])

@@ -1,5 +1,6 @@
 """Repeats: mean, spread, drift; reflectance from two series; nothing measured is lost."""
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -20,8 +21,10 @@ from spectrabox.capture.meter.meter_calibration import (
     read_calibration,
     require_comparable,
 )
+from spectrabox.measure import texts
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
 from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
@@ -70,6 +73,33 @@ def test_setting_aside_deletes_nothing(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["light.before-1", "light.before-2"]
 
 
+def test_what_to_beware_of_comes_back_from_disk_and_from_files_of_sentences(tmp_path):
+    findings = tuple(Finding(code, Severity.NOTE, values=values) for code, values in (
+        ("meter.warning", {"number": 101, "meaning": "low light"}),
+        ("meter.negative-values", {"negative": 2, "values": 76}), ("meter.no-luminance", {})))
+    path = store_reading(tmp_path, dataclasses.replace(reading(np.ones(NM.size)),
+                                                       findings=findings))
+    assert read_reading(path).findings == findings
+    facts = json.loads(path.read_text())
+    facts["findings"][0]["code"] = "meter.unknown"
+    path.write_text(json.dumps(facts))
+    with pytest.raises(InputError, match="is no reading"):
+        read_reading(path)
+    del facts["findings"]
+    path.write_text(json.dumps(facts | {"flags": ["the lamp was cold"]}))
+    quoted, = read_reading(path).findings
+    assert texts.says(quoted) == "the lamp was cold"
+
+
+@pytest.mark.parametrize("outcome", ReadingOutcome)
+def test_every_outcome_has_a_text_and_those_without_a_spectrum_a_remedy(outcome):
+    assert texts.sentence(outcome.finding)
+    assert bool(texts.remedy(outcome.finding)) == (outcome is not ReadingOutcome.MEASURED)
+    if not outcome.has_spectrum:
+        with pytest.raises(CheckError):
+            series_of([reading(None, outcome)], "light")
+
+
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(EnvironmentProblem, match="cannot be written"):
@@ -89,7 +119,7 @@ def test_mean_spread_and_drift_are_those_of_the_readings():
     # Sums of 20 numbers near 2: round-off of a few eps.
     np.testing.assert_allclose(series.mean, values.mean(axis=0), rtol=1e-14)
     np.testing.assert_allclose(series.spread, values.std(axis=0, ddof=1), rtol=1e-10)
-    assert series.readings == 20 and not series.flags
+    assert series.readings == 20 and not series.findings
 
 
 def test_a_warming_lamp_is_flagged_and_a_steady_one_rarely():
@@ -104,11 +134,12 @@ def test_a_warming_lamp_is_flagged_and_a_steady_one_rarely():
     # The slope of ten readings with noise 0.002 has a standard error of 0.002 * 9 / sqrt(82.5) =
     # 0.002: five of them.
     assert warm.relative_drift == pytest.approx(0.05 / 1.025, abs=0.01)
-    assert any(f"drifts by {warm.relative_drift:+.1%}" in flag for flag in warm.flags)
+    drift, = warm.findings
+    assert (drift.code, drift.values["drift"]) == ("meter.drift", warm.relative_drift)
     # from the first of few readings to the last of them, without noise
     straight = series_of([reading(np.full(NM.size, level)) for level in (0.95, 1.0, 1.05)], "light")
     assert straight.relative_drift == pytest.approx(0.10, rel=1e-9)
-    false_alarms = sum(bool(series(0.0).flags) for _ in range(200))
+    false_alarms = sum(bool(series(0.0).findings) for _ in range(200))
     # Student t with 8 degrees of freedom beyond 3: 1.7 %, of which the 0.5 % floor keeps most; 12
     # of 200 is p < 1e-3.
     assert false_alarms <= 12
@@ -123,8 +154,10 @@ def test_one_reading_states_no_spread():
 def test_readings_without_a_spectrum_are_not_averaged_in():
     series = series_of([reading(np.ones(NM.size)), reading(None, ReadingOutcome.TOO_DARK)], "light")
     assert series.readings == 1 and series.mean.max() == 1
-    assert "1 of 2 readings gave no spectrum" in series.flags[0]
-    with pytest.raises(CheckError, match="light: No reading: the light is too weak"):
+    empty, = series.findings
+    assert (empty.code, empty.values) == ("meter.readings-empty", {
+        "empty": 1, "readings": 2, "outcome": "meter.too-dark"})
+    with pytest.raises(CheckError, match="light: no reading, the light is too weak"):
         series_of([reading(None, ReadingOutcome.TOO_DARK)], "light")
     with pytest.raises(CheckError, match="nothing was measured yet"):
         series_of([], "light")

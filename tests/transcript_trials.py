@@ -18,6 +18,7 @@ from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.fixtures.meter_transcripts import SpectrumFault, SyntheticMeter
+from spectrabox.measure import texts
 from spectrabox.radiometry.spectra.readings import SpectralReading
 
 # 240 s become 0.48 s; below 0.25 s a busy computer looks like a mute line
@@ -145,8 +146,8 @@ def _outcome(transcript: Transcript, port: str) -> tuple[str, str, SpectralReadi
         reading = measure_played(transcript, port, FAST)
     except InstrumentError as error:
         return type(error).__name__, str(error), None
-    return ("spectrum" if reading.spectrum is not None else "no reading", reading.outcome.value,
-            reading)
+    return ("spectrum" if reading.spectrum is not None else "no reading",
+            texts.says(reading.outcome.finding), reading)
 
 
 def _is_true(reading: SpectralReading, subject: Subject) -> bool:

@@ -29,6 +29,7 @@ from spectrabox.capture.meter.instruments.interface import (
 from spectrabox.capture.meter.serial_line import Hold, Log, Pace, open_line
 from spectrabox.capture.meter.stated import check_stated
 from spectrabox.radiometry.appearance import luminance_of
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
@@ -122,22 +123,22 @@ def take_reading(instrument: Instrument, identity: Identity, *,
         "firmware": identity.firmware, "taken_at": taken_at, "transcript": transcript}
     if not measured.outcome.has_spectrum:
         return SpectralReading(spectrum=None, quantity=None, integration_ms=None, luminance=None,
-                               flags=measured.flags, **facts)
+                               findings=measured.findings, **facts)
     held = _trusted_result(instrument)
     luminance = None if held.stated.luminance is None else held.stated.luminance.value
     if _is_dark(held):
         facts["outcome"] = ReadingOutcome.TOO_DARK
         return SpectralReading(spectrum=None, quantity=None, integration_ms=held.integration_ms,
                                luminance=luminance,
-                               flags=measured.flags, **facts)
+                               findings=measured.findings, **facts)
     if held.quantity in (Quantity.RADIANCE, Quantity.IRRADIANCE):
         check_stated(held.nm, held.values, held.stated, instrument.line.name)
     source = f"{identity.model} {identity.serial_number}, {taken_at}"
     spectrum = Spectrum(grid_from_nm(held.nm), held.values, held.quantity, source)
     return SpectralReading(spectrum=spectrum, quantity=held.quantity,
                            integration_ms=held.integration_ms, luminance=luminance,
-                           flags=(*measured.flags, *held.flags, *_value_flags(held),
-                                  *_calibration_flags(instrument)),
+                           findings=(*measured.findings, *negative_values(held),
+                                     *not_checked(held), *not_calibrated(instrument)),
                            lab=held.lab, calibration=_calibration(instrument), **facts)
 
 
@@ -172,14 +173,25 @@ def _is_dark(held: HeldResult) -> bool:
                                            and luminance_of(held.nm, held.values) <= 0)
 
 
-def _value_flags(held: HeldResult) -> tuple[str, ...]:
+def negative_values(held: HeldResult) -> list[Finding]:
+    """Values in the visible range that are negative: the light is near the instrument's noise."""
     inside = (held.nm >= VISIBLE_NM[0]) & (held.nm <= VISIBLE_NM[1])
     negative = int(np.sum(held.values[inside] < 0))
-    flags = [f"{negative} of {int(inside.sum())} values between 400 and 700 nm are negative: the "
-             "light is near the instrument's noise"] if negative else []
-    if held.stated.luminance is None and held.quantity is not Quantity.REFLECTANCE:
-        flags.append("the instrument reports no luminance: the spectrum was not checked against it")
-    return tuple(flags)
+    return [Finding("meter.negative-values", Severity.NOTE, values={
+        "negative": negative, "values": int(inside.sum())})] if negative else []
+
+
+def not_checked(held: HeldResult) -> list[Finding]:
+    """A spectrum of light without a luminance to check it against."""
+    stated = held.stated.luminance is not None or held.quantity is Quantity.REFLECTANCE
+    return [] if stated else [Finding("meter.no-luminance", Severity.NOTE)]
+
+
+def not_calibrated(instrument: Instrument) -> list[Finding]:
+    """Calibrations that the instrument wants and did not get since it was opened."""
+    missing = [which for which in instrument.calibrations if which not in instrument.calibrated]
+    return [Finding("meter.not-calibrated", Severity.NOTE, values={"missing": missing})] \
+        if missing else []
 
 
 def _calibration(instrument: Instrument) -> str | None:
@@ -188,9 +200,3 @@ def _calibration(instrument: Instrument) -> str | None:
         return None
     return ", ".join(f"{which} {when}" for which, when in instrument.calibrated.items()) \
         or "none before these readings"
-
-
-def _calibration_flags(instrument: Instrument) -> tuple[str, ...]:
-    missing = [which for which in instrument.calibrations if which not in instrument.calibrated]
-    return (f"no {' and '.join(missing)} calibration was made before this reading: it rests on the "
-            "one that the instrument had",) if missing else ()

@@ -14,6 +14,7 @@ import numpy as np
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import require_no_link, write_text_whole
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
@@ -22,6 +23,12 @@ from spectrabox.radiometry.system.words import file_stem, name_fault, shortened
 READING = re.compile(r"(\d{3,})\.json")
 FACTS = ("instrument", "serial_number", "firmware", "integration_ms", "luminance", "taken_at",
          "transcript")
+# What a reading's findings hold, by code. Sentences of files written before findings are quoted.
+NOTED = "meter.noted"
+FINDINGS: dict[str, dict[str, type]] = {
+    NOTED: {"note": str}, "meter.warning": {"number": int, "meaning": str},
+    "meter.negative-values": {"negative": int, "values": int}, "meter.no-luminance": {},
+    "meter.not-calibrated": {"missing": list}}
 OF_REFLECTANCE = ("lab", "calibration")     # readings of a light may lack them
 
 
@@ -94,16 +101,17 @@ def set_aside(folder: Path) -> Path:
 
 
 def reading_facts(reading: SpectralReading) -> dict[str, Any]:
-    """A reading as plain values: what the file holds and what --json prints.
+    """A reading as plain values, as its file holds them.
 
     Parameters
     ----------
     reading : SpectralReading
     """
     facts: dict[str, Any] = {name: getattr(reading, name) for name in (*FACTS, *OF_REFLECTANCE)}
-    facts.update(outcome=reading.outcome.name.lower(), sentence=reading.outcome.value,
-                 flags=list(reading.flags), quantity=None, unit=None, wavelengths_nm=None,
-                 values=None)
+    facts.update(outcome=reading.outcome.name.lower(), quantity=None, unit=None,
+                 wavelengths_nm=None, values=None, findings=[
+                     {"code": one.code, "severity": one.severity.name.lower(),
+                      "values": dict(one.values)} for one in reading.findings])
     if reading.spectrum is not None and reading.quantity is not None:
         facts.update(quantity=reading.quantity.name.lower(), unit=reading.quantity.value,
                      wavelengths_nm=reading.spectrum.grid.nm.tolist(),
@@ -135,7 +143,7 @@ def read_reading(path: Path) -> SpectralReading:
                              "wavelengths")
         return SpectralReading(spectrum=spectrum, quantity=quantity,
                                outcome=ReadingOutcome[facts["outcome"].upper()],
-                               flags=tuple(facts["flags"]),
+                               findings=tuple(_findings_in(facts)),
                                lab=None if (lab := facts.get("lab")) is None else tuple(lab),
                                calibration=facts.get("calibration"),
                                **{name: facts[name] for name in FACTS})
@@ -146,6 +154,25 @@ def read_reading(path: Path) -> SpectralReading:
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError,
             RecursionError) as error:
         raise InputError(f"{path} is no reading ({error}): move it away, or restore it") from None
+
+
+def _findings_in(facts: dict[str, Any]) -> list[Finding]:
+    """Findings of a stored reading; the sentences of older files are quoted.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError, AttributeError
+        If they are not as this program writes them.
+    """
+    if "findings" not in facts:
+        return [Finding(NOTED, Severity.NOTE, values={"note": str(flag)})
+                for flag in facts["flags"]]
+    findings = []
+    for one in facts["findings"]:
+        code, given = one["code"], one["values"]
+        values = {key: kind(given[key]) for key, kind in FINDINGS[code].items()}
+        findings.append(Finding(code, Severity[one["severity"].upper()], values=values))
+    return findings
 
 
 def _numbered(folder: Path) -> list[tuple[int, Path]]:

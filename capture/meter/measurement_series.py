@@ -12,6 +12,7 @@ from spectrabox.capture.meter.meter_calibration import (
     require_comparable,
 )
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.findings import Finding, Severity, each_once
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries, SpectralReading
@@ -19,6 +20,16 @@ from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries
 DRIFT_SIGMA = 3.0           # a drift counts where it exceeds its own error by this
 DRIFT_RELATIVE = 0.005      # and is larger than this over the series
 LOW_SIGNAL = 0.02           # of the standard's largest value: below, a ratio is mostly noise
+
+NO_SPECTRUM = {
+    ReadingOutcome.TOO_DARK: "no reading, the light is too weak for this instrument; bring more "
+                             "light, a longer exposure or a wider aperture",
+    ReadingOutcome.TOO_BRIGHT: "no reading, the light is too strong; use a shorter exposure, a "
+                               "smaller aperture or a filter",
+    ReadingOutcome.NO_SYNC: "no reading, the instrument could not lock to the light's flicker; "
+                            "state its frequency, or switch sync off",
+    ReadingOutcome.UNSTEADY: "no reading, the light changed during the measurement; let it warm "
+                             "up, then repeat"}
 
 
 @dataclass(frozen=True)
@@ -33,7 +44,7 @@ class SeriesSummary:
     relative_spread: float | None       # standard deviation of the readings over their mean
     relative_drift: float | None        # from the first to the last
     relative_drift_error: float | None
-    flags: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def series_of(readings: Sequence[SpectralReading], name: str,
@@ -52,13 +63,13 @@ def series_of(readings: Sequence[SpectralReading], name: str,
     Raises
     ------
     CheckError
-        If none holds a spectrum; the sentence is the instrument's reason.
+        If none holds a spectrum; the sentence is the reason of the last.
     InputError
         If the readings are of different quantities, grids, or instruments without calibration.
     """
     spectra = [reading.spectrum for reading in readings if reading.spectrum is not None]
     if not spectra:
-        reason = readings[-1].outcome.value if readings else "nothing was measured yet."
+        reason = NO_SPECTRUM[readings[-1].outcome] if readings else "nothing was measured yet"
         raise CheckError(f"{name}: {reason}")
     first = spectra[0]
     if any(s.quantity is not first.quantity or not np.array_equal(s.grid.nm, first.grid.nm)
@@ -83,7 +94,7 @@ def series_of(readings: Sequence[SpectralReading], name: str,
     drift, drift_error = _relative_drift(values @ first.grid.weights_nm)
     spread = values.std(axis=0, ddof=1) if count > 1 else np.full(values.shape[1], np.nan)
     return ReadingSeries(first.grid, values.mean(axis=0), spread, drift, drift_error, count,
-                         first.quantity, _flags(readings, drift, drift_error), calibration_error)
+                         first.quantity, _findings(readings, drift, drift_error), calibration_error)
 
 
 def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
@@ -115,7 +126,7 @@ def series_summary(series: ReadingSeries, name: str) -> SeriesSummary:
         name, series.readings, series.quantity.name.lower(),
         float((series.spread @ weights) / (series.mean @ weights)) if several else None,
         series.relative_drift if several else None,
-        series.relative_drift_error if series.readings > 2 else None, series.flags)
+        series.relative_drift_error if series.readings > 2 else None, series.findings)
 
 
 def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float,
@@ -178,16 +189,31 @@ def _relative_drift(integrals: np.ndarray) -> tuple[float, float]:
     return float(slope * scale), float(abs(error * scale))
 
 
-def _flags(readings: Sequence[SpectralReading], drift: float, error: float) -> tuple[str, ...]:
-    flags = []
-    if np.isfinite(error) and abs(drift) > max(DRIFT_RELATIVE, DRIFT_SIGMA * error):
-        flags.append(f"the light drifts by {drift:+.1%} +- {error:.1%} over the series: let it "
-                     "warm up, then start again")
+def _findings(readings: Sequence[SpectralReading], drift: float,
+              error: float) -> tuple[Finding, ...]:
     empty = [reading.outcome for reading in readings if reading.spectrum is None]
-    flags += [f"{empty.count(outcome)} of {len(readings)} readings gave no spectrum: "
-              f"{outcome.value}"
-              for outcome in ReadingOutcome if outcome in empty]
-    flags += list(dict.fromkeys(flag for reading in readings for flag in reading.flags))
-    if any(reading.outcome is ReadingOutcome.LOW_LIGHT for reading in readings):
-        flags.append(ReadingOutcome.LOW_LIGHT.value)
-    return tuple(flags)
+    low_light = [ReadingOutcome.LOW_LIGHT.finding for reading in readings
+                 if reading.outcome is ReadingOutcome.LOW_LIGHT]
+    return each_once([
+        *drifting(drift, error),
+        *(Finding("meter.readings-empty", Severity.WARN, values={
+            "empty": empty.count(outcome), "readings": len(readings), "outcome": outcome.value})
+          for outcome in ReadingOutcome if outcome in empty),
+        *(finding for reading in readings for finding in reading.findings), *low_light])
+
+
+def drifting(drift: float, error: float) -> list[Finding]:
+    """Light that changes over a series by more than chance and half a per cent.
+
+    Parameters
+    ----------
+    drift : float
+        Relative, over the whole series.
+    error : float
+        Its standard error; NaN where it is not known.
+    """
+    limit = max(DRIFT_RELATIVE, DRIFT_SIGMA * error)
+    if not np.isfinite(error) or abs(drift) <= limit:
+        return []
+    return [Finding("meter.drift", Severity.WARN, values={
+        "drift": drift, "error": error, "limit": limit})]

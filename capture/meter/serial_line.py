@@ -406,12 +406,15 @@ def _port_error(port: str, error: Exception) -> PortError:
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
         return PortError(f"{port} may not be opened by this user: {_group_advice(port)}")
-    if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
+    if number in (errno.EBUSY, errno.EAGAIN):
         return PortError(f"{port} is in use by another program; close that program, then try again")
-    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or "FileNotFound" in str(error):
-        present = ", ".join(each.port for each in list_ports()) or "none"
-        return PortError(f"there is no port {port}; ports of this computer: {present}. Plug the "
-                         "instrument in, switch it on and see 'spectrabox meter list'")
+    present = [each.port for each in list_ports()]
+    # pyserial gives no number on Windows
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or (
+            number is None and os.name == "nt" and port not in present):
+        return PortError(f"there is no port {port}; ports of this computer: "
+                         f"{', '.join(present) or 'none'}. Plug the instrument in, switch it on "
+                         "and see 'spectrabox meter list'")
     return PortError(f"{port} cannot be opened ({error}); see 'spectrabox meter list' for the "
                      "ports of this computer")
 

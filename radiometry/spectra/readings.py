@@ -9,28 +9,31 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 
 class ReadingOutcome(Enum):
-    """How a reading ended, as a sentence the operator can act on."""
+    """How a reading ended; the value is the code of its finding."""
 
-    MEASURED = "Measured."
-    LOW_LIGHT = ("Measured, but the instrument says the light is low: expect noise; repeat, or use "
-                 "a wider aperture.")
-    TOO_DARK = ("No reading: the light is too weak for this instrument; bring more light, a longer "
-                "exposure or a wider aperture. This is not a spectrum of zeros.")
-    TOO_BRIGHT = ("No reading: the light is too strong; use a shorter exposure, a smaller aperture "
-                  "or a filter.")
-    NO_SYNC = ("No reading: the instrument could not lock to the light's flicker; state its "
-               "frequency, or switch sync off.")
-    UNSTEADY = "No reading: the light changed during the measurement; let it warm up, then repeat."
+    MEASURED = "meter.measured"
+    LOW_LIGHT = "meter.low-light"           # by what the instrument says: expect noise
+    TOO_DARK = "meter.too-dark"             # not a spectrum of zeros
+    TOO_BRIGHT = "meter.too-bright"
+    NO_SYNC = "meter.no-sync"               # not locked to the light's flicker
+    UNSTEADY = "meter.unsteady"             # the light changed meanwhile
 
     @property
     def has_spectrum(self) -> bool:
         """Whether a reading with this outcome holds a spectrum."""
         return self in (ReadingOutcome.MEASURED, ReadingOutcome.LOW_LIGHT)
+
+    @property
+    def finding(self) -> Finding:
+        """How the reading ended."""
+        ended = {ReadingOutcome.MEASURED: Severity.INFO, ReadingOutcome.LOW_LIGHT: Severity.NOTE}
+        return Finding(self.value, ended.get(self, Severity.FAIL))
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,7 @@ class SpectralReading(Record):
     luminance: float | None  # cd m-2 (radiance) or lx (irradiance), as the instrument states it
     taken_at: str                                   # ISO 8601 with time zone
     transcript: str  # file of the bytes that passed, "" where none was kept
-    flags: tuple[str, ...]                          # sentences: what to beware of
+    findings: tuple[Finding, ...]                   # what to beware of
     # L*, a*, b* under D65 for the 10 degree observer, as the instrument shows it; None of a light
     lab: tuple[float, float, float] | None = None
     # Of the instrument before the reading: what and when; None where it needs none
@@ -67,5 +70,5 @@ class ReadingSeries(Record):
     relative_drift_error: float                     # its standard error; NaN below three readings
     readings: int
     quantity: Quantity
-    flags: tuple[str, ...]
+    findings: tuple[Finding, ...]
     calibration_error: Annotated[np.ndarray, "P"]   # of the mean; 0 where no calibration was given

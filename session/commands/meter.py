@@ -3,9 +3,10 @@ a session, play a recording.
 """
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -147,8 +148,8 @@ def measure(
     if plot is not None:
         from spectrabox.capture.meter.measurement_plot import png_plot
         png_plot(spectrum, plot)
-    return Answer({"taken": len(readings), "file": written, "series": series,
-                   "png": plot},
+    return Answer({"taken": len(readings), "file": written,
+                   "series": [_series_facts(each) for each in series], "png": plot},
                   _measured_text(written, role, series, spectrum if draw else None))
 
 
@@ -167,9 +168,9 @@ def replay(
     """Play a recorded transcript to the driver's own code and show what it reads."""
     check_ending(out, {".csv": "the spectra"})
     check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
-    from spectrabox.capture.meter.measurement_files import reading_facts
     from spectrabox.capture.transcripts.sniffed_traffic import read_recording
     from spectrabox.capture.transcripts.transcript_replay import replay_transcript
+    from spectrabox.session.meters.measuring import reading_line, shown_reading
     played = replay_transcript(read_recording(transcript), speed=speed)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
     if plot is not None and spectra:
@@ -177,11 +178,10 @@ def replay(
         png_plot(spectra[-1], plot)
     facts = {"instrument": played.instrument, "synthetic": played.synthetic,
              "problems": list(played.problems),
-             "readings": [reading_facts(reading) for reading in played.readings]}
+             "readings": [shown_reading(reading) for reading in played.readings]}
     if out is not None:
         _write_spectra(out, spectra, f"{played.instrument}, {transcript.name}")
         facts["file"] = out
-    from spectrabox.session.meters.measuring import reading_line
     lines = [reading_line(number, reading)
              for number, reading in enumerate(played.readings, 1)]
     lines += [f"- {problem}" for problem in played.problems]
@@ -270,15 +270,24 @@ def _reflects(instrument: str | None, role: str) -> bool:
     return reflects
 
 
+def _series_facts(series: SeriesSummary) -> dict[str, Any]:
+    """For JSON, with the sentences of its findings."""
+    from spectrabox.measure import texts
+    return dataclasses.asdict(series) | {
+        "flags": [texts.says(finding) for finding in series.findings],
+        "findings": [texts.facts(finding) for finding in series.findings]}
+
+
 def _measured_text(written: Path, role: str, series: list[SeriesSummary],
                    spectrum: Spectrum | None) -> str:
+    from spectrabox.measure import texts
     from spectrabox.session.meters.results import USES
     lines = []
     for each in series:
         spread = "" if each.relative_spread is None else \
             f", spread {each.relative_spread:.2%}, drift {each.relative_drift:+.2%}"
         lines.append(f"{each.name}: {each.readings} readings of {each.quantity}{spread}")
-        lines += [f"- {flag}" for flag in each.flags]
+        lines += [f"- {texts.says(finding)}" for finding in each.findings]
     if spectrum is not None:
         from spectrabox.capture.meter.measurement_plot import text_plot
         lines.append(text_plot(spectrum))

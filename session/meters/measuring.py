@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Any
 
 from spectrabox.capture.meter.instruments.instrument_errors import RefusedError
 from spectrabox.capture.meter.instruments.interface import Instrument
 from spectrabox.capture.meter.measurement_files import (
     note_role,
+    reading_facts,
     readings_folder,
     set_aside,
     store_reading,
@@ -22,6 +24,7 @@ from spectrabox.capture.meter.meter_calibration import (
     makers_of,
     require_comparable,
 )
+from spectrabox.measure import texts
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records.spectra import Spectrum
@@ -128,6 +131,19 @@ def white_readings(spectra: Path, role: str) -> list[SpectralReading]:
     return stored_readings(readings_folder(spectra, "white")) if role in ("paint", "chart") else []
 
 
+def shown_reading(reading: SpectralReading) -> dict[str, Any]:
+    """A reading for JSON: as its file holds it, with the sentences of its findings.
+
+    Parameters
+    ----------
+    reading : SpectralReading
+    """
+    return reading_facts(reading) | {
+        "sentence": texts.says(reading.outcome.finding),
+        "flags": [texts.says(finding) for finding in reading.findings],
+        "findings": [texts.facts(finding) for finding in reading.findings]}
+
+
 def reading_line(number: int, reading: SpectralReading) -> str:
     """A reading as one line.
 
@@ -141,7 +157,8 @@ def reading_line(number: int, reading: SpectralReading) -> str:
     exposure = "" if reading.integration_ms is None else f", {reading.integration_ms:g} ms"
     lab = "" if reading.lab is None else \
         ", L*a*b* {:.2f} {:.2f} {:.2f} on its display (D65, 10 degrees)".format(*reading.lab)
-    return f"reading {number}: {reading.outcome.value.rstrip('.')}{stated}{exposure}{lab}"
+    ended = texts.says(reading.outcome.finding).rstrip(".")
+    return f"reading {number}: {ended}{stated}{exposure}{lab}"
 
 
 def _calibrated(meter: Instrument, keyboard: Keyboard) -> bool:

@@ -19,6 +19,7 @@ from spectrabox.capture.meter.measurement_files import (
 )
 from spectrabox.capture.meter.serial_line import list_ports
 from spectrabox.capture.transcripts.transcript_replay import record
+from spectrabox.measure import texts
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import file_stem, shortened
 from spectrabox.session.meters.measuring import Task
@@ -110,7 +111,8 @@ class PageMeter:
         store_reading(readings_folder(self._spectra, stem), reading)
         path, _ = write_result(Task(self._spectra, "paint", (stem,), 1, False, False), 1.0, ())
         return {"file": f"{self._spectra.name}/{path.name}", "lab": reading.lab,
-                "flags": list(reading.flags)}
+                "flags": [texts.says(finding) for finding in reading.findings],
+                "findings": [texts.facts(finding) for finding in reading.findings]}
 
     def _free_stem(self, stem: str) -> str:
         """A name under which nothing was measured and no file lies: an earlier one can come back.

@@ -86,7 +86,7 @@ def write_result(task: Task, white_reflectance: float,
 
 
 def series_of_all(task: Task, calibrations: Sequence[MeterCalibration]) -> list[SeriesSummary]:
-    """Spread, drift and flags of each thing's readings.
+    """Spread, drift and findings of each thing's readings.
 
     Parameters
     ----------

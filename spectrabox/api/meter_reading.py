@@ -13,8 +13,10 @@ from spectrabox.capture.meter.instruments.instrument_errors import NoReplyError
 from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.measurement_series import series_of, series_spectrum
+from spectrabox.measure import texts
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
+from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -87,7 +89,12 @@ class MeterReading:
     @property
     def flags(self) -> tuple[str, ...]:
         """Sentences: what to beware of."""
-        return tuple(dict.fromkeys(flag for reading in self.readings for flag in reading.flags))
+        return tuple(texts.says(finding) for finding in self.findings)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What to beware of, as codes and values: ``flags`` are its sentences."""
+        return each_once(finding for reading in self.readings for finding in reading.findings)
 
     def to_csv(self, path: str | Path) -> None:
         """Write the spectrum with its quantity and who measured it.
@@ -187,7 +194,7 @@ def measure_spectrum(port: str, instrument: str, *, readings: int = 1,
     stated = "" if last.calibration is None else f", calibration: {last.calibration}"
     source = f"{last.instrument} {last.serial_number}, {last.taken_at}{stated}"
     if any(reading.outcome is ReadingOutcome.LOW_LIGHT for reading in taken):
-        warnings.warn(ReadingOutcome.LOW_LIGHT.value, stacklevel=2)
+        warnings.warn(texts.says(ReadingOutcome.LOW_LIGHT.finding), stacklevel=2)
     return MeterReading(series_spectrum(series, source), tuple(taken))
 
 

@@ -20,6 +20,7 @@ from spectrabox.capture.meter.instruments.interface import (
 )
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import mean_wavelength, printed, stated_by_xyz
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
 REPLY_S = 5.0
@@ -92,9 +93,10 @@ class Cr250(Instrument):
         if code < 0:
             raise self.refused("M", code)
         low = code in (100, 102)
-        flags = (f"warning {code}: {WARNINGS.get(code, 'not in the protocol notes')}",
-                 ) if code else ()
-        return Measured(ReadingOutcome.LOW_LIGHT if low else ReadingOutcome.MEASURED, flags)
+        warnings = (Finding("meter.warning", Severity.NOTE, values={
+            "number": code, "meaning": WARNINGS.get(code, "not in the protocol notes")}),
+                    ) if code else ()
+        return Measured(ReadingOutcome.LOW_LIGHT if low else ReadingOutcome.MEASURED, warnings)
 
     def read(self) -> HeldResult:
         header = self._ask("RM Spectrum")

@@ -31,7 +31,17 @@ class WrongInstrumentError(InstrumentError):
 
 
 class RefusedError(InstrumentError):
-    """The instrument reported an error of its own, given as its table of codes says it."""
+    """The instrument reported an error of its own, given as its table of codes says it.
+
+    Attributes
+    ----------
+    code : int or None
+        The instrument's number of the error; None where it gave none.
+    """
+
+    def __init__(self, message: str, code: int | None = None) -> None:
+        super().__init__(message)
+        self.code = code
 
 
 class UntrustedReadingError(InstrumentError):

@@ -25,6 +25,7 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 from spectrabox.capture.meter.serial_line import LineSettings, SerialLine, shown
 from spectrabox.capture.meter.stated import Stated
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -66,7 +67,7 @@ class Measured:
     """How a measurement ended; the instrument holds the result to be read."""
 
     outcome: ReadingOutcome
-    flags: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,6 @@ class HeldResult:
     stated: Stated                          # what the instrument computed from it
     integration_ms: float | None
     raw: tuple[str, ...]
-    flags: tuple[str, ...] = ()
     lab: tuple[float, float, float] | None = None   # L*, a*, b* as the instrument shows it
 
 
@@ -374,7 +374,8 @@ class Instrument(abc.ABC):
         """The error for an instrument's own error code, in the words of its table."""
         sentence = self.errors.get(code, "an error that its protocol notes do not list; see the "
                                    "instrument's manual")
-        return RefusedError(f"{self.family} refused {command!r} with error {code}: {sentence}")
+        return RefusedError(f"{self.family} refused {command!r} with error {code}: {sentence}",
+                            code)
 
     def no_reply(self, reply: str, command: str) -> LineFaultError:
         """The error for bytes that cannot be the answer to ``command``."""

@@ -267,7 +267,7 @@ class Specbos1211(Jeti):
         try:
             text = self._ask_labelled("*FETCH:XYZ", "Z")
         except RefusedError as error:
-            if f"error {UNKNOWN_COMMAND}:" not in str(error):
+            if error.code != UNKNOWN_COMMAND:
                 raise
             luminance = self._ask("*FETCH:PHOTO")  # old firmware
             chromaticity = self._ask_labelled("*FETCH:CHROMXY", "_y")

@@ -62,7 +62,7 @@ export async function meterPanel(anchor, name) {
   async function taken({ file, lab, flags }) {
     done = true;
     if (!await state(name, { truth: file })) return;
-    say(`${name} measured: L*a*b* ${lab.map(one).join(" ")} on its display${flags.length ? `; ${flags.join("; ")}` : ""}`);
+    say(`${name} measured: L*a*b* ${lab.map(one).join(" ")} on its display${flags.length ? `. ${flags.join(" ")}` : ""}`);
     closePanel();
     $("canvas").focus({ preventScroll: true });
   }
