@@ -18,8 +18,11 @@ from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
+from spectrabox.measure import texts
+from spectrabox.measure.steps.photos import uneven_regions
 from spectrabox.radiometry.error_model import ROUNDED_EXPOSURES
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.records.photos import RegionSamples
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
@@ -371,3 +374,13 @@ def test_a_filter_adds_three_bands_under_a_light_that_nobody_knows(tmp_path, unk
     with pytest.raises(InputError, match="is the photo without the filter"):
         spectrabox.flat(folder / "photos" / "glass.dng", {"a": rect_of("cube")},
                         filtered={folder / "photos" / "glass.dng": folder / said})
+
+
+def test_a_region_is_uneven_where_its_pixels_scatter_by_more_than_noise_in_some_band():
+    scatter = np.array([[0.01, 0.04, 0.02], [0.01, 0.09, 0.02]])
+    samples = RegionSamples(("wall", "leaf"), np.ones((2, 3)), np.zeros((2, 3, 3)),
+                            np.full(2, 100), scatter, np.zeros((2, 1, 2)))
+    uneven, = uneven_regions(samples, "warm")
+    assert (uneven.code, uneven.subject, uneven.values["photo"]) == ("region.uneven", "leaf",
+                                                                     "warm")
+    assert uneven.values["scatter"] == 0.09 and texts.remedy(uneven)
