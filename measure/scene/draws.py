@@ -10,6 +10,11 @@ import numpy as np
 from spectrabox.radiometry.covariance import error_patterns
 from spectrabox.radiometry.error_model import (
     CAUSES,
+    DISAGREEMENT,
+    LIGHT_SPECTRUM,
+    SENSITIVITIES,
+    SURFACE_REFLECTION,
+    ResponseErrors,
     curve_errors,
     light_errors,
     scale_covariances,
@@ -22,7 +27,7 @@ from spectrabox.radiometry.records.scenes import JointReconstruction, RegionTran
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.radiometry.response import white_signal
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
+from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors, split_shared
 
 KEPT = 1e-4     # of the largest variance of signals by curves and light; less is left out
 
@@ -82,14 +87,17 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     response = fine @ interpolation_matrix(PRIOR_GRID.nm, joint.grid.nm)
     known = {name: np.interp(PRIOR_GRID.nm, joint.grid.nm, joint.spectra[place])
              for place, name in enumerate(joint.materials) if joint.known[place]}
+    common, logs = split_shared(*_common_errors(calibration, joint, regions, fine))
     return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws,
-                      seed, common=_common_errors(calibration, joint, regions, fine), known=known,
-                      families=families, coefficients=coefficients)
+                      seed, common=common, logs=logs, known=known, families=families,
+                      coefficients=coefficients)
 
 
 def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
-                   response: np.ndarray) -> np.ndarray:
-    """What one standard deviation of each error that regions share does to their signals (Q, R, K).
+                   response: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """The signals (R, K) that the reconstruction found, the surface (R,) of each region, and by
+    cause what one standard deviation of each error that regions share does to the signals
+    (Q, R, K).
     """
     spectra = np.array([joint.spectra[joint.materials.index(name)]
                         for name in regions.transport.materials])
@@ -97,16 +105,29 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     received = regions.transport.coefficients @ products
     signal = received @ response.T
     white = white_signal(response)
-    errors = curve_errors(calibration, joint.grid).together_with(
-        light_errors(calibration, joint.grid, joint.response))
-    of_response = _strongest(np.moveaxis(errors.changes(signal / white, received), 2, 0))
-    scale = np.sum(list(scale_covariances(calibration, joint.views[0].light_scale).values()),
-                   axis=0)
-    return np.concatenate([
-        of_response * white, _of_tails(errors.of_brightest, regions, signal / white) * white,
-        _of_stray_light(joint, regions, signal), _of_gloss(joint, regions, signal),
-        shared_errors(signal, scale, 0.0, regions.surface, regions.colour_error,
-                      regions.brightness_error)])
+    curves = curve_errors(calibration, joint.grid)
+    light = light_errors(calibration, joint.grid, joint.response)
+    causes = {
+        SENSITIVITIES: [_of_response(curves, signal / white, received) * white,
+                        _of_tails(curves.of_brightest, regions, signal / white) * white],
+        LIGHT_SPECTRUM: [_of_response(light, signal / white, received) * white],
+        SURFACE_REFLECTION: [_of_gloss(joint, regions, signal)],
+        DISAGREEMENT: [shared_errors(signal, np.zeros((len(white),) * 2), 0.0, regions.surface,
+                                     regions.colour_error, regions.brightness_error)]}
+    for cause, errors in _of_stray_light(joint, regions, signal).items():
+        causes.setdefault(cause, []).append(errors)
+    for cause, relative in scale_covariances(calibration, joint.views[0].light_scale).items():
+        causes.setdefault(cause, []).append(shared_errors(signal, relative))
+    return signal, regions.surface, {cause: np.concatenate(errors)
+                                     for cause, errors in causes.items()}
+
+
+def _of_response(errors: ResponseErrors, relative: np.ndarray,
+                 received: np.ndarray) -> np.ndarray:
+    """Errors (Q, R, K) of signals relative to white, of light (R, P), without those of little
+    variance.
+    """
+    return _strongest(np.moveaxis(errors.changes(relative, received), 2, 0))
 
 
 def _strongest(changes: np.ndarray) -> np.ndarray:
@@ -117,18 +138,18 @@ def _strongest(changes: np.ndarray) -> np.ndarray:
 
 
 def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
-                    signal: np.ndarray) -> np.ndarray:
-    """Errors (Q, R, K) by light that the scene does not hold, one for each cause; for each material
-    where a cause befalls them one by one.
+                    signal: np.ndarray) -> dict[str, np.ndarray]:
+    """Errors (Q, R, K) by light that the scene does not hold, by cause: one, or one for each
+    material where a cause befalls them one by one.
     """
     index = np.array([joint.materials.index(regions.transport.materials[material])
                       for material in regions.material])
-    errors = []
+    errors: dict[str, np.ndarray] = {}
     for stray in joint.stray_light:
         changes = signal * stray.relative[index]
-        errors += [changes] if CAUSES[stray.cause].surfaces else [
-            np.where((index == material)[:, None], changes, 0.0) for material in np.unique(index)]
-    return np.array(errors).reshape(-1, *signal.shape)
+        errors[stray.cause] = np.array([changes] if CAUSES[stray.cause].surfaces else [
+            np.where((index == material)[:, None], changes, 0.0) for material in np.unique(index)])
+    return errors
 
 
 def _of_gloss(joint: JointReconstruction, regions: RegionTransport,

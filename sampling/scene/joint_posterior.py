@@ -11,6 +11,13 @@ normal, with logit rho_m = mean of its component + root of its covariance @ z_m:
 are kept, nothing of the prior is truncated. The noise-weighted transport is reduced to the few rows
 that rise above the noise, after which the cost does not depend on the number of pixels.
 `joint_sampling.py` chooses the labels.
+
+Errors that regions share and that add to their signals are among the noise. Those that multiply
+them (`error_model.split_errors`) are Q more unknowns e, standard normal, which follow z: of a light
+that is off by half, black is no answer. Every group of regions on which they are alike has rows of
+its own,
+
+    signal_rk = exp(sum_q logs_qgk e_q) (sum_e T_re ...) + sum_q common_qrk e_q + noise
 """
 from __future__ import annotations
 
@@ -37,14 +44,19 @@ SCENES = 300                # drawn from the prior to find those rows
 
 @dataclass(frozen=True)
 class JointProblem:
-    """One scene: rows (F, K, E) and targets (F,) in units of the noise, response (K, P), and the
+    """One scene: rows (F, J, E) and targets (F,) in units of the noise, response (K, P), and the
     prior's parts.
+
+    The J columns are the bands of each group of regions on which the errors that multiply signals
+    are alike, group after group; of one group without such errors.
 
     ``materials`` and ``exponents`` (E, M) are those of the unknown materials; ``known`` (E, P) is
     the product of the known reflectances encountered. ``means`` (C + 1, P) and ``roots`` (C + 1, P,
     P): the last is the one Gaussian with the mixture's moments, and roots are as much wider as the
     components' families are calibrated to be. ``log_weights`` (M, C + 1) are -inf for components
-    that a material cannot have, its family being stated.
+    that a material cannot have, its family being stated. ``logs`` (Q, J) is what one standard
+    deviation of each error that multiplies adds to the logarithm of the light, ``added`` (F, Q)
+    what it adds to the rows besides.
     """
 
     materials: tuple[str, ...]
@@ -56,11 +68,22 @@ class JointProblem:
     log_weights: np.ndarray
     means: np.ndarray
     roots: np.ndarray
+    logs: np.ndarray
+    added: np.ndarray
+
+    def errors_of(self, z: np.ndarray) -> np.ndarray:
+        """The errors that multiply signals (..., Q), of unknowns (..., M P + Q)."""
+        return np.asarray(z[..., z.shape[-1] - len(self.logs):])
+
+    def softened(self, times: float) -> JointProblem:
+        """The problem with so many times the noise."""
+        return replace(self, rows=self.rows / times, targets=self.targets / times,
+                       added=self.added / times)
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Most probable z (B, M P) given labels (B, M), and the log evidence (B,) of each by
+    """Most probable z (B, M P + Q) given labels (B, M), and the log evidence (B,) of each by
     Laplace.
     """
 
@@ -87,8 +110,11 @@ def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
 def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.ndarray,
                   standard_error: np.ndarray, prior: LogitMixture, common: np.ndarray | None = None,
                   known: Mapping[str, np.ndarray] | None = None,
-                  families: Mapping[str, Sequence[str]] | None = None) -> JointProblem:
+                  families: Mapping[str, Sequence[str]] | None = None,
+                  logs: np.ndarray | None = None) -> JointProblem:
     """Prepare the likelihood of a scene.
+
+    Nine parameters: all but the prior, the known materials and the families are the likelihood.
 
     Parameters
     ----------
@@ -101,12 +127,15 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     prior : LogitMixture
         Of every material.
     common : (Q, R, K), optional
-        What one standard deviation of each error shared by regions or bands does to the signals:
+        What one standard deviation of each error shared by regions or bands adds to the signals:
         light scale, sensitivities, what photo and model disagree by on a surface.
     known : mapping, optional
         Reflectance (P,) of materials that are not asked for, by name.
     families : mapping, optional
         Families stated for a material, by name.
+    logs : (Q, R, K), optional
+        What one standard deviation of each of these errors adds to the logarithm of the light
+        besides; the same on many regions. None: no error multiplies.
 
     Raises
     ------
@@ -118,10 +147,12 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
         raise InputError(f"signal {signal.shape} and standard error {standard_error.shape} must "
                          f"both be ({regions}, {len(response)}): one row per region of the "
                          "transport")
-    if common is not None and common.shape[1:] != signal.shape:
-        raise InputError(f"the common errors {common.shape} must be (Q, {regions}, "
-                         f"{len(response)}): what one standard deviation of each does to every "
-                         "signal")
+    shared = np.zeros((0, *signal.shape)) if common is None else common
+    multiply = np.zeros(shared.shape) if logs is None else logs
+    if shared.shape[1:] != signal.shape or multiply.shape != shared.shape:
+        raise InputError(f"the common errors {shared.shape}, and what multiplies of them "
+                         f"{multiply.shape}, must be (Q, {regions}, {len(response)}): what one "
+                         "standard deviation of each does to every signal")
     used = np.all(np.isfinite(signal), axis=1)
     if not used.any() or not np.all(standard_error[used] > 0):
         raise InputError("every region that is used needs a signal and a positive standard error")
@@ -129,9 +160,13 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     kept = np.abs(transport.coefficients).max(axis=0) > NEGLIGIBLE * np.abs(
         transport.coefficients).max()
     weight = 1 / standard_error[used]
-    shared = np.zeros((0, *signal.shape)) if common is None else common
-    rows, targets = _whitened(transport.coefficients[used][:, kept], signal[used], weight,
-                              shared[:, used])
+    explicit = multiply.any(axis=(1, 2))
+    # (G, Q, K), and the group of each region
+    of_groups, group = np.unique(np.moveaxis(multiply[explicit][:, used], 1, 0), axis=0,
+                                 return_inverse=True)
+    rows, targets, added = _whitened(transport.coefficients[used][:, kept], signal[used], weight,
+                                     shared[~explicit][:, used], shared[explicit][:, used],
+                                     group.ravel())
     exponents, given = transport.exponents[kept].astype(float), known or {}
     unknown = [m for m, name in enumerate(transport.materials) if name not in given]
     factor = np.prod([np.maximum(given[name], 1e-6)**exponents[:, m, None]
@@ -140,7 +175,8 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     names = tuple(transport.materials[m] for m in unknown)
     stated = [tuple((families or {}).get(name, ())) for name in names]
     whole = JointProblem(names, exponents[:, unknown], factor, rows, targets, response,
-                         *_components(prior, stated, mean, root))
+                         *_components(prior, stated, mean, root),
+                         np.moveaxis(of_groups, 1, 0).reshape(-1, rows.shape[1]), added)
     return _above_noise(whole)
 
 
@@ -162,15 +198,15 @@ def _components(prior: LogitMixture, stated: Sequence[tuple[str, ...]], mean: np
 
 
 def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
-    """Most probable z given labels (B, M), from z (B, M P), by Levenberg-Marquardt, with Laplace's
-    evidence.
+    """Most probable z given labels (B, M), from z (B, M P + Q), by Levenberg-Marquardt, with
+    Laplace's evidence.
 
     Parameters
     ----------
     problem : JointProblem
     labels : (B, M) int array
         Components of the prior.
-    z : (B, M P) array
+    z : (B, M P + Q) array
         Starts.
 
     Raises
@@ -185,36 +221,63 @@ def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes
 
 def residual_and_jacobian(problem: JointProblem, labels: np.ndarray,
                           z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (F,) in units of the noise and its derivative by z (F, M P), for labels (M,).
+    """Residual (F,) in units of the noise and its derivative by z (F, M P + Q), for labels (M,).
 
     Parameters
     ----------
     problem : JointProblem
     labels : (M,) int array
         Component of the prior for each material.
-    z : (M P,) array
+    z : (M P + Q,) array
     """
-    residual, by_logit = residual_by_logit(problem, logits_of(problem, labels, z[None])[0])
+    residual, by_logit, by_error = residual_by_logit(
+        problem, logits_of(problem, labels, z[None])[0], problem.errors_of(z))
     jacobian = np.concatenate([by_logit[:, m] @ problem.roots[label] for m,
-                               label in enumerate(labels)], axis=1)
+                               label in enumerate(labels)] + [by_error], axis=1)
     return residual, jacobian
 
 
-def residual_by_logit(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (F,) and its derivative (F, M, P) by the logits (M, P).
+def residual_by_logit(problem: JointProblem, logits: np.ndarray, errors: np.ndarray
+                      ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residual (F,), and its derivatives by the logits (F, M, P) and the errors that multiply
+    signals (F, Q).
 
     Parameters
     ----------
     problem : JointProblem
     logits : (M, P) array
+    errors : (Q,) array
+        In their standard deviations.
     """
     rho, terms = products(problem, logits[None])
-    residual = np.einsum("fke,ke->f", problem.rows, problem.response @ terms[0].T) - problem.targets
-    slopes = [(problem.rows * problem.exponents[:, m]).transpose(1, 0, 2) @ terms[0]
+    factors, received = light(problem, terms, errors[None])
+    residual = np.einsum("fje,je->f", problem.rows, received[0]) + problem.added @ errors \
+        - problem.targets
+    by_band = np.einsum("fgke,gk->kfe", in_groups(problem, problem.rows), factors[0])
+    slopes = [(by_band * problem.exponents[:, m]) @ terms[0]
               for m in range(len(problem.materials))]   # each (K, F, P)
     by_logit = np.stack([np.einsum("kfp,kp->fp", slope, problem.response) for slope in slopes],
                         axis=1)
-    return residual, by_logit * (1 - rho[0])
+    by_error = np.einsum("fje,je->fj", problem.rows, received[0]) @ problem.logs.T + problem.added
+    return residual, by_logit * (1 - rho[0]), by_error
+
+
+def in_groups(problem: JointProblem, rows: np.ndarray) -> np.ndarray:
+    """Rows (r, J, E) as those of each group of regions and band (r, G, K, E)."""
+    return rows.reshape(len(rows), -1, len(problem.response), rows.shape[2])
+
+
+def light(problem: JointProblem, terms: np.ndarray, errors: np.ndarray
+          ) -> tuple[np.ndarray, np.ndarray]:
+    """What multiplies the bands of each group (n, G, K), and the light of each product of
+    reflectances there (n, J, E), of products (n, E, P) and errors (n, Q).
+    """
+    received = (terms @ problem.response.T).transpose(0, 2, 1)                      # (n, K, E)
+    factors = np.exp(errors @ problem.logs).reshape(len(errors), -1, received.shape[1])
+    if not errors.shape[1]:
+        return factors, received
+    return factors, (factors[..., None] * received[:, None]).reshape(
+        len(errors), -1, received.shape[2])
 
 
 def products(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -231,16 +294,17 @@ def products(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def logits_of(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Logits (n, M, P) of unknowns z (n, M P) under labels (M,).
+    """Logits (n, M, P) of unknowns z (n, M P + Q) under labels (M,).
 
     Parameters
     ----------
     problem : JointProblem
     labels : (M,) int array
         Component of the prior for each material.
-    z : (n, M P) array
+    z : (n, M P + Q) array
     """
-    shaped = z.reshape(len(z), len(problem.materials), -1)
+    wavelengths = len(problem.materials) * problem.means.shape[1]
+    shaped = z[:, :wavelengths].reshape(len(z), len(problem.materials), -1)
     return np.stack([problem.means[label] + shaped[:, m] @ problem.roots[label].T for m,
                      label in enumerate(labels)], axis=1)
 
@@ -293,31 +357,38 @@ def _fit_mode(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple
 
 
 def _whitened(coefficients: np.ndarray, signal: np.ndarray, weight: np.ndarray,
-              common: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (Q', K, E) and targets (Q',) with the likelihood of all regions, up to a constant.
+              common: np.ndarray, explicit: np.ndarray, group: np.ndarray
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows (Q', J, E), targets (Q',), and what explicit errors add to the rows (Q', Q), with the
+    likelihood of all regions, up to a constant.
 
-    Per band the weighted transport and shared errors are reduced to a triangle (QR); what the
-    regions say beyond their span is the same for all spectra. Then the bands are whitened together.
+    Per band and group of regions the weighted transport and shared errors are reduced to a triangle
+    (QR); what the regions say beyond their span is the same for all spectra. Then the bands are
+    whitened together.
     """
     bands, count = weight.shape[1], coefficients.shape[1]
-    triangles, reduced, errors = [], [], []
-    for band in range(bands):
-        both = np.hstack([coefficients, common[:, :, band].T]) * weight[:, band, None]
-        orthonormal, triangle = np.linalg.qr(both)
-        triangles.append(triangle[:, :count])
-        errors.append(triangle[:, count:])
-        reduced.append(orthonormal.T @ (signal[:, band] * weight[:, band]))
-    height = len(triangles[0])
-    rows = np.zeros((bands * height, bands, count))
-    for band, triangle in enumerate(triangles):
-        rows[band * height:(band + 1) * height, band] = triangle
-    error = np.concatenate(errors)
+    triangles, reduced = [], []
+    for number in range(int(group.max()) + 1):
+        mine = group == number
+        for band in range(bands):
+            both = np.hstack([coefficients[mine], common[:, mine, band].T,
+                              explicit[:, mine, band].T]) * weight[mine, band, None]
+            orthonormal, triangle = np.linalg.qr(both)
+            triangles.append(triangle)
+            reduced.append(orthonormal.T @ (signal[mine, band] * weight[mine, band]))
+    whole, targets = np.concatenate(triangles), np.concatenate(reduced)
+    rows = np.zeros((len(whole), len(triangles), count))
+    ends = np.cumsum([len(triangle) for triangle in triangles])
+    for column, (end, triangle) in enumerate(zip(ends, triangles, strict=True)):
+        rows[end - len(triangle):end, column] = triangle[:, :count]
+    error, added = np.split(whole[:, count:], [len(common)], axis=1)
     if not error.shape[1]:
-        return rows, np.concatenate(reduced)
-    together = np.hstack([rows.reshape(len(rows), -1), np.concatenate(reduced)[:, None]])
+        return rows, targets, added
+    together = np.hstack([rows.reshape(len(rows), -1), added, targets[:, None]])
     white = solve_triangular(np.linalg.cholesky(np.eye(len(rows)) + error @ error.T), together,
                              lower=True)
-    return white[:, :-1].reshape(rows.shape), white[:, -1]
+    size = rows[0].size
+    return white[:, :size].reshape(rows.shape), white[:, -1], white[:, size:-1]
 
 
 def _above_noise(problem: JointProblem) -> JointProblem:
@@ -329,11 +400,12 @@ def _above_noise(problem: JointProblem) -> JointProblem:
                        for log_weights in problem.log_weights], dtype=int).reshape(-1, SCENES).T
     z = rng.standard_normal((*labels.shape, problem.means.shape[1]))
     logits = problem.means[labels] + (problem.roots[labels] @ z[..., None])[..., 0]
-    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2,
-                                                                             1).reshape(SCENES, -1)
-    seen = received @ problem.rows.reshape(len(problem.rows), -1).T
+    errors = rng.standard_normal((SCENES, len(problem.logs)))
+    _, received = light(problem, products(problem, logits)[1], errors)
+    seen = received.reshape(SCENES, -1) @ problem.rows.reshape(len(problem.rows), -1).T \
+        + errors @ problem.added.T
     _, size, directions = np.linalg.svd((seen - seen.mean(axis=0)) / np.sqrt(SCENES),
                                         full_matrices=False)
     kept = directions[size > BELOW_NOISE]
     return replace(problem, rows=np.einsum("gf,fke->gke", kept, problem.rows),
-                   targets=kept @ problem.targets)
+                   targets=kept @ problem.targets, added=kept @ problem.added)

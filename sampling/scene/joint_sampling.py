@@ -15,7 +15,7 @@ independent; the weights say how good they are.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -29,6 +29,8 @@ from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,
     Modes,
     fit_modes,
+    in_groups,
+    light,
     log_weight_of,
     logits_of,
     products,
@@ -63,11 +65,13 @@ class _Proposer:
     labels: np.ndarray          # (M,)
     log_weight: float           # of the labels under the prior
     centre: np.ndarray          # (r,) a at the mode
-    directions: np.ndarray      # V (M P, r)
+    directions: np.ndarray      # V (M P + Q, r)
     size: np.ndarray            # s (r,)
-    by_product: np.ndarray      # s U' rows (r, K, E)
+    by_product: np.ndarray      # s U' rows (r, J, E)
+    by_error: np.ndarray        # s U' added (r, Q)
     target: np.ndarray          # s U' targets (r,)
-    by_wavelength: np.ndarray   # (P, E, r M): how s U' f moves with log of each reflectance
+    # (P, E, r M): how s U' f moves with log of each reflectance, where nothing multiplies it
+    by_wavelength: np.ndarray
     logit_directions: np.ndarray    # (M P, r)
 
 
@@ -142,17 +146,17 @@ def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Prop
     informed = size > INFORMED
     u, size, directions = u[:, informed], size[informed], vt[informed].T
     materials, wavelengths = len(labels), problem.means.shape[1]
-    by_product = np.einsum("r,fr,fke->rke", size, u, problem.rows)
-    weight = np.einsum("rke,kp->per", by_product, problem.response)
+    by_product = np.einsum("r,fr,fje->rje", size, u, problem.rows)
+    weight = np.einsum("rgke,kp->per", in_groups(problem, by_product), problem.response)
     by_wavelength = (weight[..., None] * problem.exponents[None, :, None, :]).reshape(
         *weight.shape[:2], -1)
     logit_directions = np.concatenate(
         [problem.roots[label] @ directions[m * wavelengths:(m + 1) * wavelengths]
          for m, label in enumerate(labels)])
-    assert materials * wavelengths == z.size
+    assert materials * wavelengths + len(problem.logs) == z.size
     return _Proposer(labels, log_weight_of(problem, labels), z @ directions, directions, size,
-                     by_product, size * (u.T @ problem.targets), by_wavelength,
-                     logit_directions)
+                     by_product, size[:, None] * (u.T @ problem.added),
+                     size * (u.T @ problem.targets), by_wavelength, logit_directions)
 
 
 def _propose(problem: JointProblem, proposer: _Proposer, count: int,
@@ -163,10 +167,10 @@ def _propose(problem: JointProblem, proposer: _Proposer, count: int,
     scale = 1 / np.sqrt(1 + proposer.size**2)
     free = rng.standard_normal((count, len(proposer.directions)))
     free -= (free @ proposer.directions) @ proposer.directions.T
-    base = logits_of(problem, proposer.labels, free)
+    base, base_errors = logits_of(problem, proposer.labels, free), problem.errors_of(free)
     wanted = rng.standard_normal((count, proposer.size.size))
     a = proposer.centre + scale * wanted
-    eta, slope, logits = _equations(problem, proposer, base, a)
+    eta, slope, logits, errors = _equations(problem, proposer, base, base_errors, a)
     distance = np.linalg.norm(eta - wanted, axis=1)
     step = np.ones(count)
     for _ in range(NEWTON_STEPS):
@@ -175,39 +179,67 @@ def _propose(problem: JointProblem, proposer: _Proposer, count: int,
             break
         move = np.linalg.solve(slope[active], (wanted - eta)[active][..., None])[..., 0]
         trial = a[active] + step[active, None] * move
-        new = _equations(problem, proposer, base[active], trial)
+        new = _equations(problem, proposer, base[active], base_errors[active], trial)
         new_distance = np.linalg.norm(new[0] - wanted[active], axis=1)
         better = new_distance < distance[active]
         rows = active[better]
-        a[rows], eta[rows], slope[rows], logits[rows] = trial[better], *(part[better]
-                                                                         for part in new)
+        a[rows], eta[rows], slope[rows], logits[rows], errors[rows] = trial[better], *(
+            part[better] for part in new)
         distance[rows] = new_distance[better]
         step[rows], step[active[~better]] = 1.0, step[active[~better]] / 3
     solved = distance < 1e-3
-    a, eta, slope, logits = a[solved], eta[solved], slope[solved], logits[solved]
-    received = (products(problem, logits)[1] @ problem.response.T).transpose(0, 2, 1)
-    residual = np.tensordot(received, problem.rows, axes=([1, 2], [1, 2])) - problem.targets
+    a, eta, slope, logits, errors = (part[solved] for part in (a, eta, slope, logits, errors))
+    _, received = light(problem, products(problem, logits)[1], errors)
+    residual = np.tensordot(received, problem.rows, axes=([1, 2], [1, 2])) \
+        + errors @ problem.added.T - problem.targets
     log_weight = (proposer.log_weight - np.sum(a**2, axis=1) / 2 - np.sum(residual**2, axis=1) / 2
                   + np.sum(eta**2, axis=1) / 2 - np.linalg.slogdet(slope)[1])
     return logits, log_weight
 
 
 def _equations(problem: JointProblem, proposer: _Proposer, base: np.ndarray,
-               a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """eta (n, r), d eta / d a (n, r, r) and the logits (n, M, P) at a (n, r)."""
+               base_errors: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]:
+    """eta (n, r), d eta / d a (n, r, r), the logits (n, M, P) and the errors that multiply (n, Q)
+    at a (n, r).
+    """
     count, r = a.shape
     materials, wavelengths = base.shape[1:]
     logits = base + (a @ proposer.logit_directions.T).reshape(base.shape)
+    error_directions = proposer.directions[materials * wavelengths:]
+    errors = base_errors + a @ error_directions.T
     rho, terms = products(problem, logits)
-    received = (terms @ problem.response.T).transpose(0, 2, 1)                       # (n, K, E)
+    factors, received = light(problem, terms, errors)                               # (n, J, E)
     scale = 1 / np.sqrt(1 + proposer.size**2)
-    explained = received.reshape(count, -1) @ proposer.by_product.reshape(r, -1).T
+    if not errors.shape[1]:
+        explained = received.reshape(count, -1) @ proposer.by_product.reshape(r, -1).T
+        moved = terms.transpose(2, 0, 1) @ proposer.by_wavelength                    # (P, n, r M)
+        moved = moved.reshape(wavelengths, count, r, materials).transpose(1, 2, 3, 0)
+        of_errors = 0.0
+    else:
+        of_columns = (received.transpose(1, 0, 2) @ proposer.by_product.transpose(1, 2, 0)
+                      ).transpose(1, 2, 0)                                          # (n, r, J)
+        explained = of_columns.sum(axis=2) + errors @ proposer.by_error.T
+        of_errors = (of_columns @ problem.logs.T + proposer.by_error) @ error_directions
+        moved = _moved(problem, proposer, terms, factors)
+    moved = moved * (1 - rho)[:, None]
     eta = scale * (a + explained - proposer.target)
-    moved = terms.transpose(2, 0, 1) @ proposer.by_wavelength                        # (P, n, r M)
-    moved = moved.reshape(wavelengths, count, r, materials).transpose(1, 2, 3,
-                                                                      0) * (1 - rho)[:, None]
-    slope = moved.reshape(count * r, -1) @ proposer.logit_directions
-    return eta, scale[:, None] * (np.eye(r) + slope.reshape(count, r, r)), logits
+    slope = (moved.reshape(count * r, -1) @ proposer.logit_directions).reshape(count, r, r)
+    return eta, scale[:, None] * (np.eye(r) + slope + of_errors), logits, errors
+
+
+def _moved(problem: JointProblem, proposer: _Proposer, terms: np.ndarray,
+           factors: np.ndarray) -> np.ndarray:
+    """How s U' f moves with the log of each reflectance (n, r, M, P), of products (n, E, P) and
+    what multiplies the bands of each group (n, G, K).
+    """
+    by_product = in_groups(problem, proposer.by_product)                            # (r, G, K, E)
+    moved = np.zeros((len(terms), len(by_product), len(problem.materials), terms.shape[2]))
+    for band, response in enumerate(problem.response):
+        weight = np.tensordot(factors[:, :, band], by_product[:, :, band], axes=([1], [1]))
+        for m, exponents in enumerate(problem.exponents.T):
+            met = exponents > 0
+            moved[:, :, m] += (weight[..., met] * exponents[met]) @ terms[:, met] * response
+    return moved
 
 
 # ---- labels --------------------------------------------------------------------------------------
@@ -239,8 +271,8 @@ def find_modes(problem: JointProblem, most: int = FITTED,
     most : int
         Labels that are fitted at last.
     first_guess : JointProblem, optional
-        The same scene without the errors that regions share, in whose fit the search starts. They
-        are in proportion to the measured signals: an error of -100 % of the light explains
+        The same scene without the errors that regions share, in whose fit the search starts. Those
+        that add are in proportion to the measured signals: an error of -100 % of the light explains
         materials that are black, where a search that starts far from the signals would end.
 
     Raises
@@ -249,45 +281,45 @@ def find_modes(problem: JointProblem, most: int = FITTED,
         If the cost is not finite.
     """
     materials, wavelengths = len(problem.materials), problem.means.shape[1]
+    start = first_guess or problem
     one_gaussian, z = np.full((1, materials), len(problem.means)
-                              - 1), np.zeros((1, materials * wavelengths))
+                              - 1), np.zeros((1, materials * wavelengths + len(start.logs)))
     for times in SOFTENED:
-        start = first_guess or problem
-        softened = replace(start, rows=start.rows / times, targets=start.targets / times)
-        rough = fit_modes(softened, one_gaussian, z)
+        rough = fit_modes(start.softened(times), one_gaussian, z)
         z = rough.z
     if first_guess is not None:
-        rough = fit_modes(problem, one_gaussian, z)
-    first = fit_modes(problem, *near_labels(problem, _logits_of_best(problem, rough), FITTED))
-    second = fit_modes(problem, *near_labels(problem, _logits_of_best(problem, first), most))
+        rough = fit_modes(problem, one_gaussian, np.pad(
+            z, ((0, 0), (0, len(problem.logs) - len(start.logs)))))
+    first = fit_modes(problem, *near_labels(problem, *_best_of(problem, rough), FITTED))
+    second = fit_modes(problem, *near_labels(problem, *_best_of(problem, first), most))
     return _joined(first, second)
 
 
-def near_labels(problem: JointProblem, logits: np.ndarray,
+def near_labels(problem: JointProblem, logits: np.ndarray, errors: np.ndarray,
                 most: int) -> tuple[np.ndarray, np.ndarray]:
-    """The best labels (B, M), at most so many, by the evidence linearised at logits (M, P), and
-    their z (B, M P).
+    """The best labels (B, M), at most so many, by the evidence linearised at logits (M, P) and
+    errors that multiply signals (Q,), and their z (B, M P + Q).
 
     Parameters
     ----------
     problem : JointProblem
-    logits : (M, P) array
+    logits, errors : (M, P) and (Q,) arrays
         Where the model is linearised.
     most : int
         Number of labels.
     """
-    residual, jacobian = residual_by_logit(problem, logits)
+    residual, jacobian, by_error = residual_by_logit(problem, logits, errors)
     # what a linear camera would have seen
-    seen = np.einsum("fmp,mp->f", jacobian, logits) - residual
+    seen = np.einsum("fmp,mp->f", jacobian, logits) + by_error @ errors - residual
     components, materials = len(problem.means) - 1, len(logits)
     gain = jacobian.transpose(1, 0, 2)[:, None] @ problem.roots[None, :-1]      # (M, C, F, P)
     means = np.einsum("fmp,cp->mcf", jacobian, problem.means[:-1])
     spreads = gain @ gain.transpose(0, 1, 3, 2)
-    every = np.arange(materials)
+    every, noise = np.arange(materials), np.eye(len(seen)) + by_error @ by_error.T
 
     def evidence(labels: Labels) -> tuple[float, np.ndarray]:
         chosen = list(labels)
-        root = cholesky(np.eye(len(seen)) + spreads[every, chosen].sum(axis=0), lower=True)
+        root = cholesky(noise + spreads[every, chosen].sum(axis=0), lower=True)
         away = solve_triangular(root, seen - means[every, chosen].sum(axis=0), lower=True)
         weight = problem.log_weights[every, chosen].sum()
         value = weight - away @ away / 2 - np.log(np.diag(root)).sum()
@@ -304,14 +336,16 @@ def near_labels(problem: JointProblem, logits: np.ndarray,
         switched.add(pending[0])
         best = sorted(tried, key=lambda labels: -tried[labels][0])[:most]
     best = [labels for labels in best if tried[labels][0] > tried[best[0]][0] - EVIDENCE_CUTOFF]
-    z = [np.concatenate([gain[m, c].T @ tried[labels][1] for m, c in enumerate(labels)])
-         for labels in best]
+    z = [np.concatenate([gain[m, c].T @ tried[labels][1] for m, c in enumerate(labels)]
+                        + [by_error.T @ tried[labels][1]]) for labels in best]
     return np.array(best), np.array(z)
 
 
-def _logits_of_best(problem: JointProblem, modes: Modes) -> np.ndarray:
+def _best_of(problem: JointProblem, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
+    """Logits (M, P) and errors that multiply signals (Q,) of the best mode."""
     best = int(np.argmax(modes.evidence))
-    return logits_of(problem, modes.labels[best], modes.z[best:best + 1])[0]
+    z = modes.z[best:best + 1]
+    return logits_of(problem, modes.labels[best], z)[0], problem.errors_of(z[0])
 
 
 def _joined(first: Modes, second: Modes) -> Modes:

@@ -2,7 +2,8 @@
 session.
 
 What is wrong with the calibration, the light's scale or the model of a surface befalls many regions
-at once, so it is carried as errors that they share and not as noise of each.
+at once, so it is carried as errors that they share and not as noise of each. Which of them multiply
+the signals is for `error_model.split_errors` to say, as of a surface alone (`split_shared`).
 """
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from scipy.special import chdtrc
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import error_patterns, is_covariance
+from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
@@ -31,17 +33,21 @@ METHOD = "learnt prior through the light transport"
 # chance of a picture as unlike the model as this one, below which the outcome says so
 SURPRISING = 1e-3
 EFFECTIVE = 1000.0      # number of the weighted draws, for a 95 % band
+# Relative errors up to which it makes no difference whether they multiply or add: of one signal the
+# mean then moves by .01 to .04 standard deviations.
+MAY_ADD = 0.03
 
 
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
                response: np.ndarray, draws: int, seed: int, prior: LogitMixture | None = None, *,
-               common: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
+               common: np.ndarray | None = None, logs: np.ndarray | None = None,
+               known: Mapping[str, np.ndarray] | None = None,
                families: Mapping[str, Sequence[str]] | None = None, coefficients: int = 13
                ) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
 
-    Ten parameters: the four before ``draws`` are the likelihood, the others have the defaults of
+    Eleven parameters: the four before ``draws`` are the likelihood, the others have the defaults of
     a session.
 
     Parameters
@@ -58,7 +64,9 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     prior : LogitMixture, optional
         The one shipped with the project by default.
     common : (Q, R, K), optional
-        Errors that regions share, from `shared_errors`.
+        Errors that regions share: what they add to signals, from `shared_errors` or `split_shared`.
+    logs : (Q, R, K), optional
+        What they add to the logarithm of the light besides, from `split_shared`.
     known : mapping, optional
         Reflectance (61,) of the materials that are given, by name.
     families : mapping, optional
@@ -78,7 +86,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
                          f"transport, which has {', '.join(transport.materials)}; name them as the "
                          "scene does")
     scene = transport, response, signal, standard_error, prior or load_prior()
-    problem = joint_problem(*scene, common, known, families)
+    problem = joint_problem(*scene, common, known, families, logs)
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be estimated")
     modes = find_modes(problem, SAMPLED, None if common is None else joint_problem(
@@ -134,6 +142,48 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
     return np.nan_to_num(np.array(errors).reshape(-1, *signal.shape))
 
 
+def split_shared(signal: np.ndarray, group: np.ndarray, causes: Mapping[str, np.ndarray]
+                 ) -> tuple[np.ndarray, np.ndarray]:
+    """Errors that regions share, as what one standard deviation of each of as many independent ones
+    adds to the signals (Q, R, K), and what it adds to the logarithm of the light besides
+    (Q, R, K).
+
+    `error_model.split_errors` says of each cause and group whether it multiplies. What a cause that
+    does so changes by other shares in one region of a group than in another adds.
+
+    Parameters
+    ----------
+    signal : (R, K) array
+        About which the errors hold.
+    group : (R,) int array
+        Regions of one number, as those of one surface, have one share of each error.
+    causes : mapping of (Q', R, K) arrays
+        What one standard deviation of each error of a cause does to the signals, by name.
+    """
+    names, group = np.unique(group, return_inverse=True)
+    sums = np.eye(names.size)[:, group] / np.bincount(group)[:, None]                  # (G, R)
+    of_groups = sums @ signal                                                           # (G, K)
+    common, logs = [np.zeros((0, *signal.shape))], [np.zeros((0, *of_groups.shape))]
+    for cause, changes in causes.items():
+        mean = sums @ changes                                                        # (Q', G, K)
+        relative = split_errors(of_groups, {cause: np.einsum("qgk,qgl->gkl", mean, mean)}).relative
+        multiplies = np.any(relative, axis=(1, 2))[:, None] & (of_groups > 0)
+        logs.append(np.divide(mean, of_groups, out=np.zeros_like(mean),
+                              where=np.broadcast_to(multiplies, mean.shape)))
+        common.append(changes - signal * logs[-1][:, group])
+    together, by_group = np.concatenate(common), np.concatenate(logs)
+    flat = by_group.reshape(len(by_group), -1)
+    if np.sqrt((flat**2).sum(axis=0)).max(initial=0) < MAY_ADD:
+        return together + signal * by_group[:, group], np.zeros_like(together)
+    # the same errors, turned so that as few as can be multiply
+    directions = np.linalg.svd(flat)[0].T
+    together, flat = np.tensordot(directions, together, 1), directions @ flat
+    flat[np.abs(flat).max(axis=1) < MAY_ADD] = 0
+    whole = np.tensordot(directions, by_group, 1)
+    by_group = flat.reshape(whole.shape)
+    return together + signal * (whole - by_group)[:, group], by_group[:, group]
+
+
 def surprise(problem: JointProblem, modes: Modes) -> float:
     """Chance of a picture at least as far from the prior's as this one, in the Gaussian
     approximation at the mode.
@@ -146,5 +196,6 @@ def surprise(problem: JointProblem, modes: Modes) -> float:
     """
     best = int(np.argmax(modes.evidence))
     z = modes.z[best]
-    residual, _ = residual_by_logit(problem, logits_of(problem, modes.labels[best], z[None])[0])
+    residual, *_ = residual_by_logit(problem, logits_of(problem, modes.labels[best], z[None])[0],
+                                     problem.errors_of(z))
     return float(chdtrc(len(residual), residual @ residual + z @ z))
