@@ -143,7 +143,8 @@ def test_evidence_of_a_scene_is_exact_where_the_logit_is_linear():
     zero = (reading.sum(axis=2) * response.sum() / 2)[:, 0]
     targets = zero + rng.normal(0, 2, rows)
     problem = JointProblem(("a", "b"), np.eye(materials), np.ones((materials, size)), reading,
-                           targets, response, log_weights, means, roots)
+                           targets, response, log_weights, means, roots, np.zeros((0, 1)),
+                           np.zeros((len(reading), 0)))
     labels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
     fit = fit_modes(problem, labels, np.zeros((len(labels), materials * size))).evidence
     exact = []

@@ -4,13 +4,26 @@ of the draws.
 import numpy as np
 import pytest
 from sampling_cameras import response, surface
+from scipy.optimize import minimize
+from scipy.special import chdtri
 from scipy.stats import multivariate_normal
 
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    GLARE,
+    SENSITIVITIES,
+)
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families, reflectance
+from spectrabox.sampling.prior.mixture import (
+    PRIOR_GRID,
+    load_prior,
+    logit,
+    of_families,
+    reflectance,
+)
 from spectrabox.sampling.scene.joint_posterior import (
     fit_modes,
     joint_problem,
@@ -20,8 +33,14 @@ from spectrabox.sampling.scene.joint_posterior import (
     residual_by_logit,
 )
 from spectrabox.sampling.scene.joint_sampling import find_modes, near_labels, sample_joint
-from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors
+from spectrabox.sampling.scene.scene_draws import (
+    draw_scene,
+    shared_errors,
+    split_shared,
+    unsaid,
+)
 
+NONE = np.zeros(0)          # of errors that multiply
 EXPONENTS = np.array([[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [1, 2], [2, 1]])
 
 
@@ -157,7 +176,7 @@ def test_switching_labels_finds_the_best_of_all(prior, error):
     count = len(problem.means) - 1
     fitted = fit_modes(problem, np.array([[count, count]]), np.zeros((1, 122)))
     logits = logits_of(problem, fitted.labels[0], fitted.z)[0]
-    residual, by_logit = residual_by_logit(problem, logits)
+    residual, by_logit, _ = residual_by_logit(problem, logits, NONE)
     seen = np.einsum("fmp,mp->f", by_logit, logits) - residual
     evidence = {}
     for labels in np.ndindex(count, count):
@@ -168,7 +187,7 @@ def test_switching_labels_finds_the_best_of_all(prior, error):
         evidence[labels] = multivariate_normal(mean, spread).logpdf(seen) + sum(
             problem.log_weights[m, c] for m, c in enumerate(labels))
     best = sorted(evidence, key=lambda labels: -evidence[labels])
-    near, z = near_labels(problem, logits, 8)
+    near, z = near_labels(problem, logits, NONE, 8)
     assert tuple(near[0]) == best[0] and z.shape == (len(near), 122)
     found = [evidence[tuple(labels)] for labels in near]
     assert found == sorted(found, reverse=True)
@@ -262,6 +281,165 @@ def test_an_error_of_the_light_that_all_regions_share_does_not_explain_a_white_r
     assert samples["a"].outcome is Outcome.THROUGH_TRANSPORT
     # the light is known to 2 %, and four reflections make it less
     assert abs(samples["a"].spectra.mean() - 0.85) < 0.02
+
+
+# ---- errors that multiply ------------------------------------------------------------------------
+
+def disagreeing(prior, error, regions=4, noise=0.3, seed=0):
+    """A scene of two surfaces drawn from a prior, photo and model of each of which disagree by such
+    a share in all bands alike, and by half of it in each band: transport, response, signals, their
+    noise, what the disagreement does to the true signals, and the number of each region's surface.
+    """
+    rng = np.random.default_rng(seed)
+    transport, matrix, _, _, _ = scene(regions=regions, seed=seed)
+    ones = np.ones((regions, 3))
+    truth = scenes_of_the_prior(joint_problem(transport, matrix, ones, ones, prior), 1, seed)
+    clean, surfaces = rendered(transport, matrix, truth)[0], 2 * np.arange(regions) // regions
+    errors = shared_errors(clean, np.zeros((3, 3)), 0, surfaces, error / 2, error)
+    off = np.exp(np.tensordot(rng.standard_normal(len(errors)), errors, 1) / clean)
+    return (transport, matrix, clean * off + noise * clean * rng.standard_normal(clean.shape),
+            noise * clean, {DISAGREEMENT: errors}, surfaces, clean, reflectance(truth[0]))
+
+
+def log_weights_by_importance(given, signal, noise, logs, rng):
+    """Log weights (n,) of scenes that give some signals (n, R, K): each with errors (Q,) drawn
+    about those that would explain the picture, weighed by all that is stated.
+    """
+    logs = logs.reshape(len(logs), -1)
+    share = (noise / signal).ravel()
+    covariance = np.linalg.inv(np.eye(len(logs)) + (logs / share**2) @ logs.T)
+    drawn = rng.standard_normal((len(given), len(logs)))
+    errors = np.log(signal / given).reshape(len(given), -1) / share**2 @ logs.T @ covariance \
+        + 1.2 * drawn @ np.linalg.cholesky(covariance).T
+    off = given * np.exp(errors @ logs).reshape(given.shape) - signal
+    return (-np.sum((off / noise)**2, axis=(1, 2)) - np.sum(errors**2, axis=1)
+            + np.sum(drawn**2, axis=1)) / 2
+
+
+@pytest.mark.parametrize("error", [0.3, 0.4, 0.6])
+def test_draws_under_errors_that_multiply_have_the_law_of_importance_sampling(prior, error):
+    few = of_families(prior, ["skin", "white"])
+    transport, matrix, signal, noise, causes, surfaces, clean, _ = disagreeing(few, error)
+    common, logs = split_shared(clean, surfaces, causes)
+    problem = joint_problem(transport, matrix, signal, noise, few, common, logs=logs)
+    found = sample_joint(problem, seed=1)
+    logits = np.concatenate([scenes_of_the_prior(problem, 10_000, seed) for seed in range(3)])
+    log_weights = log_weights_by_importance(rendered(transport, matrix, logits), signal, noise,
+                                            logs, np.random.default_rng(9))
+    weights = np.exp(log_weights - log_weights.max())
+    weights /= weights.sum()
+    effective = 1 / np.sum(weights**2)
+    assert effective > 1000
+    spectra = reflectance(logits)
+    mean = np.einsum("n,nmp->mp", weights, spectra)
+    variance = np.einsum("n,nmp->mp", weights, (spectra - mean)**2)
+    standard_error = np.sqrt(variance * (1 / effective + 1 / found.effective_samples))
+    # as of the draws without such errors above
+    assert np.abs((found.spectra.mean(axis=0) - mean) / standard_error).max() < 4.9
+    relative = 5 * np.sqrt(0.5 / effective + 0.5 / found.effective_samples)
+    np.testing.assert_allclose(found.spectra.std(axis=0), np.sqrt(variance), rtol=relative)
+    # of errors that add at the measured signals the mean is off by more than these are known to
+    added = sample_joint(joint_problem(transport, matrix, signal, noise, few,
+                                       causes[DISAGREEMENT] * signal / clean), seed=1)
+    assert np.abs((added.spectra.mean(axis=0) - mean) / standard_error).max() > 10
+
+
+def test_derivatives_by_errors_that_multiply_agree_with_differences(prior):
+    transport, matrix, signal, noise, causes, surfaces, clean, _ = disagreeing(prior, 0.4)
+    # of curves, by other shares in every region
+    rng, step, labels = np.random.default_rng(1), 1e-6, np.array([2, 5])
+    causes[SENSITIVITIES] = clean * 0.1 * rng.standard_normal((2, *clean.shape))
+    common, logs = split_shared(clean, surfaces, causes)
+    problem = joint_problem(transport, matrix, signal, noise, prior, common, logs=logs)
+    z, direction = 0.3 * rng.standard_normal((2, 122 + len(problem.logs)))
+    assert len(problem.logs) and np.abs(problem.added).max() > 0
+    _, jacobian = residual_and_jacobian(problem, labels, z)
+    forward, backward = (residual_and_jacobian(problem, labels, z + sign * step * direction)[0]
+                         for sign in (1, -1))
+    np.testing.assert_allclose(jacobian @ direction, (forward - backward) / (2 * step), rtol=1e-5,
+                               atol=1e-5)
+
+
+def test_the_reduction_keeps_the_likelihood_under_errors_that_multiply(prior):
+    """What adds by all errors, as one covariance."""
+    transport, matrix, signal, noise, causes, surfaces, clean, _ = disagreeing(
+        prior, 0.4, regions=10, noise=0.02)
+    rng = np.random.default_rng(2)
+    causes[SENSITIVITIES] = clean * 0.1 * rng.standard_normal((2, *clean.shape))
+    causes[GLARE] = 0.01 * rng.uniform(size=(1, *clean.shape))
+    common, logs = split_shared(clean, surfaces, causes)
+    problem = joint_problem(transport, matrix, signal, noise, prior, common, logs=logs)
+    logits = scenes_of_the_prior(problem, 5, 3)
+    errors = rng.standard_normal((5, len(problem.logs)))
+    multiplies = logs.any(axis=(1, 2))
+    adds = common[~multiplies].reshape(-1, signal.size)
+    covariance = np.diag((noise**2).ravel()) + adds.T @ adds
+    away = (rendered(transport, matrix, logits) * np.exp(np.tensordot(errors, logs[multiplies], 1))
+            + np.tensordot(errors, common[multiplies], 1) - signal).reshape(5, -1)
+    full = np.sum(away * np.linalg.solve(covariance, away.T).T, axis=1)
+    reduced = [np.sum(residual_by_logit(problem, *each)[0]**2)
+               for each in zip(logits, errors, strict=True)]
+    np.testing.assert_allclose(np.diff(full), np.diff(reduced), rtol=1e-6, atol=2)
+
+
+def test_shared_errors_are_split_as_those_of_one_surface(prior):
+    *_, causes, surfaces, clean, _ = disagreeing(prior, 0.4)
+    causes |= {GLARE: 0.01 * np.ones((1, *clean.shape)),
+               SENSITIVITIES: 0.2 * np.eye(3)[:, None] * clean}
+    common, logs = split_shared(clean, surfaces, causes)
+    region = len(clean) - 1
+    np.testing.assert_allclose(logs[:, region].T @ logs[:, region], 0.16 + 0.08 * np.eye(3),
+                               atol=1e-12)
+    np.testing.assert_allclose(common[:, region].T @ common[:, region], 1e-4, atol=1e-12)
+    # to first order all of it is what was stated, from region to region as well
+    whole = (common + clean * logs).reshape(len(common), -1)
+    stated = np.concatenate(list(causes.values())).reshape(len(common), -1)
+    np.testing.assert_allclose(whole.T @ whole, stated.T @ stated, atol=1e-12)
+
+
+def test_errors_of_curves_add_to_a_dark_band_of_a_scene_too():
+    signal = np.array([[0.4, 0.3, 0.01], [0.4, 0.3, 0.3]])
+    errors = {SENSITIVITIES: 0.02 * np.eye(3)[:, None] * np.ones((2, 1))}
+    _, logs = split_shared(signal, np.arange(2), errors)
+    assert not logs[:, 0].any() and logs[:, 1].any()
+
+
+@pytest.mark.parametrize("error", [0.0, 0.02])
+def test_errors_of_a_few_per_cent_add_and_give_the_problem_that_they_gave(prior, error):
+    transport, matrix, signal, noise, causes, surfaces, clean, _ = disagreeing(prior, error)
+    common, logs = split_shared(clean, surfaces, causes)
+    assert not logs.any()
+    problems = [joint_problem(transport, matrix, signal, noise, prior, *each)
+                for each in ((common, None, None, logs), (causes[DISAGREEMENT],))]
+    for name in ("rows", "targets"):
+        np.testing.assert_array_equal(*(getattr(problem, name) for problem in problems))
+
+
+def test_a_picture_that_is_off_by_half_is_not_of_black_materials(prior):
+    transport, matrix, _, _, causes, surfaces, clean, truth = disagreeing(
+        prior, 0.5, regions=20, noise=0.02, seed=3)
+    signal, noise = clean * np.exp(np.where(surfaces == 0, -0.5, 0.5))[:, None], 0.02 * clean
+    common, logs = split_shared(signal, surfaces, {
+        DISAGREEMENT: causes[DISAGREEMENT] * signal / clean})
+    found = draw_scene(transport, signal, noise, matrix, 500, 1, prior, common=common, logs=logs)
+    assert found["a"].outcome is Outcome.THROUGH_TRANSPORT
+    for name, spectrum in zip("ab", truth, strict=True):
+        # known to e^.5 or better
+        assert abs(np.log(found[name].spectra.mean() / spectrum.mean())) < 0.5
+
+
+def test_needed_errors_of_a_picture_are_the_least_that_give_it(prior):
+    transport, matrix, signal, noise, causes, surfaces, clean, truth = disagreeing(
+        prior, 0.4, noise=0.05)
+    common, logs = split_shared(clean, surfaces, causes)
+    problem = joint_problem(transport, matrix, signal, noise, prior, common, logs=logs)
+    logits = logit(truth)
+    best = minimize(lambda e: np.sum(residual_by_logit(problem, logits, e)[0]**2) + e @ e,
+                    np.zeros(len(problem.logs)))
+    limit = chdtri(len(problem.rows), 0.01)
+    assert unsaid(problem, truth) == pytest.approx(best.fun / limit, rel=1e-4)
+    # the truth needs what chance did; black, many standard errors
+    assert unsaid(problem, truth) < 1 < unsaid(problem, np.full_like(truth, 0.005))
 
 
 @pytest.mark.parametrize("shape", [0.3, 0.6, 1.0])

@@ -130,7 +130,8 @@ def linear_problem(rng, materials=2, size=4, rows=5):
     reading = rng.uniform(200, 900, (rows, 1, materials))
     return JointProblem(("a", "b"), np.eye(materials), np.ones((materials, size)), reading,
                         np.zeros(rows), rng.uniform(0.5, 1.5, (1, size)),
-                        np.zeros((materials, 2)), np.zeros((2, size)), roots)
+                        np.zeros((materials, 2)), np.zeros((2, size)), roots, np.zeros((0, 1)),
+                        np.zeros((rows, 0)))
 
 
 def test_how_surprising_a_scene_is_is_uniform_where_the_prior_holds():
@@ -156,7 +157,8 @@ def test_draws_of_a_scene_take_each_component_by_its_evidence():
     problem = JointProblem(("a",), np.ones((1, 1)), np.ones((1, size)), reading,
                            np.array([35.0 * 0.5 * size - 1.2]), response,
                            np.log([[*weights, 1.0]]), means, np.repeat(2e-3 * np.eye(size)[None], 3,
-                                                                       axis=0))
+                                                                       axis=0),
+                           np.zeros((0, 1)), np.zeros((1, 0)))
     modes = fit_modes(problem, np.array([[0], [1]]), np.zeros((2, size)))
     drawn = sample_joint(problem, 3, modes, 4000).spectra[:, 0].mean(axis=1)
     slope = 35.0 / 4        # of the signal by the sum of the logits

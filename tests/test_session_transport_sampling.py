@@ -81,7 +81,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
     mirrored = dict.fromkeys(joint.materials, "satin")
     stray = with_stray_light(joint, StatedErrors(np.full(3, 0.01), 0.0, mirrored))
-    glare, _ = _of_stray_light(stray, regions, relative)
+    (glare,), _ = _of_stray_light(stray, regions, relative).values()
     reflections = _of_gloss(stray, regions, relative)
     # what a surface mirrors says nothing of another
     assert [set(of_region[(error != 0).any(axis=1)]) for error in reflections] == [
@@ -103,7 +103,8 @@ def test_stated_errors_of_the_light_widen_the_signals_of_regions(finished):
         light = dataclasses.replace(calibration.light,
                                     standard_error=share * calibration.light.values)
         known = dataclasses.replace(calibration, light=light)
-        return (_common_errors(known, joint, regions, response)**2).sum(axis=0)
+        *_, causes = _common_errors(known, joint, regions, response)
+        return (np.concatenate(list(causes.values()))**2).sum(axis=0)
 
     added = variance(0.02) - variance(0.0)
     # a direction that is left out has a share of KEPT at most of the largest variance

@@ -71,6 +71,11 @@ class JointProblem:
     logs: np.ndarray
     added: np.ndarray
 
+    @property
+    def groups(self) -> tuple[int, int]:
+        """G and K: groups of regions and bands, of which columns J there are."""
+        return self.rows.shape[1] // len(self.response), len(self.response)
+
     def errors_of(self, z: np.ndarray) -> np.ndarray:
         """The errors that multiply signals (..., Q), of unknowns (..., M P + Q)."""
         return np.asarray(z[..., z.shape[-1] - len(self.logs):])
@@ -264,7 +269,7 @@ def residual_by_logit(problem: JointProblem, logits: np.ndarray, errors: np.ndar
 
 def in_groups(problem: JointProblem, rows: np.ndarray) -> np.ndarray:
     """Rows (r, J, E) as those of each group of regions and band (r, G, K, E)."""
-    return rows.reshape(len(rows), -1, len(problem.response), rows.shape[2])
+    return rows.reshape(len(rows), *problem.groups, rows.shape[2])
 
 
 def light(problem: JointProblem, terms: np.ndarray, errors: np.ndarray
@@ -273,11 +278,11 @@ def light(problem: JointProblem, terms: np.ndarray, errors: np.ndarray
     reflectances there (n, J, E), of products (n, E, P) and errors (n, Q).
     """
     received = (terms @ problem.response.T).transpose(0, 2, 1)                      # (n, K, E)
-    factors = np.exp(errors @ problem.logs).reshape(len(errors), -1, received.shape[1])
+    factors = np.exp(errors @ problem.logs).reshape(len(errors), *problem.groups)
     if not errors.shape[1]:
         return factors, received
     return factors, (factors[..., None] * received[:, None]).reshape(
-        len(errors), -1, received.shape[2])
+        len(errors), received.shape[1] * factors.shape[1], received.shape[2])
 
 
 def products(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

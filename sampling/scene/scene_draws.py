@@ -181,7 +181,7 @@ def split_shared(signal: np.ndarray, group: np.ndarray, causes: Mapping[str, np.
                               where=np.broadcast_to(multiplies, mean.shape)))
         common.append(changes - signal * logs[-1][:, group])
     together, by_group = np.concatenate(common), np.concatenate(logs)
-    flat = by_group.reshape(len(by_group), -1)
+    flat = by_group.reshape(len(by_group), of_groups.size)
     if np.sqrt((flat**2).sum(axis=0)).max(initial=0) < MAY_ADD:
         return together + signal * by_group[:, group], np.zeros_like(together)
     # the same errors, turned so that as few as can be multiply
