@@ -280,7 +280,7 @@ def test_every_command_has_two_examples():
 def test_the_output_has_its_short_option_in_every_command():
     outputs = [own.opts for command in COMMANDS.values() for own in command.params
                if "--out" in own.opts]
-    assert len(outputs) > 20 and all("-o" in opts for opts in outputs)
+    assert len(outputs) > 15 and all("-o" in opts for opts in outputs)
 
 
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in EXAMPLES_NOT_RUN])

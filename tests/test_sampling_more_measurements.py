@@ -302,7 +302,7 @@ def test_methods_are_judged_where_the_truth_is_given(tmp_path):
                                                if found)}
     # six digits of the file
     assert facts["judged"]["prior"]["rmse"] == pytest.approx(error(facts), rel=1e-3)
-    assert set(facts["judged"]["Smits 1999"]["delta_e00"]) == {"A"}
+    assert set(facts["judged"]["Smits 1999"]["delta_e00"]) == {"D65", "A", "FL11"}
     assert facts["judged"]["Smits 1999"]["width"] is None
     shown = CliRunner().invoke(app,
                                ["sample", "--sensitivity", CAMERA, "--light", LIGHT, "--signal",
