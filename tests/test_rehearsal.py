@@ -26,7 +26,7 @@ TIMES, FEW = 20, 6
 def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished):
     made = load_finished(read_session(finished))
     joint = made.records.reconstruct.joint
-    stage = set_stage(views_of(made.capture, made.records, None), settings_of(made.capture), silent)
+    stage = set_stage(views_of(made.capture, made.records), settings_of(made.capture), silent)
     view = stage.views[0].view
     truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
                   (view.response[None] * joint.views[0].light_scale.value,),
@@ -60,7 +60,7 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
 
 def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished):
     made = load_finished(read_session(finished))
-    stage = set_stage(views_of(made.capture, made.records, None), settings_of(made.capture), silent)
+    stage = set_stage(views_of(made.capture, made.records), settings_of(made.capture), silent)
     traced = dataclasses.replace(stage.views[0], nuisances=dataclasses.replace(
         stage.views[0].nuisances, block_error=0.02))
     surfaces = np.unique(traced.group)

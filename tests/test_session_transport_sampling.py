@@ -59,7 +59,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     done = load_finished(read_session(finished))
     capture, records = done.capture, done.records
     start_mitsuba("cpu")
-    view, = views_of(capture, records, None)
+    view, = views_of(capture, records)
     shapes, materials = list(view.scene_file.surfaces), np.array(view.surface_materials)
     hidden = 0
     saturated = np.array(view.photo.saturated)
