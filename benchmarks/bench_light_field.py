@@ -30,7 +30,7 @@ from spectrabox.fixtures.flat_sample import lamplight, vignetting
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, plane_centres
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records.calibration import CalibrationDoubt, ChartWhite
+from spectrabox.radiometry.records.calibration import ChartWhite
 from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
@@ -143,7 +143,7 @@ def named(data: Path, cases: int, rng: np.random.Generator) -> np.ndarray:
         except SpectraboxError:
             continue                            # a refusal is no PASS
         rows.append([np.ptp(colour, axis=0).max() * (share > 0),    # one lamp: round-off
-                     CalibrationDoubt.TWO_LIGHTS in made.doubts])
+                     "light.two-kinds" in {one.code for one in made.findings}])
     return np.array(rows)
 
 

@@ -7,26 +7,24 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spectrabox.calibrate.chart_consistency import (
-    WORST_MODEL_ERROR,
-    disagreement_of_bands,
-    light_power,
-)
+from spectrabox.calibrate.chart_consistency import WORST_MODEL_ERROR, light_power
 from spectrabox.calibrate.chart_copy import COPY_ERROR, copy_of_chart, of_edition
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.doubts import (
     LightEvidence,
+    colour_matrix,
+    disagreeing_bands,
+    drifting_light,
     evidence_on_kind,
     evidence_on_spectrum,
-    matrix_contradicts,
     unlike_cameras,
 )
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.joint.joint_estimate import require_explained
 from spectrabox.calibrate.joint.suspect_patches import without_suspects
-from spectrabox.calibrate.joint.veiling_glare import estimate_through_glare, veil_is_doubtful
+from spectrabox.calibrate.joint.veiling_glare import estimate_through_glare, veiled
 from spectrabox.calibrate.light_error import LightDeparture, light_departures
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
@@ -38,17 +36,17 @@ from spectrabox.calibrate.sensitivity import (
     fit_sensitivities,
     relative_prediction_covariance,
 )
-from spectrabox.calibrate.spline_fit import SPLINE_BANDS, SPLINE_COEFFICIENTS
+from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
 from spectrabox.calibrate.trust import (
     chart_colour_differences,
     check_measured_curves,
-    fit_notes,
+    fit_findings,
 )
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records.calibration import (
     Calibration,
-    CalibrationDoubt,
     ChartCopy,
     ChartWhite,
     LightPosterior,
@@ -62,7 +60,6 @@ from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 MIN_BANDS = 3
-NAMED_BANDS = 3             # at most, that disagree most
 
 
 @dataclass(frozen=True)
@@ -149,7 +146,7 @@ def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     first = photos[0]
     _require_usable(photos, chosen)
     light = first.light_on(grid)
-    power, unlit_notes = light_power(light, grid)
+    power, unlit = light_power(light, grid)
     if chosen.curves is not None:
         fitted = _from_measured(first, power, grid, chosen.curves)
     elif chosen.method == "prior":
@@ -164,31 +161,29 @@ def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         for signal in (fitted.predicted, signals_without))
 
     known = ~first.samples.clipped.any(axis=1)
-    colour = f"chart colour difference {delta_e[known].mean():.2f} CIEDE2000"
-    error = (f"relative error of predicted signals {np.sqrt(np.diag(covariance)).max():.1%} in "
-             "the worst band, from patches")
-    if chosen.curves is None:
-        colour += f", {delta_e_without[known].mean():.2f} for patches left out of the fit"
-        error += " left out of the fit"
-    checks = [*fitted.light_notes, colour, error]
+    left_out = chosen.curves is None
+    findings = [
+        *fitted.of_light,
+        Finding("calibration.chart-colours", Severity.INFO, values={
+            "mean": float(delta_e[known].mean()),
+            "left_out": float(delta_e_without[known].mean()) if left_out else None}),
+        Finding("calibration.signal-error", Severity.INFO, values={
+            "error": float(np.sqrt(np.diag(covariance)).max()), "left_out": left_out})]
     if fit.condition_number is not None:
-        checks.append(f"condition number {fit.condition_number:.4g}")
+        findings.append(Finding("calibration.condition-number", Severity.INFO,
+                                values={"value": float(fit.condition_number)}))
     if scale.standard_error is not None:
-        checks.append("signal of a perfect reflector (light scale times curves) known to "
-                      f"{scale.standard_error / scale.value:.2%} in each band")
-    checks += [*unlit_notes, *_clipped_notes(fitted.without, first), *fitted.notes]
-
-    doubts = fitted.doubts
-    if fitted.prior_fit is not None and veil_is_doubtful(fitted.prior_fit):
-        doubts += (CalibrationDoubt.VEIL,)
+        findings.append(Finding("calibration.white", Severity.INFO, values={
+            "error": float(scale.standard_error / scale.value)}))
+    findings += [*unlit, *_clipped(fitted.without, first), *fitted.of_fit]
+    if fitted.prior_fit is not None:
+        findings += veiled(fitted.prior_fit)
     # products with an unknown light are no curves that a matrix could be held against
-    if fitted.light is None and matrix_contradicts(first.samples.camera_from_xyz, fit.curves, grid):
-        doubts += (CalibrationDoubt.COLOUR_MATRIX,)
-    checks += [doubt.value for doubt in doubts
-               if not any(check.startswith(doubt.value) for check in checks)]
+    if fitted.light is None:
+        findings += colour_matrix(first.samples.camera_from_xyz, fit.curves, grid)
 
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
-                              tuple(checks), doubts, fitted.light,
+                              tuple(findings), fitted.light,
                               isinstance(first.light, UnknownLight))
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
@@ -207,11 +202,10 @@ class _Fitted(NamedTuple):
     held_out: np.ndarray        # (I, K) residuals, relative; each patch left out where one was
     without: PatchesWithout
     cleaned: PatchesWithout     # by fits without patches that others contradict
-    notes: tuple[str, ...]
-    doubts: tuple[CalibrationDoubt, ...] = ()
+    of_fit: tuple[Finding, ...]
     prior_fit: PriorFit | None = None
     light: LightPosterior | None = None
-    light_notes: tuple[str, ...] = ()
+    of_light: tuple[Finding, ...] = ()
     departures: tuple[LightDeparture, ...] = ()
     evidence: tuple[LightEvidence, ...] = ()
 
@@ -239,19 +233,15 @@ def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) ->
         raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
 
 
-def _clipped_notes(without: PatchesWithout, photo: ChartPhoto) -> list[str]:
+def _clipped(without: PatchesWithout, photo: ChartPhoto) -> list[Finding]:
     """What it costs that clipped bands of patches could not be used."""
     samples, known = photo.samples, without.known_within(photo.reflectances)
     bands = np.array(photo.band_names)
-    notes = []
-    for patch in np.flatnonzero(samples.clipped.any(axis=1)):
-        where = " and was left out"
-        if not samples.saturated[patch]:
-            where = f" in {', '.join(bands[samples.clipped[patch]])} and was left out there"
-        notes.append(f"patch {photo.chart.names[patch]} is saturated{where}: its signal is "
-                     f"predicted within {known[patch, 0]:.1%}, and would be within "
-                     f"{known[patch, 1]:.1%} had it been used")
-    return notes
+    return [Finding("calibration.patch-clipped", Severity.NOTE, values={
+                "patch": photo.chart.names[patch],
+                "bands": [] if samples.saturated[patch] else bands[samples.clipped[patch]].tolist(),
+                "error": float(known[patch, 0]), "error_if_used": float(known[patch, 1])})
+            for patch in np.flatnonzero(samples.clipped.any(axis=1)).tolist()]
 
 
 def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
@@ -263,37 +253,28 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     fit, light = estimate_through_glare(used, first.light, cameras, grid, excluded)
     require_explained(fit, light, used, cameras, grid)
 
-    notes, doubts = [*fit_notes(fit, grid)], list[CalibrationDoubt]()
+    of_fit = [*fit_findings(fit, grid)]
     evidence = evidence_on_lights(photos, used, cameras, grid)
-    light_notes = [one.words for one in evidence]
-    if any(one.contradicts for one in evidence):
-        doubts.append(CalibrationDoubt.WRONG_LIGHT)
+    of_light = [one.finding for one in evidence]
     departures: tuple[LightDeparture, ...] = ()
     if isinstance(first.light, Spectrum):
         departures = light_departures(
             fit.posterior, [photo.light_on(grid) for photo in photos], grid)
-        if unlike_cameras(fit):
-            doubts.append(CalibrationDoubt.UNLIKE_CAMERAS)
-        light_notes += [departure.words for departure in departures]
+        of_light += [departure.finding for departure in departures]
+        of_fit.append(unlike_cameras(fit))
     elif light is not None:
-        light = replace(light, sentences=(*light_notes, *light.sentences))
-        light_notes = [*light.sentences]
+        light = replace(light, findings=(*of_light, *light.findings))
+        of_light = [*light.findings]
     else:
-        notes.append(f"no measured camera has {cameras.bands} bands: products of sensitivity and "
-                     "light were fitted with smoothness alone, so narrow lines of the lamp are "
-                     "smoothed over and the light by itself is not known")
+        of_light.append(Finding("light.lines-smoothed", Severity.NOTE,
+                                values={"bands": cameras.bands}))
     if cameras.source == SMOOTH_SOURCE and fit.model_error > WORST_MODEL_ERROR:
-        doubts.append(CalibrationDoubt.BANDS)
-        notes.append(_disagreeing_bands(first, used[0], fit))
+        of_fit.append(disagreeing_bands(used[0].signal, fit.held_out[0], first.band_names))
     shown = relit(fit.posterior, used)
     for number in range(len(used)):
         drift = colour_drift(fit.posterior, shown, number)
-        if drift is not None and drift.two_lights:
-            if CalibrationDoubt.TWO_LIGHTS not in doubts:
-                doubts.append(CalibrationDoubt.TWO_LIGHTS)
-            which = f"photo {number + 1}: " if len(used) > 1 else ""
-            notes.append(f"{which}the colour of the light drifts by {drift.size:.1%} over the "
-                         f"chart (probability by chance {drift.chance:.0e})")
+        if drift is not None:
+            of_fit.append(drifting_light(drift, number + 1 if len(used) > 1 else None))
 
     without = in_chart_order(fit.without, first.used)
     signals_without = without.predicted(first.reflectances)
@@ -303,8 +284,8 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     held_out = 1 - signals_without / first.samples.mean
     return _Fitted(replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
                    replace(fit.photos[0].light_scale, residuals=residuals), predicted, held_out,
-                   without, without_suspects(photos, cameras, grid, without), tuple(notes),
-                   tuple(doubts), fit, light, tuple(light_notes), departures, evidence)
+                   without, without_suspects(photos, cameras, grid, without), tuple(of_fit),
+                   fit, light, tuple(of_light), departures, evidence)
 
 
 def evidence_on_lights(photos: Sequence[ChartPhoto], used: list[ChartEquations],
@@ -334,15 +315,6 @@ def evidence_on_lights(photos: Sequence[ChartPhoto], used: list[ChartEquations],
         for photo, equations in zip(photos, used, strict=True) if photo.filter is None)
 
 
-def _disagreeing_bands(photo: ChartPhoto, used: ChartEquations, fit: PriorFit) -> str:
-    """Which bands of the chart's patches disagree most with what the other patches predict."""
-    off = disagreement_of_bands(used.signal, fit.held_out[0])
-    worst = np.argsort(-off)[:NAMED_BANDS]
-    return (f"{CalibrationDoubt.BANDS.value} (what the others predict of a patch is off by "
-            + ", ".join(f"{off[band]:.0%} in {photo.band_names[band]}" for band in worst)
-            + f", in half of the bands by less than {np.median(off):.0%})")
-
-
 def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
                    curves: np.ndarray) -> _Fitted:
     """Measured curves as they are; the photo gives the scale of its light."""
@@ -368,9 +340,9 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
                              np.zeros((patches, bands)), covariance, samples.mean,
                              samples.covariance_of_mean, samples.clipped)
     (equations,), _ = used_and_excluded([photo], grid)
-    note = check_measured_curves(equations, curves, grid)
+    agreement = check_measured_curves(equations, curves, grid)
     return _Fitted(_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
-                   predicted, residuals, without, without, (note,))
+                   predicted, residuals, without, without, (agreement,))
 
 
 def _by_splines(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
@@ -381,8 +353,9 @@ def _by_splines(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
         method=chosen.method, used=photo.used)
     predicted = scale.value * _chart_signals(photo, grid, fit.curves, power)
     assert fit.held_out_residuals is not None
+    band = "calibration.smooth-band" if chosen.method == "smooth" else "calibration.noise-band"
     return _Fitted(fit, scale, predicted, fit.held_out_residuals, without, without,
-                   (SPLINE_BANDS[chosen.method],))
+                   (Finding(band, Severity.NOTE),))
 
 
 def _chart_signals(photo: ChartPhoto, grid: WavelengthGrid, curves: np.ndarray,
@@ -431,9 +404,8 @@ def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spe
         Within which predicted signals are taken to be right, independent in each band.
     """
     covariance = np.eye(len(curves)) * relative_error**2
-    note = ("sensitivities taken as given; predicted signals assumed right within "
-            f"{relative_error:.1%} a band")
-    return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (note,))
+    return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (
+        Finding("calibration.curves-given", Severity.INFO, values={"error": relative_error}),))
 
 
 def _measured_curves(grid: WavelengthGrid, curves: np.ndarray,

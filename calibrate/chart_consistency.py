@@ -8,6 +8,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import DARK_SHARE
 from spectrabox.radiometry.errors import CalibrationError, CheckError, InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import MIN_PATCHES
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -52,8 +53,8 @@ def require_usable(signal: np.ndarray, filtered: bool = False) -> None:
                                    "a colour photo")
 
 
-def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The light (P,) on the working grid, and what it cannot show.
+def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tuple[Finding, ...]]:
+    """The light (P,) on the working grid, and where it has no power.
 
     Parameters
     ----------
@@ -75,9 +76,10 @@ def light_power(light: Spectrum, grid: WavelengthGrid) -> tuple[np.ndarray, tupl
         raise InputError(f"{light.source}: {power.max():.3g} W m-2 nm-1 is more than any lamp "
                          "gives; state the unit, for example '# unit: uW cm-2 nm-1'")
     power = np.maximum(power, 0.0)
-    return power, tuple(f"the light has no power (below {DARK_LIGHT:.1%} of its largest) over "
-                        f"{low:g}-{high:g} nm: the photo says nothing of the curves there"
-                        for low, high in wavelength_ranges(unlit(power), grid))
+    return power, tuple(
+        Finding("light.unlit", Severity.NOTE,
+                values={"low_nm": low, "high_nm": high, "below": DARK_LIGHT})
+        for low, high in wavelength_ranges(unlit(power), grid))
 
 
 def unlit(power: np.ndarray) -> np.ndarray:

@@ -8,7 +8,12 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import copy_patterns
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
-from spectrabox.calibrate.copy_errors import copy_posterior, edition_errors, with_level_of_fit
+from spectrabox.calibrate.copy_errors import (
+    copy_posterior,
+    copy_spread,
+    edition_errors,
+    with_level_of_fit,
+)
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.radiometry.records.calibration import ChartCopy
 from spectrabox.radiometry.records.spectra import WavelengthGrid
@@ -51,6 +56,7 @@ def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
             photo.signal, ~photo.readable, photo.reflectances, means[:, shown.used], photo.power,
             grid).reshape(len(further), -1) for photo, shown in zip(used, photos, strict=True)],
             axis=1)
+    level_spread, tint_spread = copy_spread(mine, grid)
     errors, mine = with_level_of_fit(errors, mine, fit.posterior.best_error.common)
     found = copy_posterior(fit.explained, errors, others, mine, grid)
     nats = {mine.name: 0.0, **dict(zip((edition.name for edition in further),
@@ -61,6 +67,6 @@ def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
     odds = np.array([np.log(edition.share) + nats[edition.name] for edition in editions])
     shares = np.exp(odds - odds.max()) / np.exp(odds - odds.max()).sum()
     likely = int(np.argmax(shares))
-    return ChartCopy(editions[likely].name, float(shares[likely]), nats, found.level,
-                     found.level_error, found.tint, found.tint_error,
-                     mine.mean * np.exp(found.departure))
+    return ChartCopy(editions[likely].name, editions[likely].made, float(shares[likely]), nats,
+                     found.level, found.level_error, found.tint, found.tint_error,
+                     mine.mean * np.exp(found.departure), level_spread, tint_spread)

@@ -149,17 +149,26 @@ def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
         log_weights = np.log(explained.weights)
     log_odds = logsumexp(gains + log_weights[:, None], axis=0)
     patches, _, own = copies.own.shape
-    nm = grid.nm
-    readings = (nm >= LEVEL_FROM_NM, (nm >= BLUE_NM[0]) & (nm <= BLUE_NM[1]),
-                (nm >= RED_NM[0]) & (nm <= RED_NM[1]))
-    level, blue, red = (_mean_departure(copies, part) for part in readings)
     values = []
-    for rows in (level, blue - red):
+    for rows in _level_and_tint(copies, grid):
         values += [rows @ terms, np.sqrt(np.maximum(np.einsum("ir,rs,is->i", rows, covariance,
                                                               rows), 0))]
     departure = np.einsum("ipq,iq->ip", copies.own, terms[:patches * own].reshape(patches, own)) \
         + copies.common @ terms[patches * own:]
     return CopyPosterior(values[0], values[1], values[2], values[3], departure, log_odds)
+
+
+def copy_spread(copies: ChartCopies, grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations (I,) of level and tint of each patch among copies of an edition.
+
+    Parameters
+    ----------
+    copies : ChartCopies
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
+    level, tint = (np.sqrt(np.sum(rows**2, axis=1)) for rows in _level_and_tint(copies, grid))
+    return level, tint
 
 
 def with_level_of_fit(errors: np.ndarray, copies: ChartCopies,
@@ -182,6 +191,15 @@ def with_level_of_fit(errors: np.ndarray, copies: ChartCopies,
     errors = errors.copy()
     errors[:, :patches * terms:terms] *= found / copies.least_level
     return errors, replace(copies, own=own)
+
+
+def _level_and_tint(copies: ChartCopies, grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Level and tint (I, R) of each patch, by the terms."""
+    nm = grid.nm
+    level, blue, red = (_mean_departure(copies, part) for part in (
+        nm >= LEVEL_FROM_NM, (nm >= BLUE_NM[0]) & (nm <= BLUE_NM[1]),
+        (nm >= RED_NM[0]) & (nm <= RED_NM[1])))
+    return level, blue - red
 
 
 def _mean_departure(copies: ChartCopies, chosen: np.ndarray) -> np.ndarray:

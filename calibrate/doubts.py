@@ -22,19 +22,21 @@ of another lamp contradict it by far.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
+from spectrabox.calibrate.chart_consistency import disagreement_of_bands
 from spectrabox.calibrate.chart_equations import ChartEquations
+from spectrabox.calibrate.colour_drift import ColourDrift
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness
 from spectrabox.calibrate.products.product_fit import (
     SEED,
     kind_probabilities,
-    kind_words,
     share_of_lamps,
 )
 from spectrabox.calibrate.products.product_posterior import (
@@ -46,7 +48,7 @@ from spectrabox.calibrate.products.product_prior import product_prior
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
-from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import UnknownLight, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
@@ -60,6 +62,7 @@ CONTRADICTS = 7.0
 # ones exceed it (benchmarks/bench_light_kinds.py --probabilities)
 KIND_CONTRADICTS = 2.0
 SAYS_LITTLE = 0.5            # nats, either way
+NAMED_BANDS = 3              # at most, that disagree most
 UNKNOWN_KIND = 0             # of the stated lamp: no kind is asked for
 # Rows R, G, B; shares of each band's brightness.
 TYPICAL = np.array([[0.030, 0.033, 0.041], [0.010, 0.016, -0.003], [-0.037, 0.003, 0.016]])
@@ -68,14 +71,17 @@ FREEDOM = 8                  # nine entries less a common scale
 DOUBTFUL = 4.5               # mean square in spreads; 1 in 20 cameras with the right light
 
 
-def unlike_cameras(fit: PriorFit) -> bool:
+def unlike_cameras(fit: PriorFit) -> Finding:
     """Whether the photos are explained by a camera unlike those measured alone.
 
     Parameters
     ----------
     fit : PriorFit
     """
-    return dict(fit.families).get(UNLIKE, 0.0) > SURELY and len(fit.families) > 1
+    share = float(dict(fit.families).get(UNLIKE, 0.0))
+    if share > SURELY and len(fit.families) > 1:
+        return Finding("calibration.unlike-cameras", Severity.WARN, values={"probability": share})
+    return Finding("calibration.like-cameras", Severity.INFO, values={"probability": share})
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +100,18 @@ class LightEvidence(Record):
         return self.against > self.limit
 
     @property
-    def words(self) -> str:
-        """One sentence for an operator."""
-        alone = f"by itself it makes the light {kind_words(self.kinds, self.probabilities)}"
-        better = (f"other lamps explain the chart better, by {self.against:.1f} nats, and right "
-                  f"statements stay below {self.limit:.0f}; {alone}")
+    def finding(self) -> Finding:
+        """Whether the chart speaks for the statement or against it."""
+        code, severity = "light.agrees", Severity.INFO
         if self.contradicts:
-            return f"{CalibrationDoubt.WRONG_LIGHT.value} ({self.stated}: {better})"
-        if self.against > SAYS_LITTLE:
-            return ("the chart leans against the stated light without contradicting it "
-                    f"({self.stated}: {better})")
-        if self.against > -SAYS_LITTLE:
-            return f"the chart says little for or against the stated light ({self.stated}; {alone})"
-        return (f"the chart agrees with the stated light ({self.stated} explains it better than "
-                f"other lamps do, by {-self.against:.1f} nats; {alone})")
+            code, severity = "light.contradicted", Severity.WARN
+        elif self.against > SAYS_LITTLE:
+            code, severity = "light.leans", Severity.NOTE
+        elif self.against > -SAYS_LITTLE:
+            code = "light.hardly-tested"
+        return Finding(code, severity, values={
+            "stated": self.stated, "against": self.against, "limit": self.limit,
+            "kinds": dict(zip(self.kinds, self.probabilities.tolist(), strict=True))})
 
 
 def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: CameraPrior,
@@ -201,9 +205,9 @@ def matrix_doubt(camera_from_xyz: np.ndarray, curves: np.ndarray, grid: Waveleng
     return float(np.sum(((deviation - TYPICAL) / SPREAD) ** 2) / FREEDOM)
 
 
-def matrix_contradicts(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
-                       grid: WavelengthGrid) -> bool:
-    """Whether a file's colour matrix speaks against the curves; not where there is none.
+def colour_matrix(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
+                  grid: WavelengthGrid) -> list[Finding]:
+    """Whether a file's colour matrix speaks against the curves; nothing where there is none.
 
     Parameters
     ----------
@@ -213,5 +217,40 @@ def matrix_contradicts(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
     grid : WavelengthGrid
     """
     if camera_from_xyz is None or len(curves) != len(camera_from_xyz):
-        return False
-    return matrix_doubt(camera_from_xyz, curves, grid) >= DOUBTFUL
+        return []
+    doubt = matrix_doubt(camera_from_xyz, curves, grid)
+    values = {"mean_square": doubt, "limit": DOUBTFUL}
+    if doubt >= DOUBTFUL:
+        return [Finding("calibration.matrix-contradicts", Severity.WARN, values=values)]
+    return [Finding("calibration.matrix-agrees", Severity.INFO, values=values)]
+
+
+def drifting_light(drift: ColourDrift, photo_number: int | None) -> Finding:
+    """Whether two kinds of light fall on the chart of a photo.
+
+    Parameters
+    ----------
+    drift : ColourDrift
+    photo_number : int or None
+        Of several photos, from 1.
+    """
+    code, severity = ("light.two-kinds", Severity.WARN) if drift.two_lights \
+        else ("light.one-kind", Severity.INFO)
+    return Finding(code, severity, values={"photo_number": photo_number, "drift": drift.size,
+                                           "chance": drift.chance})
+
+
+def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,
+                      band_names: Sequence[str]) -> Finding:
+    """Which bands of the chart's patches disagree most with what the other patches predict.
+
+    Parameters
+    ----------
+    signal, held_out : (I, K) arrays
+        As of ``disagreement_of_bands``.
+    band_names : sequence of K str
+    """
+    off = disagreement_of_bands(signal, held_out)
+    return Finding("calibration.bands-disagree", Severity.WARN, values={
+        "bands": {band_names[band]: float(off[band]) for band in np.argsort(-off)[:NAMED_BANDS]},
+        "median": float(np.median(off))})

@@ -23,6 +23,7 @@ from spectrabox.calibrate.products.lamps import (
     lamps_like,
     nominal_kind,
 )
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight, WavelengthGrid
@@ -47,12 +48,12 @@ class LightDeparture(Record):
     spectrum: Annotated[np.ndarray, "P"]            # that shone, of mean 1
 
     @property
-    def words(self) -> str:
-        """One sentence for an operator."""
-        kelvin = float(colour_temperatures(self.spectrum[None])[0])
-        return (f"light {self.source} was taken to be right within {self.expected:.0%} (rms over "
-                f"wavelengths); the chart makes it {self.size:.0%} ± {self.size_error:.0%} off, "
-                f"about {kelvin:.0f} K")
+    def finding(self) -> Finding:
+        """What was inferred, with the colour temperature."""
+        return Finding("light.departs", Severity.INFO, values={
+            "stated": self.source, "expected": self.expected, "size": self.size,
+            "size_error": self.size_error,
+            "kelvin": float(colour_temperatures(self.spectrum[None])[0])})
 
 
 def light_terms(light: Spectrum, grid: WavelengthGrid) -> np.ndarray | None:

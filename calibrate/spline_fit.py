@@ -23,11 +23,6 @@ from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 SPLINE_METHODS = ("paper", "nonnegative", "smooth")
-NOISE_ONLY = ("the band holds the noise of the patches only, not what ten splines cannot draw: it "
-              "is too narrow")
-SPLINE_BANDS = {
-    "paper": NOISE_ONLY, "nonnegative": NOISE_ONLY,
-    "smooth": "the band is that of smooth curves of which nothing else is known"}
 Solver = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 SPLINE_COEFFICIENTS = 10     # of each band, and for the condition number of every method
 SMOOTH_COEFFICIENTS = 24

@@ -12,6 +12,7 @@ from spectrabox.calibrate.prior.plain_priors import prior_about
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.appearance import ciede2000, decode_srgb, lab_from_xyz, tristimulus
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 
@@ -104,8 +105,9 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
     return None if fit.disagrees else best
 
 
-def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: WavelengthGrid) -> str:
-    """One sentence on how well measured curves (K, P) explain a chart photo.
+def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: WavelengthGrid
+                          ) -> Finding:
+    """How well measured curves (K, P) explain a chart photo.
 
     Exposure, illumination and glare of the photo are unknown.
 
@@ -127,19 +129,18 @@ def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: Wavel
     prior = prior_about(grid, curves, LABORATORY, "measured curves")
     fit = fit_with_prior([photo], prior, grid)
     if fit.chi_square < DOUBTFUL and not fit.disagrees:
-        return (f"measured curves and photo agree within {fit.model_error:.1%} (chi-square "
-                f"{fit.chi_square:.2f} per signal)")
+        return Finding("calibration.curves-agree", Severity.INFO, values={
+            "error": fit.model_error, "chi_square": fit.chi_square})
     reading = other_reading(photo, prior, grid) if fit.disagrees else None
     if reading is not None:
         refuse_disagreement("the measured curves do not explain the chart photo", photo.signal,
                             fit.held_out[0], fit.chi_square, reading)
-    return ("the measured curves do not explain the chart photo (chi-square "
-            f"{fit.chi_square:.1f} per signal): check that they are of this camera and their "
-            "columns in the photo's order, and light, chart and glare")
+    return Finding("calibration.curves-disagree", Severity.WARN,
+                   values={"chi_square": fit.chi_square})
 
 
-def fit_notes(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
-    """What the operator should know before trusting the curves, in sentences.
+def fit_findings(fit: PriorFit, grid: WavelengthGrid) -> tuple[Finding, ...]:
+    """How well a fit explains its photos, what of it is the prior's, and what it subtracted.
 
     Parameters
     ----------
@@ -147,30 +148,29 @@ def fit_notes(fit: PriorFit, grid: WavelengthGrid) -> tuple[str, ...]:
     grid : WavelengthGrid
         Of its curves.
     """
-    notes = [f"patches and model agree within {fit.model_error:.1%} (chi-square "
-            f"{fit.chi_square:.2f} per signal)"]
-    likely = [(members, share) for members, share in fit.families if share > PROBABLE][:3]
+    findings = [Finding("calibration.model-error", Severity.INFO, values={
+        "error": fit.model_error, "chi_square": fit.chi_square})]
+    likely = [[members, share] for members, share in fit.families if share > PROBABLE][:3]
     if likely:
-        notes.append("most like " + "; ".join(f"{members} ({share:.0%})"
-                                             for members, share in likely))
+        findings.append(Finding("calibration.nearest-cameras", Severity.INFO,
+                                values={"cameras": likely}))
     held = fit.prior_share > FROM_PRIOR
     for band in range(len(held)):
         if likely and held[band].any():     # products with a lamp's lines rest on it everywhere
-            ranges = ", ".join(f"{low:g}-{high:g} nm"
-                               for low, high in wavelength_ranges(held[band], grid))
-            notes.append(f"band {band + 1} rests on the prior over {ranges}")
+            findings.append(Finding("calibration.rests-on-prior", Severity.INFO, values={
+                "band": band + 1,
+                "ranges_nm": [list(ends) for ends in wavelength_ranges(held[band], grid)]}))
     for number, state in enumerate(fit.photos, start=1):
-        which = "" if len(fit.photos) == 1 else f"photo {number}: "
+        photo_number = None if len(fit.photos) == 1 else number
         if np.ptp(state.field) > 0:
             low, high = np.array([state.field.min(), state.field.max()]) / state.field.mean()
-            notes.append(f"{which}illumination over the chart runs from {low:.2f} to "
-                        f"{high:.2f} of its mean")
+            findings.append(Finding("calibration.field", Severity.INFO, values={
+                "photo_number": photo_number, "low": float(low), "high": float(high)}))
         glare = float(np.max(state.certain_glare / state.predicted.max(axis=0)))
         if glare > MUCH_GLARE:
-            notes.append(f"{which}glare or a wrong black level of {glare:.0%} of the brightest "
-                         "patch was estimated and subtracted: shade the lens and check the dark "
-                         "frame")
-    return tuple(notes)
+            findings.append(Finding("calibration.glare", Severity.NOTE, values={
+                "photo_number": photo_number, "glare": glare}))
+    return tuple(findings)
 
 
 def _evidence(photo: ChartEquations, signal: np.ndarray, prior: CameraPrior,

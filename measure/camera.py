@@ -24,18 +24,14 @@ from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
+from spectrabox.measure import rules, texts
 from spectrabox.measure.held_out_spectra import held_out_patches
-from spectrabox.measure.results.chart_words import (
-    chart_copy_notes,
+from spectrabox.measure.results.calibration_facts import (
+    checks,
     copy_facts,
-    difference_sentence,
-    edition_sentence,
     held_out_facts,
-    held_out_sentence,
     posterior_facts,
 )
-from spectrabox.measure.verdict.camera_verdict import camera_verdict
-from spectrabox.measure.verdict.criterion import Verdict
 from spectrabox.radiometry.chart import (
     CLASSIC,
     Chart,
@@ -45,6 +41,7 @@ from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.charts.references import published_signals, reference_reflectances
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity, faults, worst
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import HeldOutPatches, SensitivityFit
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
@@ -227,15 +224,41 @@ class CameraFit:
     bands: tuple[str, ...] = ()     # K names
     notes: tuple[str, ...] = ()     # on the signals
 
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found of light, camera and chart; causes before symptoms."""
+        return tuple(rules.of_camera(self))
+
+    @property
+    def fitted(self) -> Finding:
+        """What was fitted, how surely, and what it is for."""
+        return rules.camera_fitted(self)
+
+    @property
+    def verdict(self) -> str:
+        """"pass", "warn" or "fail", by the worst finding."""
+        return {Severity.WARN: "warn", Severity.FAIL: "fail"}.get(worst(self.findings), "pass")
+
+    @property
+    def says(self) -> str:
+        """What was fitted, how surely, and what speaks against it."""
+        severity = worst(self.findings)
+        against = [*dict.fromkeys(texts.says(one) for one in faults(self.findings)
+                                  if one.severity is severity)]
+        if not against:
+            return f"{texts.sentence(self.fitted)}. {texts.remedy(self.fitted)}"
+        more = f" And {len(against) - 1} more, above." if len(against) > 1 else ""
+        return f"{texts.sentence(self.fitted)}. But: {against[0]}{more}"
+
+    @property
+    def line(self) -> str:
+        """The verdict, for a terminal."""
+        return f"verdict: {self.verdict.upper()}. {self.says}"
+
     @property
     def checks(self) -> tuple[str, ...]:
-        """What was checked, in sentences: light, chart, colour matrix."""
-        return self.chart.calibration.checks + self._copy_sentences()
-
-    @cached_property
-    def verdict(self) -> Verdict:
-        """What was fitted, how surely, and what speaks against it."""
-        return camera_verdict(self)
+        """What was found, in sentences: the light first, then chart and colour matrix."""
+        return tuple(checks(self.findings))
 
     @property
     def light(self) -> str:
@@ -255,12 +278,12 @@ class CameraFit:
         result, fit, names = self.chart, self.sensitivity, self.photos[0].chart.names
         known = result.calibration.light_posterior
         facts: dict[str, object] = {
-            "verdict": self.verdict.word, "says": self.verdict.says,
+            "verdict": self.verdict, "says": self.says,
             "light_evidence": [
                 {"light": one.stated, "against": one.against, "limit": one.limit,
                  "contradicts": one.contradicts,
                  "kinds": dict(zip(one.kinds, one.probabilities.tolist(), strict=True)),
-                 "says": one.words} for one in result.light_evidence],
+                 "says": texts.says(one.finding)} for one in result.light_evidence],
             "wavelengths_nm": fit.grid.nm, "sensitivities": fit.curves, "bands": self.bands,
             "lower": None if self.band is None else self.band.lower,
             "upper": None if self.band is None else self.band.upper,
@@ -270,10 +293,11 @@ class CameraFit:
             "chart_delta_e00_patches": result.delta_e, "light": self.light,
             "light_scale": result.scale.value,
             "light_scale_standard_error": result.scale.standard_error,
-            "method": fit.method, "outcome": fit.outcome, "checks": self._sentences(),
+            "method": fit.method, "outcome": fit.outcome, "checks": [*self.checks, *self.notes],
+            "findings": [texts.facts(one) for one in self.findings],
             "left_out": held_out_facts(self.held_out, names),
-            "doubts": result.calibration.doubts, "chart_generation": copy_facts(
-                result.copy, names),
+            "doubts": checks(faults(result.calibration.findings)),
+            "chart_generation": copy_facts(result.copy, names),
             "stated_lights": [
                 {"light": one.source, "expected": one.expected, "departs": one.size,
                  "standard_error": one.size_error, "spectrum": one.spectrum}
@@ -292,16 +316,7 @@ class CameraFit:
     def text(self) -> str:
         """What was fitted and checked, for a person."""
         return "\n".join([f"bands {', '.join(self.bands)}: {self.sensitivity.method}",
-                          *(f"- {check}" for check in self._sentences()),
-                          self.verdict.line])
-
-    def _sentences(self) -> list[str]:
-        return [*self.chart.calibration.checks, held_out_sentence(self.held_out),
-                difference_sentence(self.held_out), *self._copy_sentences(), *self.notes]
-
-    def _copy_sentences(self) -> tuple[str, ...]:
-        copy, names = self.chart.copy, self.photos[0].chart.names
-        return () if copy is None else (edition_sentence(copy), *chart_copy_notes(copy, names))
+                          *(f"- {check}" for check in (*self.checks, *self.notes)), self.line])
 
     def columns(self) -> dict[str, np.ndarray]:
         """Curves (P,) and their standard errors, as the columns of a table."""

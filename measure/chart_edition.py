@@ -8,18 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.measure import texts
 from spectrabox.measure.extras import FailedExtra, attempt
-from spectrabox.measure.results.chart_words import (
-    BEFORE,
-    edition_told,
-    evidence_since,
-    evidence_words,
-)
-from spectrabox.radiometry.chart import COPIES_SINCE_2014, Chart
+from spectrabox.radiometry.chart import BEFORE_2014, COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage, PatchSamples, PhotoKind
 from spectrabox.radiometry.records.spectra import UnknownLight
@@ -35,21 +32,27 @@ class ChartEdition:
         "since November 2014" or "before November 2014"; None where the photo does not tell.
     evidence : float or None
         Nats for the edition since over the one before; None where nothing was compared.
-    says : str
-        The same in a sentence, or why it cannot be told.
+    finding : Finding
+        The same, or why it cannot be told.
     failed : FailedExtra or None
         Where telling it failed.
     """
 
     edition: str | None
     evidence: float | None
-    says: str
+    finding: Finding
     failed: FailedExtra | None = None
+
+    @property
+    def says(self) -> str:
+        """The finding in a sentence."""
+        return texts.says(self.finding)
 
     @property
     def facts(self) -> dict[str, Any]:
         """For JSON."""
-        return {"edition": self.edition, "evidence": self.evidence, "says": self.says}
+        return {"edition": self.edition, "evidence": self.evidence, "says": self.says,
+                "findings": [texts.facts(self.finding)]}
 
 
 def edition_in_photo(image: LinearImage, chart: Chart, samples: PatchSamples) -> ChartEdition:
@@ -63,30 +66,35 @@ def edition_in_photo(image: LinearImage, chart: Chart, samples: PatchSamples) ->
     """
     edition, failed = attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
     if failed is not None:
-        return replace(_not_told(failed.error), failed=failed)
+        return replace(_not_fitted(failed.error), failed=failed)
     assert edition is not None
     return edition
 
 
 def _edition(image: LinearImage, chart: Chart, samples: PatchSamples) -> ChartEdition:
     if COPIES_SINCE_2014 not in chart.references:
-        return _not_told(f"of the {chart.name} no two editions are published" if chart.references
-                         else f"nothing is published of the reflectances of the {chart.name}")
+        return _not_told(Finding("edition.unpublished", Severity.INFO, values={
+            "chart": chart.name, "any": bool(chart.references)}))
     if image.kind is PhotoKind.PROCESSED:
-        return _not_told("the camera processed the photo; a raw photo tells")
+        return _not_told(Finding("edition.processed", Severity.INFO))
     of = editions(chart, samples.taken_at)
     if len(of) == 1:
-        return ChartEdition(BEFORE, None, f"{BEFORE}: the photo itself is older, taken on "
-                                          f"{samples.taken_at[:10]} by the camera's clock")
+        return ChartEdition(BEFORE_2014, None, Finding("edition.by-date", Severity.INFO, values={
+            "told": BEFORE_2014, "date": samples.taken_at[:10]}))
     try:
         copy = calibrate_chart([ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart,
                                            editions=of)], FINE_GRID).copy
     except SpectraboxError as error:
-        return _not_told(str(error))
-    if copy is None:
-        return _not_told("nothing could be fitted to the chart")
-    return ChartEdition(edition_told(copy), evidence_since(copy), evidence_words(copy))
+        return _not_fitted(str(error))
+    assert copy is not None, "a chart of several editions has a copy"
+    told, nats = chart_findings.edition_told(copy), chart_findings.evidence_since(copy)
+    return ChartEdition(told, nats, Finding("edition.told", Severity.INFO, values={
+        "told": told, "nats": nats, "needed": chart_findings.TOLD}))
 
 
-def _not_told(why: str) -> ChartEdition:
-    return ChartEdition(None, None, f"cannot be told: {why}")
+def _not_told(finding: Finding) -> ChartEdition:
+    return ChartEdition(None, None, finding)
+
+
+def _not_fitted(error: str) -> ChartEdition:
+    return _not_told(Finding("edition.not-fitted", Severity.INFO, values={"error": error}))

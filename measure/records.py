@@ -94,7 +94,8 @@ class CalibrationRecords(Record):
     chart: ChartFit | None                      # None where the first view has no chart
     # by view, of charts with a fit of their own: each patch by a calibration without it
     other_charts: dict[str, HeldOutPatches]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]               # of charts and lights, beside each calibration's
+    notes: tuple[str, ...] = ()                 # why to photograph charts again
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,6 +45,7 @@ AFTER_2014 = "ColorChecker after November 2014"
 # is in both.
 COPIES_SINCE_2014 = "ColorChecker copies since November 2014"
 COPIES_BEFORE_2014 = "ColorChecker copies before November 2014"
+SINCE_2014, BEFORE_2014 = "since November 2014", "before November 2014"     # when a chart was made
 MEANS_OF_COPIES = {
     COPIES_SINCE_2014: {AFTER_2014: 2, "copy of August 2016": 1, "used copy": 1,
                         "ColorChecker N Ohta": 1},

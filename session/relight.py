@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from spectrabox.measure.captured import require_scene
+from spectrabox.measure.results.calibration_facts import checks
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.scene.relight import Relit, light_by_itself
 from spectrabox.measure.scene.relight import relight as relight_scene
@@ -59,4 +60,4 @@ def relight(run: FinishedRun, *, light: str | None, observer: str,
     if light is not None or posterior is None:
         return relit, ()
     return relit, ("nobody measured the session's light: rendered under the most likely one",
-                   *posterior.sentences)
+                   *checks(posterior.findings))

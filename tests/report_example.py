@@ -62,10 +62,8 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
     raster.imsave(folder / "preview.png", preview.repeat(4, 0).repeat(4, 1))
     found = SceneResult(
         bands=bands, chart=_chart(rng, len(bands)) if chart else None,
-        calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, ("light "
-                                                                                          "covers "
-                                                                                          "400-700 "
-                                                                                          "nm",)),
+        calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, (
+            Finding("calibration.condition-number", Severity.INFO, values={"value": 12.5}),)),
         photo=_photo(made), grid=GRID, reconstruction=made, by_flat_field=True,
         surfaces=tuple(_surface(rng, made, m, bands, truth) for m in range(len(materials))),
         signal_bands=bands, stated=Statements())

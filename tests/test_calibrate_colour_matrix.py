@@ -9,7 +9,7 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import (
     SPREAD,
     TYPICAL,
-    matrix_contradicts,
+    colour_matrix,
     matrix_deviation,
     matrix_doubt,
 )
@@ -19,13 +19,14 @@ from spectrabox.fixtures.demos.demo_photos import NM, camera_sensitivities
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry.findings import Severity, worst
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.records.calibration import CalibrationDoubt
 from spectrabox.radiometry.records.photos import ChartDetection, PatchSamples
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light
 
 GRID = visible_grid()
+CODES = {"calibration.matrix-contradicts", "calibration.matrix-agrees"}
 
 
 def measured_curves():
@@ -59,8 +60,8 @@ def test_a_row_that_is_brighter_deviates_in_its_own_band():
 
 def test_a_photo_without_a_matrix_or_of_other_bands_says_nothing():
     curves = measured_curves()
-    assert not matrix_contradicts(None, curves, GRID)
-    assert not matrix_contradicts(np.eye(3), np.vstack([curves, curves]), GRID)
+    assert not colour_matrix(None, curves, GRID)
+    assert not colour_matrix(np.eye(3), np.vstack([curves, curves]), GRID)
 
 
 def calibrated(light_name, taken_for):
@@ -78,15 +79,16 @@ def calibrated(light_name, taken_for):
 def test_products_with_an_unknown_light_are_held_against_no_matrix():
     fit = calibrated("LED-B3", None)
     # as curves they would contradict it by far: they hold the lamp
-    assert matrix_contradicts(own_matrix(measured_curves()), fit.sensitivity.curves, GRID)
-    assert CalibrationDoubt.COLOUR_MATRIX not in fit.doubts
+    held = colour_matrix(own_matrix(measured_curves()), fit.sensitivity.curves, GRID)
+    assert [one.code for one in held] == ["calibration.matrix-contradicts"]
+    assert worst(held) is Severity.WARN
+    assert not {one.code for one in fit.findings} & CODES
 
 
 def test_a_mistaken_light_is_named_and_the_right_one_is_not():
     def contradicts(calibration):
-        doubt = CalibrationDoubt.COLOUR_MATRIX
-        assert (doubt in calibration.doubts) == (doubt.value in calibration.checks)
-        return doubt in calibration.doubts
+        code, = CODES & {one.code for one in calibration.findings}
+        return code == "calibration.matrix-contradicts"
     assert contradicts(calibrated("LED-B3", "LED-B2"))
     assert not contradicts(calibrated("LED-B3", "LED-B3"))
 

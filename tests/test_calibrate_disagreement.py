@@ -1,5 +1,4 @@
 """What is said of photos that a camera, measured curves or one another do not explain."""
-import re
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ from calibrate_cameras import cameras_at_10_nm as cameras
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 
 SURFACES = reflectances()
@@ -75,10 +74,9 @@ def test_photos_of_two_cameras_are_refused_together():
 
 def test_a_camera_like_none_that_was_measured_is_said():
     # Lit by an LED, taken for daylight: curves that explain that are odd.
-    checks = calibrated(chart(power=led()), prior=prior()).calibration.checks
-    assert any("check that the light spectrum is that of the photo" in check for check in checks)
-    checks = calibrated(chart(), prior=prior()).calibration.checks
-    assert not any("check that the light spectrum" in check for check in checks)
+    doubted = faults(calibrated(chart(power=led()), prior=prior()).calibration.findings)
+    assert {one.code for one in doubted} & {"calibration.unlike-cameras", "light.contradicted"}
+    assert not faults(calibrated(chart(), prior=prior()).calibration.findings)
 
 
 def test_where_no_photo_had_light_the_curves_are_the_priors():
@@ -99,17 +97,16 @@ def test_measured_curves_that_are_right_agree():
     signal = chart() * np.linspace(0.9, 1.1,
                                    24).reshape(4, 6).mean(axis=0)[np.arange(24) % 6][:, None]
     curves = TRUTH * tilt / (TRUTH * tilt).max()
-    checks = calibrated(signal + 0.01 * signal.max(axis=0), curves=curves).calibration.checks
-    assert any(check.startswith("measured curves and photo agree within") for check in checks)
+    found = calibrated(signal + 0.01 * signal.max(axis=0), curves=curves).calibration.findings
+    assert "calibration.curves-agree" in {one.code for one in found}
 
 
 @pytest.mark.parametrize("wrong",
                          [np.roll(TRUTH, 20, axis=1), TRUTH * np.array([[0.5], [1.0], [1.0]])],
                          ids=["shifted by 20 nm", "red halved"])
 def test_measured_curves_that_are_wrong_are_said(wrong):
-    checks = calibrated(chart(), curves=wrong / wrong.max()).calibration.checks
-    assert any(check.startswith("the measured curves do not explain the chart photo")
-               for check in checks)
+    found = calibrated(chart(), curves=wrong / wrong.max()).calibration.findings
+    assert [one.code for one in faults(found)] == ["calibration.curves-disagree"]
 
 
 def test_measured_curves_in_another_order_are_refused():
@@ -120,23 +117,22 @@ def test_measured_curves_in_another_order_are_refused():
 
 def test_the_record_says_how_well_the_chart_is_reproduced():
     fit = calibrated(chart(), prior=prior())
-    fitted, without = fit.delta_e.mean(), fit.held_out_delta_e.mean()
-    message = (f"chart colour difference {fitted:.2f} CIEDE2000, {without:.2f} for patches left "
-               "out of the fit")
-    assert message in fit.calibration.checks
+    colours, = [one for one in fit.calibration.findings if one.code == "calibration.chart-colours"]
+    assert colours.values == {"mean": fit.delta_e.mean(), "left_out": fit.held_out_delta_e.mean()}
     # 0.3 % of noise in the signals is about 0.2 CIEDE2000.
     assert fit.delta_e.mean() < 0.5
 
 
 def test_fall_off_is_said_of_each_photo_that_may_have_one():
     fall = np.linspace(1.1, 0.9, 6)[np.arange(24) % 6][:, None]
-    checks = calibrated(chart(), (chart(seed=4) * fall, daylight()),
-                        prior=prior()).calibration.checks
-    assert any(check.startswith("photo 2: illumination over the chart runs from 0.9")
-               for check in checks)
+    found = calibrated(chart(), (chart(seed=4) * fall, daylight()),
+                       prior=prior()).calibration.findings
+    fields = {one.values["photo_number"]: one.values for one in found
+              if one.code == "calibration.field"}
+    assert fields[2]["low"] == pytest.approx(0.9, abs=0.03)
     lit = ChartPhoto(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi))
     known = calibrate_chart([lit], GRID, CalibrationOptions(prior=prior()))
-    assert not any("illumination" in check for check in known.calibration.checks)
+    assert "calibration.field" not in {one.code for one in known.calibration.findings}
 
 
 @pytest.mark.parametrize("light", [UnknownLight(), lamp(daylight())], ids=["unknown", "stated"])
@@ -148,9 +144,8 @@ def test_bands_of_which_no_camera_is_known_may_disagree_and_the_worst_is_named(l
     signal *= np.exp(rng.standard_normal(signal.shape) * [0.05, 0.05, 0.05, 0.05, 0.3])
     fitted = calibrate_chart([ChartPhoto(samples(signal, 0.003), SURFACES, light,
                                          bands=tuple("abcde"))], GRID)
-    assert fitted.calibration.doubts == (CalibrationDoubt.BANDS,)
-    assert any(re.search(r"patch is off by \d+% in e, ", check)
-               for check in fitted.calibration.checks)
+    doubt, = faults(fitted.calibration.findings)
+    assert doubt.code == "calibration.bands-disagree" and next(iter(doubt.values["bands"])) == "e"
     with pytest.raises(CheckError, match="no camera explains the chart photo"):
         calibrate_chart([ChartPhoto(samples(rng.permutation(signal), 0.003), SURFACES,
                                     light)], GRID)

@@ -181,8 +181,9 @@ def test_an_encoded_photo_is_refused():
 def test_glare_is_said_and_much_of_it_refused():
     signal = noisy(cameras(1, 60)[0], daylight(), 0.003, 3)
     calibration = refused(signal + 0.05 * signal.max(axis=0))
-    assert any(check.startswith("glare or a wrong black level of 5%")
-               for check in calibration.checks)
+    glare, = [one.values["glare"] for one in calibration.findings
+              if one.code == "calibration.glare"]
+    assert glare == pytest.approx(0.05, abs=0.005)
     with pytest.raises(CheckError, match="no camera explains the chart photo"):
         refused(signal + 0.5 * signal.max(axis=0))
 
@@ -196,7 +197,8 @@ def test_another_chart_is_refused():
 def test_a_light_without_power_somewhere_is_said():
     light = np.where(GRID.nm < 425, 0.0, daylight())
     calibration = refused(noisy(cameras(1, 61)[0], light, 0.002, 62), light)
-    assert any("no power" in check and "400-424 nm" in check for check in calibration.checks)
+    unlit, = [one.values for one in calibration.findings if one.code == "light.unlit"]
+    assert (unlit["low_nm"], unlit["high_nm"]) == (400, 424)
 
 
 def test_too_few_patches_and_bands_alike_are_refused():

@@ -10,8 +10,8 @@ from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
+from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records.calibration import CalibrationDoubt
 from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light
@@ -41,13 +41,12 @@ def chart_photo(from_left, from_right, stated, seed):
 def test_daylight_from_one_side_and_a_filament_from_the_other_are_two_kinds_of_light(stated):
     one, two = (calibrate_chart([chart_photo("D65", other, stated, 3)], GRID).calibration
                 for other in ("D65", "A"))
-    assert CalibrationDoubt.TWO_LIGHTS not in one.doubts
-    assert CalibrationDoubt.TWO_LIGHTS in two.doubts
+    assert "light.one-kind" in {each.code for each in one.findings}
+    drift = next(each for each in faults(two.findings) if each.code == "light.two-kinds")
     # the ratio of blue to red of D65 is about 4 times that of A, and each gives 56 to 44 % of the
     # light at its side: the ratio changes by tens of percent, of which a fit with one light keeps
     # a part as patches that are off
-    sentence = next(check for check in two.checks if "drifts by" in check)
-    assert 10 < float(sentence.split("drifts by ")[1].split("%")[0]) < 60
+    assert 0.1 < drift.values["drift"] < 0.6
 
 
 def test_one_kind_of_light_that_falls_off_is_seldom_taken_for_two():

@@ -29,7 +29,7 @@ from spectrabox.calibrate.chart_equations import (
 from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_curves
 from spectrabox.calibrate.spline_fit import fit_bands
-from spectrabox.calibrate.trust import fit_notes
+from spectrabox.calibrate.trust import fit_findings
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
 from spectrabox.measure.more_bands.joined_errors import _of_cause
 from spectrabox.measure.surfaces.independent_bands import independent_bands
@@ -284,8 +284,9 @@ def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, claimed):
                        ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
     fit = SimpleNamespace(model_error=0.002, chi_square=1.0, families=(), photos=(state,),
                           prior_share=np.zeros((3, GRID.nm.size)))
-    notes = " ".join(fit_notes(fit, GRID))
-    assert ("glare or a wrong black level of 5%" in notes) == claimed
+    glare = [one.values["glare"] for one in fit_findings(fit, GRID)
+             if one.code == "calibration.glare"]
+    assert glare == ([pytest.approx(0.05)] if claimed else [])
 
 
 @pytest.mark.parametrize("with_glare, through", [(True, None), (False, None),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID
 
+from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     calibrate_chart,
@@ -13,21 +14,13 @@ from spectrabox.calibrate.chart_calibration import (
 )
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import shipped_prior
+from spectrabox.measure import rules
 from spectrabox.measure.held_out_spectra import held_out_patches
-from spectrabox.measure.results.chart_words import (
-    chart_at_fault,
-    chart_level_notes,
-    held_out_facts,
-    light_facts,
-)
-from spectrabox.measure.verdict.calibration_criteria import calibration_doubts
-from spectrabox.measure.verdict.calibration_criteria import (
-    held_out_criteria as criteria_of_left_out,
-)
-from spectrabox.measure.verdict.criterion import Status
+from spectrabox.measure.results.calibration_facts import held_out_facts, light_facts
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.calibration import CalibrationDoubt, HeldOutPatches
+from spectrabox.radiometry.findings import Severity, faults
+from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
@@ -110,8 +103,9 @@ def test_a_clipped_band_of_a_patch_says_nothing(method):
     np.testing.assert_allclose(second.calibration.sensitivity.curves,
                                first.calibration.sensitivity.curves, atol=1e-4)
     np.testing.assert_allclose(second.predicted, first.predicted, atol=1e-4)
-    notes = [note for note in first.calibration.checks if "saturated in G and was left" in note]
-    assert len(notes) == 3 and "patch white 9.5" in notes[1]
+    lost = [one.values for one in first.calibration.findings
+            if one.code == "calibration.patch-clipped"]
+    assert [each["bands"] for each in lost] == [["G"]] * 3 and lost[1]["patch"] == "white 9.5"
     known = first.without.known_within(SURFACES)[[18, 19, 15]]
     assert np.all(known[:, 0] < 0.05) and np.all(known[:, 1] < known[:, 0])
     patches = held_out_patches(first, SURFACES)
@@ -157,16 +151,15 @@ def test_a_light_that_contradicts_the_chart_is_named(true, stated, contradicts):
 
 def test_the_doubt_is_in_the_calibration_and_the_run_goes_on_with_an_unknown_light():
     wrong = calibrate_chart([chart_photo("LED-B3", spectrum("A"))], GRID).calibration
-    assert CalibrationDoubt.WRONG_LIGHT in wrong.doubts
-    assert any("CIE A: other lamps explain the chart better" in check for check in wrong.checks)
+    doubt = next(one for one in faults(wrong.findings) if one.code == "light.contradicted")
+    assert doubt.values["stated"] == "CIE A"
     free = calibrate_chart([chart_photo("LED-B3", UnknownLight())], GRID).calibration
-    assert not free.doubts
-    of_wrong, of_free = ({row.name: row.status for row in calibration_doubts(SimpleNamespace(
-        calibration=made, other_calibrations=others))} for made, others in (
-            (wrong, {}), (free, {"dusk": wrong})))
-    assert of_wrong["Stated light against the chart"] is Status.WARN
-    assert "Stated light against the chart" not in of_free
-    assert of_free["Stated light against the chart in the photo “dusk”"] is Status.WARN
+    assert not faults(free.findings)
+    of_wrong, of_free = ({(one.code, one.subject) for one in faults(rules.of_fits(SimpleNamespace(
+        calibration=made, other_calibrations=others, calibration_findings=())))}
+        for made, others in ((wrong, {}), (free, {"dusk": wrong})))
+    assert ("light.contradicted", "") in of_wrong
+    assert ("light.contradicted", "") not in of_free and ("light.contradicted", "dusk") in of_free
 
 
 def test_an_unknown_light_needs_the_method_that_can_find_it():
@@ -185,7 +178,8 @@ def test_cameras_of_five_bands_have_no_lamp_told_and_say_so():
     samples = PatchSamples(signal, np.zeros((24, 5, 5)), np.ones(24), 0 * signal, 0 * signal)
     made = calibrate_chart([ChartPhoto(samples, SURFACES, UnknownLight())], GRID).calibration
     assert made.light_posterior is None
-    assert any("no measured camera has 5 bands" in check for check in made.checks)
+    assert {"bands": 5} in [one.values for one in made.findings
+                            if one.code == "light.lines-smoothed"]
 
 
 def left_out(inside, expected):
@@ -196,34 +190,38 @@ def left_out(inside, expected):
                           np.zeros(24, bool), np.full(24, expected), 0.95)
 
 
-@pytest.mark.parametrize("inside, status", [(1.0, Status.INFO), (0.9, Status.WARN)])
-def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(inside, status):
+@pytest.mark.parametrize("inside, severity", [(1.0, Severity.INFO), (0.9, Severity.WARN)])
+def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(inside, severity):
     patches = left_out(inside, 0.99)
-    [found] = criteria_of_left_out(SimpleNamespace(chart=SimpleNamespace(
-        left_out=patches, others={}, layout=CLASSIC)))
-    assert found.status is status and found.limit == "99 % expected"
+    found, = chart_findings.held_out(patches, CLASSIC.names)
+    assert found.severity is severity
+    assert found.values["value"] == pytest.approx(inside, abs=0.02)
+    assert found.values["expected"] == pytest.approx(0.99)
     assert held_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)
 
 
-@pytest.mark.parametrize("brighter, colour, says", [
-    ({}, {}, ""),
-    ({18: -0.05}, {}, ""),                          # an error and a half: chance
-    ({18: 0.3}, {}, "Glare lies on the chart: white 9.5 reads 30% ± 3% brighter"),
-    ({18: -0.3}, {}, "The chart is not as its reference says: white 9.5 reads 30% ± 3% darker"),
-    ({}, {14: 1e-6}, "The chart is not as its reference says: red its colour is not that of"),
-    ({18: 0.3}, {14: 1e-6}, "The chart is not as its reference says: red its colour")])
-def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, says):
+@pytest.mark.parametrize("brighter, colour, code", [
+    ({}, {}, None),
+    ({18: -0.05}, {}, None),                        # an error and a half: chance
+    ({18: 0.3}, {}, "patches.glare"),
+    ({18: -0.3}, {}, "patches.unlike-reference"),
+    ({}, {14: 1e-6}, "patches.unlike-reference"),
+    ({18: 0.3}, {14: 1e-6}, "patches.unlike-reference")])
+def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, code):
     level, chance = np.zeros(24), np.ones(24)
     level[list(brighter)], chance[list(colour)] = list(brighter.values()), list(colour.values())
     patches = dataclasses.replace(left_out(1.0, 0.99), brighter=level,
                                   brighter_error=np.full(24, 0.03), colour_chance=chance)
-    found = chart_at_fault(patches, CLASSIC.names)
-    assert found.startswith(says) and bool(found) == bool(says)
-    named = [*brighter, *colour] if says else []
-    # a stated light is named before the chart, where colours are off and not levels alone
-    under = chart_at_fault(patches, CLASSIC.names, "CIE FL2")
-    assert ("Either the light is another" in under) == bool(colour)
-    assert under == found or "under the stated light, CIE FL2: " in under
+    found = chart_findings.chart_at_fault(patches, CLASSIC.names)
+    assert code == (None if found is None else found.code)
+    named = sorted([*brighter, *colour]) if code else []
+    if found is not None:
+        assert [row["patch"] for row in found.values["patches"]] == [
+            CLASSIC.names[patch] for patch in named]
+    # a stated light is named beside the chart, where colours are off and not levels alone
+    under = chart_findings.chart_at_fault(patches, CLASSIC.names, "CIE FL2")
+    assert (under is not None and under.code == "patches.unlike-reference-or-light") \
+        == bool(colour)
     kept_out = dataclasses.replace(patches, excluded=np.isin(np.arange(24), named))
-    assert chart_at_fault(kept_out, CLASSIC.names) == ""
-    assert chart_level_notes(kept_out, CLASSIC.names) == ()
+    assert chart_findings.chart_at_fault(kept_out, CLASSIC.names) is None
+    assert not chart_findings.off_level(kept_out, CLASSIC.names)

@@ -95,7 +95,7 @@ def test_the_departure_is_said_and_the_camera_has_curves_of_its_own():
                        spectrum_of_name("D65", GRID))
     result = calibrate_chart([shown], GRID, CalibrationOptions(prior=prior()))
     departure, = result.departures
-    assert departure.words in result.calibration.checks
+    assert departure.finding in result.calibration.findings
     assert departure.source == "CIE D65" and 0 < departure.size_error < 2 * departure.expected
     true = light("D50", GRID) / light("D65", GRID)
     ratio = departure.spectrum / light("D65", GRID)

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import spectrabox as sb
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
+from spectrabox.measure import texts
 from spectrabox.radiometry.chart import AFTER_2014
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_curves
 from spectrabox.session.cli import app
@@ -43,8 +44,10 @@ def test_a_right_statement_is_agreed_with_before_anything_else(fitted, light):
     camera, lines, facts = fitted(light)
     evidence, = camera.light_evidence
     assert evidence.against < 0 and not evidence.contradicts
-    assert lines[1] == f"- {evidence.words}"
-    assert "the chart agrees with the stated light" in evidence.words
+    assert evidence.finding.code == "light.agrees"
+    assert camera.findings[0] == evidence.finding
+    assert lines[1] == f"- {texts.says(evidence.finding)}" == f"- {camera.checks[0]}"
+    assert facts["findings"] == [texts.facts(one) for one in camera.findings]
     assert camera.verdict == facts["verdict"] == "pass"
     assert lines[-1] == f"verdict: PASS. {camera.says}" and facts["says"] == camera.says
     likeliest = max(facts["light_evidence"][0]["kinds"].items(), key=lambda kind: kind[1])[0]
@@ -55,10 +58,11 @@ def test_a_right_statement_is_agreed_with_before_anything_else(fitted, light):
 def test_a_wrong_statement_is_contradicted_first_and_in_the_verdict(fitted, light):
     camera, lines, facts = fitted(light)
     evidence, = camera.light_evidence
-    assert evidence.contradicts and lines[1].startswith("- the chart contradicts the stated light")
+    assert evidence.contradicts and camera.findings[0] == evidence.finding
+    assert evidence.finding.code == "light.contradicted"
     assert camera.verdict == facts["verdict"] == "warn"
     assert lines[-1].startswith("verdict: WARN. ")
-    assert "the chart contradicts the stated light: correct it" in lines[-1]
+    assert texts.says(evidence.finding) in lines[-1] and facts["doubts"]
     said, = facts["light_evidence"]
     assert said["contradicts"] and said["against"] > said["limit"]
     assert said["kinds"]["halogen"] == pytest.approx(
@@ -69,8 +73,8 @@ def test_the_kind_of_an_unknown_light_is_a_finding_and_a_stated_kind_is_none(fit
     unknown = fitted("unknown")[0]
     stated = fitted("halogen")[0]
     assert not unknown.light_evidence
-    assert unknown.checks[0].startswith("the chart's light is ")
-    assert not any(check.startswith("the chart's light is ") for check in stated.checks)
+    assert unknown.findings[0].code == "light.kind"
+    assert "light.kind" not in {one.code for one in stated.findings}
     # by the same photo and the same lamps
     np.testing.assert_allclose(stated.light_evidence[0].probabilities,
                                unknown.calibration.light_posterior.probabilities, atol=1e-9)
@@ -81,11 +85,11 @@ def test_the_verdict_says_what_was_fitted_and_how_surely(fitted):
     lower, upper = camera.band()
     assert camera.says.startswith("Curves of R, G, B, from one photo under CIE A, known within "
                                   f"{50 * (upper - lower).mean():.0f} % of the highest peak")
-    assert camera.says.endswith("for photos under any light.")
+    assert camera.says.endswith("For photos under any light.")
     products = fitted("unknown")[0]
     assert products.says.startswith("Products of R, G, B with the light, from one photo under an "
                                     "unknown light")
-    assert products.says.endswith("for photos under this light, and for no other.")
+    assert products.says.endswith("For photos under this light, and for no other.")
     assert repr(camera) == f"<CameraEstimate pass: {camera.says}>"
 
 
@@ -109,8 +113,8 @@ def test_a_real_chart_gets_a_verdict_and_its_stated_light_is_answered_first(name
                            light=light)
     assert camera.verdict == verdict
     if light == "unknown":
-        assert camera.checks[0].startswith("the chart's light is ")
+        assert camera.findings[0].code == "light.kind"
     else:
         evidence, = camera.light_evidence
-        assert camera.checks[0] == evidence.words and "stated light" in evidence.words
+        assert camera.findings[0] == evidence.finding
         assert evidence.contradicts == (light == "D65")

@@ -1,6 +1,5 @@
 """A flat session of photos under five LED lamps, thirteen bands, from photos to advice."""
 import json
-import re
 from fractions import Fraction
 
 import numpy as np
@@ -70,13 +69,13 @@ def finished(tmp_path_factory):
 def test_what_is_clipped_drops_out_band_by_band_and_is_named(finished):
     _, records = finished
     assert len(records.photo.bands) == 13
-    checks = " ".join(records.calibrate.calibrations[""].checks)
-    assert "patch white 9.5 is saturated in 550 G, 610 R and was left out there" in checks
+    found = {one.code: one.values for one in records.calibrate.calibrations[""].findings}
+    clipped = found["calibration.patch-clipped"]
+    assert (clipped["patch"], clipped["bands"]) == ("white 9.5", ["550 G", "610 R"])
     assert not any("glare" in note for note in records.notes)
     # chart and model agree within 1 %
-    fitted, left_out = re.match(r"chart colour difference ([\d.]+) CIEDE2000, ([\d.]+)",
-                                checks).groups()
-    assert float(fitted) < float(left_out) < 1
+    colours = found["calibration.chart-colours"]
+    assert colours["mean"] < colours["left_out"] < 1
 
 
 def test_pixels_have_spectra_from_the_bands_that_are_not_lost(finished):

@@ -55,8 +55,10 @@ def test_a_saturated_band_is_left_out_and_what_that_costs_is_said(tmp_path):
     assert result.chart_check.saturated == ()       # red and blue of white are not
     assert any("1 of 24 patches are saturated (white 9.5)" in reason
                for reason in result.reasons)
-    assert any("patch white 9.5 is saturated in G and was left out there: its signal is predicted"
-               in check for check in result.calibration.checks)
+    lost, = [one.values for one in result.calibration.findings
+             if one.code == "calibration.patch-clipped"]
+    assert (lost["patch"], lost["bands"]) == ("white 9.5", ["G"])
+    assert lost["error"] > lost["error_if_used"]
     assert covered(result) > 0.8        # as above, of three paints
     with pytest.raises(ClippedPhotoError, match=r"white 9.5, neutral 8\); halve the exposure"):
         flat(tmp_path, light, brightest=1.5)

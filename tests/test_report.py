@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from report_example import SURFACES, WORST_RATIO, example_session, with_found
 
-from spectrabox.measure.verdict.calibration_criteria import DOUBTS
+from spectrabox.measure import texts
 from spectrabox.measure.verdict.conditions import Statements, condition_words
 from spectrabox.measure.verdict.criterion import Status
 from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.scenes import SurfaceMisfit
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.prior.family_coverage import (
@@ -185,15 +185,18 @@ def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation,
     assert verdict.status is status and "white / panel does not fit: gloss" in verdict.sentence
 
 
-@pytest.mark.parametrize("doubt", CalibrationDoubt)
+@pytest.mark.parametrize("doubt", [
+    Finding("light.two-kinds", Severity.WARN,
+            values={"photo_number": None, "drift": 0.2, "chance": 1e-6}),
+    Finding("calibration.unlike-cameras", Severity.WARN, values={"probability": 0.99})])
 def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path, doubt):
     results = example_session(tmp_path)
     results = with_ratio(results, np.ones_like(results.found.reconstruction.agreement.ratio))
-    doubted = dataclasses.replace(results.found.calibration, doubts=(doubt,))
+    doubted = dataclasses.replace(results.found.calibration, findings=(doubt,))
     verdict = with_found(results, calibration=doubted).found.verdict
-    assert verdict.status is Status.WARN and verdict.sentence == f"Calibration: {doubt.value}."
+    assert verdict.status is Status.WARN and verdict.sentence == texts.says(doubt)
     names = [each.name for each in verdict.criteria if each.status is Status.WARN]
-    assert names == [DOUBTS[doubt]]
+    assert names == [texts.name(doubt)]
 
 
 def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_shown(tmp_path):

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.measure.surfaces.surface_spectra import score
-from spectrabox.measure.verdict.calibration_criteria import root_mean_square
 from spectrabox.measure.verdict.criterion import Status
 from spectrabox.measure.verdict.scene_criteria import _rehearsal, median_surface_error, worst_entry
 from spectrabox.radiometry.errors import InputError

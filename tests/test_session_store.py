@@ -11,6 +11,7 @@ from spectrabox.radiometry.files import (
     whole_file,
     write_text_whole,
 )
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
 from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
@@ -31,7 +32,8 @@ def calibration():
     fit = SensitivityFit(GRID, curves, None, None, None, None, None, None, 12.5, "m",
                          Outcome.ILL_POSED)
     light = Spectrum(GRID, np.ones(GRID.nm.size), Quantity.RADIANCE, "lamp")
-    return Calibration(fit, light, LightScale(2.0, None, None, "chart"), np.eye(3), ("a", "b"))
+    return Calibration(fit, light, LightScale(2.0, None, None, "chart"), np.eye(3), (
+        Finding("calibration.glare", Severity.NOTE, "near", {"photo_number": 2, "glare": 0.1}),))
 
 
 def same(a, b):

@@ -9,8 +9,9 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
+from spectrabox.measure import texts
 from spectrabox.measure.signals.signal_estimate import NEARLY_BLACK_SRGB, curve_caveats
-from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.radiometry.findings import Finding, Severity, faults
 from spectrabox.radiometry.spectra.filters import read_filters
 from spectrabox.sampling.prior.signal_posterior import EDGE, INSIDE
 from spectrabox.session.cli import app
@@ -87,17 +88,18 @@ def test_standard_errors_of_curves_that_are_not_used_are_named(tmp_path):
 
 def test_doubts_of_a_fit_are_carried():
     assert curve_caveats(None, 0.0) == ()
+    doubt = Finding("calibration.unlike-cameras", Severity.WARN, values={"probability": 1.0})
     for error in (None, 0.01):
-        said = curve_caveats(error, 0.0, (CalibrationDoubt.WRONG_LIGHT,))
-        assert CalibrationDoubt.WRONG_LIGHT.value in said[-1]
-    assert len(curve_caveats(0.01, 0.02, (CalibrationDoubt.WRONG_LIGHT,))) == 1
+        assert texts.says(doubt) in curve_caveats(error, 0.0, (doubt,))[-1]
+    assert len(curve_caveats(0.01, 0.02, (doubt,))) == 1
 
 
 def test_a_fitted_camera_brings_its_doubts_and_says_that_its_errors_are_not_used(tmp_path):
     write_flat_demo(tmp_path / "painting")
     camera = sb.fit_camera(tmp_path / "painting/photos/painting.dng", light="D50")     # it is not
-    doubts = [doubt.value for doubt in camera.calibration.doubts]
-    assert CalibrationDoubt.WRONG_LIGHT.value in doubts
+    found = faults(camera.calibration.findings)
+    assert "light.contradicted" in {one.code for one in found}
+    doubts = [texts.says(one) for one in found]
     for given in (camera, camera.calibration):
         said = sb.sample([0.3, 0.2, 0.1], camera=given, light="D65", noise=0.003).caveats
         assert any("not used here" in sentence for sentence in said)

@@ -9,6 +9,7 @@ from spectrabox.calibrate.chart_equations import GLARE_SD, HAZE_SD, ChartEquatio
 from spectrabox.calibrate.joint.joint_estimate import Light, estimate_jointly
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.sensitivity import PriorFit
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.calibration import LightPosterior
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 
@@ -47,12 +48,14 @@ def _veils(fit: PriorFit, photos: list[ChartEquations]) -> list[float]:
             for photo, state in zip(photos, fit.photos, strict=True)]
 
 
-def veil_is_doubtful(fit: PriorFit) -> bool:
-    """Whether glare beyond chance veils any photo of a fit.
+def veiled(fit: PriorFit) -> list[Finding]:
+    """Whether glare beyond chance veils any photo of a fit; nothing where none is.
 
     Parameters
     ----------
     fit : PriorFit
     """
-    return any(np.any(state.certain_glare > DOUBTED_VEIL * state.predicted.max(axis=0))
+    veil = max(float(np.max(state.certain_glare / state.predicted.max(axis=0)))
                for state in fit.photos)
+    return [Finding("calibration.veil", Severity.WARN, values={
+        "veil": veil, "limit": DOUBTED_VEIL})] if veil > DOUBTED_VEIL else []

@@ -6,7 +6,6 @@ fitted with smoothness alone, as under a known light; a lamp's narrow lines are 
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +37,7 @@ from spectrabox.calibrate.products.product_posterior import (
 from spectrabox.calibrate.products.product_prior import ProductPrior, product_prior
 from spectrabox.calibrate.sensitivity import PriorFit, require_fit_for, sensitivity_fit
 from spectrabox.radiometry.covariance import symmetric
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import LightPosterior
 from spectrabox.radiometry.records.spectra import PRODUCTS, WavelengthGrid
@@ -210,7 +210,6 @@ NORMAL_QUANTILE = 1.6449
 # left out in turn, under cameras of makers that are left out
 # (benchmarks/bench_light_kinds.py --probabilities --published)
 EVIDENCE_POWER = 0.65
-SURE, OPEN = 0.9, 0.25      # probability of a kind: from there one kind is named, or two
 NARROWED = 0.75             # width of the band over the prior's: above, the photo says little
 
 
@@ -245,7 +244,7 @@ def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightP
     scale = 1 / fine.mean()
     lower, upper = np.maximum(mean - half, 0) @ basis.T, (mean + half) @ basis.T
     return LightPosterior(grid, LIGHT_KINDS, shares, fine * scale, lower * scale, upper * scale,
-                          LEVEL, _sentences(shares, half, before, mean))
+                          LEVEL, _findings(shares, half, before, mean))
 
 
 def kind_probabilities(posterior: ProductPosterior) -> np.ndarray:
@@ -286,32 +285,14 @@ def _tempered(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     return np.asarray(shares / shares.sum())
 
 
-def kind_words(kinds: Sequence[str], probabilities: np.ndarray) -> str:
-    """The likeliest kinds of light with their probabilities.
-
-    Parameters
-    ----------
-    kinds : sequence of Q str
-    probabilities : (Q,) array
-    """
-    order = np.argsort(-probabilities)
-    first, second = (f"{kinds[index]} ({probabilities[index]:.0%})" for index in order[:2])
-    if probabilities[order[0]] >= SURE:
-        return first
-    either = probabilities[order[1]] >= OPEN
-    return f"either {first} or {second}" if either else f"likely {first}, else {second}"
-
-
-def _sentences(shares: np.ndarray, half: np.ndarray, before: np.ndarray,
-               mean: np.ndarray) -> tuple[str, ...]:
+def _findings(shares: np.ndarray, half: np.ndarray, before: np.ndarray,
+              mean: np.ndarray) -> tuple[Finding, ...]:
     # where lamps of one kind were stated, their kind is no finding
-    sentences = [f"the chart's light is {kind_words(LIGHT_KINDS, shares)}"] \
+    findings = [Finding("light.kind", Severity.INFO, values={
+        "kinds": dict(zip(LIGHT_KINDS, shares.tolist(), strict=True))})] \
         if np.count_nonzero(shares) > 1 else []
-    width = float(np.mean(half) / np.mean(mean))
-    sentences.append(f"its spectrum by itself is known within {width:.0%} of its mean "
-                     f"({LEVEL:.0%} band); your spectra do not need the lamp alone, so they are "
-                     "far better")
+    findings.append(Finding("light.width", Severity.INFO, values={
+        "width": float(np.mean(half) / np.mean(mean)), "level": LEVEL}))
     if np.mean(half) > NARROWED * np.mean(before):
-        sentences.append("the chart says little of the light by itself: relighting from under it, "
-                         "or another camera under it, needs its measured spectrum")
-    return tuple(sentences)
+        findings.append(Finding("light.open", Severity.NOTE))
+    return tuple(findings)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import field_terms
+from spectrabox.calibrate.chart_findings import chart_limits
 from spectrabox.measure.camera import measure_chart
-from spectrabox.measure.verdict.calibration_criteria import chart_limits
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError

@@ -9,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import rules, texts
 from spectrabox.measure.advice.advice import Advised
 from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.extras import FailedExtra, attempt, different
 from spectrabox.measure.records import CaptureRecords, PictureRecords
-from spectrabox.measure.results.chart_words import copy_facts, held_out_facts, light_facts
+from spectrabox.measure.results.calibration_facts import (
+    copy_facts,
+    held_out_facts,
+    light_facts,
+)
 from spectrabox.measure.results.facts import columns
 from spectrabox.measure.results.surface_result import (
     SURFACE_FACTS,
@@ -23,7 +28,6 @@ from spectrabox.measure.results.surface_result import (
     surface_result,
 )
 from spectrabox.measure.tables import text_table
-from spectrabox.measure.verdict.calibration_criteria import doubt_sentences
 from spectrabox.measure.verdict.conditions import (
     Condition,
     Statements,
@@ -33,7 +37,7 @@ from spectrabox.measure.verdict.conditions import (
 from spectrabox.measure.verdict.criterion import Criterion, Verdict
 from spectrabox.measure.verdict.overall import overall_verdict
 from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.findings import Finding, Severity, faults
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -89,6 +93,8 @@ class CaptureResult(ABC):
     processed: bool = False           # a photo by the camera, and decoded as sRGB
     by_flat_field: bool = False       # the photos were divided by one of a white card
     notes: tuple[str, ...] = ()       # of the steps
+    # of charts and lights, beside those of each calibration
+    calibration_findings: tuple[Finding, ...] = ()
     picture: PictureRecords | None = None       # the spectra of every pixel, where asked for
     picture_folder: str = ""          # where the picture's files lie, as its reader knows it
     # forecasts what to do next, which takes as long as a fit: called when it is asked for
@@ -124,10 +130,7 @@ class CaptureResult(ABC):
     @property
     def warnings(self) -> list[str]:
         """What to beware of, in sentences."""
-        fits = {"": self.calibration, **self.other_calibrations}
-        doubts = [sentence for view, calibration in fits.items()
-                  for sentence in doubt_sentences(calibration, view)]
-        return [*self.notes, *doubts, *self.own_warnings, *(
+        return [*self.notes, *map(texts.says, faults(rules.of_fits(self))), *self.own_warnings, *(
             f"{surface.name}: {surface.samples.sentence}" for surface in self.surfaces
             if surface.doubtful and surface.samples is not None)]
 
@@ -217,6 +220,8 @@ class CaptureResult(ABC):
         if known is not None:
             lines.append(known_camera_words(known))
         lines += [f"warning: {sentence}" for sentence in self.warnings]
+        lines += [f"note: {texts.says(one)}" for one in self.calibration_findings
+                  if one.severity is Severity.NOTE]
         lines += [f"note: {one.sentence}" for one in self.failed_extras]
         return "\n".join(filter(None, [*lines, self.verdict.line, self.advice.line]))
 
@@ -252,6 +257,7 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "photo": records.photo.photos[""], "stated": statements_of(capture),
             "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),
             "by_flat_field": bool(capture.development.flat_fields), "notes": tuple(records.notes),
+            "calibration_findings": records.calibrate.findings,
             "picture": records.picture,
             "advise": partial(advice_on_capture, capture, records)}
 

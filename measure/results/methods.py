@@ -3,7 +3,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from spectrabox.measure.verdict.calibration_criteria import chart_residuals, root_mean_square
+from spectrabox.calibrate.chart_findings import root_mean_square
+from spectrabox.measure.rules import chart_residuals
 from spectrabox.measure.verdict.scene_criteria import median_surface_error, worst_entry
 from spectrabox.measure.words import deviation_words, exposure, listed, number, percent
 from spectrabox.radiometry.records.calibration import LightScale

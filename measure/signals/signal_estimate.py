@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from spectrabox.radiometry.records.calibration import CalibrationDoubt
+from spectrabox.measure import texts
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.evaluation.scores_by_method import (
     ScoredSpectrum,
@@ -51,7 +52,7 @@ def origin_of_colours(kind: str, values: np.ndarray) -> str | None:
 
 
 def curve_caveats(error: float | None, allowed_for: float,
-                  doubts: Sequence[CalibrationDoubt] = ()) -> tuple[str, ...]:
+                  doubts: Sequence[Finding] = ()) -> tuple[str, ...]:
     """What an answer has to say of a camera that was fitted.
 
     Parameters
@@ -60,10 +61,10 @@ def curve_caveats(error: float | None, allowed_for: float,
         Standard error of its curves, of their highest peak; None where it is not known.
     allowed_for : float
         Relative error of each curve that is stated to the answer.
-    doubts : sequence of CalibrationDoubt
+    doubts : sequence of Finding
         Of its fit.
     """
-    said = tuple(f"the camera's fit is doubtful: {doubt.value}" for doubt in doubts)
+    said = tuple(f"the camera's fit is doubtful: {texts.says(doubt)}" for doubt in doubts)
     if error and not allowed_for:
         said = (f"the camera's curves have standard errors ({100 * error:.2g} % of the highest "
                 "peak, root mean square), which are not used here: the band is narrower than they "

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
@@ -34,11 +35,11 @@ from spectrabox.measure.records import (
     ChartFit,
     MeasuredChart,
 )
-from spectrabox.measure.results.chart_words import chart_copy_notes, chart_level_notes
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -59,7 +60,7 @@ class _Fits:
     whites: dict[str, ChartWhite]               # by view, of fits with the prior
     first: ChartCalibration | None              # of the first chart photo; None: no photo has one
     held_out: dict[str, HeldOutPatches]         # by the first view of each fit
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def calibrate_flat(capture: FlatCapture, records: CaptureRecords,
@@ -85,13 +86,13 @@ def calibrate_flat(capture: FlatCapture, records: CaptureRecords,
     require_curves_of_bands(capture)
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, None)
-    groups, notes = _groups_by_light(capture, charts)
+    groups, of_lights = _groups_by_light(capture, charts)
     fits = _fitted(capture, groups, photos, _options_of_flat(capture))
     fit = fits.first
     assert fit is not None and fit.prior_fit is not None    # flat samples need chart and prior
     field = np.full(len(fit.predicted), np.nan)             # not known of excluded patches
     field[photos[""].used] = fit.prior_fit.photos[0].field
-    return _records(fits, charts, field, notes)
+    return _records(dataclasses.replace(fits, findings=(*of_lights, *fits.findings)), charts, field)
 
 
 def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
@@ -121,9 +122,10 @@ def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
         chosen.method or "prior", chosen.prior, curves=chosen.curves))
     on_chart = photos[""].irradiance_or_pi if "" in photos else np.zeros(0)
     if irradiance is None:
-        return _records(fits, charts, on_chart, ())
+        return _records(fits, charts, on_chart)
     fits = dataclasses.replace(fits, calibrations=_with_lamp_error(capture, fits.calibrations))
-    return _records(fits, charts, on_chart, _uneven_light_notes(capture, charts, irradiance))
+    made = _records(fits, charts, on_chart)
+    return dataclasses.replace(made, notes=_uneven_light_notes(capture, charts, irradiance))
 
 
 def _chart_photos(capture: Capture, records: CaptureRecords,
@@ -165,7 +167,7 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
     calibrations: dict[str, Calibration] = {}
     whites: dict[str, ChartWhite] = {}
     held_out: dict[str, HeldOutPatches] = {}
-    notes: tuple[str, ...] = ()
+    findings: list[Finding] = []
     of_first = None
     for first, *others in groups:
         fitted = [view.name for view in (first, *others) if view.chart and (several
@@ -175,11 +177,11 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
             fit = calibrate_chart([photos[name] for name in fitted], FINE_GRID, options)
             camera, prior_fit = fit.calibration, fit.prior_fit
             held_out[first.name] = held_out_patches(fit, fit.reflectances)
-            notes += tuple(f"{first.chart_names[0]}: {note}" for note in chart_level_notes(
-                held_out[first.name], capture.layout.names))
+            of_chart = chart_findings.off_level(held_out[first.name], capture.layout.names)
             if fit.copy is not None:
-                notes += tuple(f"{first.chart_names[0]}: {note}" for note in chart_copy_notes(
-                    fit.copy, capture.layout.names, "" if camera.products else camera.light.source))
+                of_chart += chart_findings.departures(
+                    fit.copy, capture.layout.names, "" if camera.products else camera.light.source)
+            findings += [dataclasses.replace(one, subject=first.name) for one in of_chart]
             if not first.name:
                 of_first = fit
         else:
@@ -197,7 +199,7 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
             if prior_fit is not None and view.chart:
                 own = through_filter(own, prior_fit, fitted.index(view.name), FINE_GRID)
             calibrations[view.name] = own
-    return _Fits(calibrations, whites, of_first, held_out, notes)
+    return _Fits(calibrations, whites, of_first, held_out, tuple(findings))
 
 
 def _camera_of_curves(capture: Capture, view: View) -> Calibration:
@@ -215,8 +217,8 @@ def _of_view(camera: Calibration, view: View, scale: LightScale | None) -> Calib
         light, UnknownLight) else light)
 
 
-def _records(fits: _Fits, charts: Mapping[str, MeasuredChart], irradiance: np.ndarray,
-             notes: tuple[str, ...]) -> CalibrationRecords:
+def _records(fits: _Fits, charts: Mapping[str, MeasuredChart],
+             irradiance: np.ndarray) -> CalibrationRecords:
     """What is kept of the fits.
 
     Parameters
@@ -226,8 +228,6 @@ def _records(fits: _Fits, charts: Mapping[str, MeasuredChart], irradiance: np.nd
         By view.
     irradiance : (I,) array
         On the patches of the first chart, relative; pi where it is not known.
-    notes : tuple of str
-        Beside those of the fits.
     """
     chart = None
     fit = fits.first
@@ -237,7 +237,7 @@ def _records(fits: _Fits, charts: Mapping[str, MeasuredChart], irradiance: np.nd
                          certain_glare(fit.prior_fit, charts[""].thumbnail), patch_error,
                          fit.prior_influence, fits.held_out[""], fit.copy)
     others = {name: patches for name, patches in fits.held_out.items() if name}
-    return CalibrationRecords(fits.calibrations, fits.whites, chart, others, notes + fits.notes)
+    return CalibrationRecords(fits.calibrations, fits.whites, chart, others, fits.findings)
 
 
 def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:
@@ -278,9 +278,9 @@ def _fits_of_flat(capture: FlatCapture) -> list[list[View]]:
 
 
 def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
-                     ) -> tuple[list[list[View]], tuple[str, ...]]:
+                     ) -> tuple[list[list[View]], tuple[Finding, ...]]:
     """Views of flat samples under each light: as stated, where no chart contradicts it, and lights
-    that nobody measured as one where their charts show one; with a sentence for each of those.
+    that nobody measured as one where their charts show one; with a finding for each of those.
 
     Raises
     ------
@@ -292,7 +292,7 @@ def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
                                 capture.layout.centres_uv)
 
     groups: list[list[View]] = []
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     for views in _fits_of_flat(capture):
         first = views[0]
         for view in views[1:]:
@@ -311,11 +311,10 @@ def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
         if before is None:
             groups.append(views)
         else:
-            notes += (f"{before[0].title!r} and {first.title!r} show the same light: their bands "
-                      "are averaged against noise and add nothing new; take one under another kind "
-                      "of lamp, or through a filter",)
+            findings += (Finding("light.same-in-photos", Severity.NOTE,
+                                 values={"names": [before[0].title, first.title]}),)
             before += views
-    return groups, notes
+    return groups, findings
 
 
 def _options_of_flat(capture: FlatCapture) -> CalibrationOptions:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spectrabox.calibrate.chart_findings import edition_told, evidence_since
 from spectrabox.measure.captured import Capture
-from spectrabox.measure.results.chart_words import edition_told, evidence_since
 from spectrabox.measure.results.facts import Fact, columns, known_facts
 from spectrabox.measure.tables import text_table
 from spectrabox.measure.words import listed, percent
@@ -320,7 +320,7 @@ def _how_told(copy: ChartCopy) -> str:
         return ""
     if told is None:
         return " (as most are: the photo tells too little)"
-    return f" (told by {abs(nats):.1f} nats)" if told in copy.edition else \
+    return f" (told by {abs(nats):.1f} nats)" if told == copy.made else \
         f" (as most are, though the photo says {told}, by {abs(nats):.1f} nats)"
 
 

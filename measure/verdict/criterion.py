@@ -6,8 +6,10 @@ from enum import Enum
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.measure.results.surface_result import VALID_OUTCOMES
 from spectrabox.measure.words import percent
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import Outcome
 
 # of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
@@ -109,6 +111,15 @@ class Verdict:
         return doubts
 
 
+def criterion_of(finding: Finding) -> Criterion:
+    """The criterion of what a rule found: a PASS where it was held against a limit."""
+    limit = texts.limit(finding)
+    status = {Severity.WARN: Status.WARN, Severity.FAIL: Status.FAIL}.get(
+        finding.severity, Status.PASS if limit else Status.INFO)
+    return Criterion(texts.name(finding), finding.values.get("value"), texts.shown(finding),
+                     limit, status, texts.says(finding))
+
+
 def outcome_criterion(name: str, outcome: Outcome) -> Criterion:
     return Criterion(name, None, outcome.name.replace("_", " ").lower(), "converged",
                      GRADES.get(outcome, Status.WARN), f"{name}: {outcome.value}")
@@ -125,3 +136,8 @@ def graded(name: str, value: float, limits: tuple[float, float], sentence: str,
 def limit_words(limits: tuple[float, float]) -> str:
     passes = f"pass up to {percent(limits[0], 0)}"
     return passes if np.isinf(limits[1]) else f"{passes}, fail beyond {percent(limits[1], 0)}"
+
+
+def where_of(view: str) -> str:
+    """Which photo a sentence is about, after a name; nothing of the first."""
+    return view and f" in the photo “{view}”"

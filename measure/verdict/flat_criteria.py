@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.calibrate import chart_findings
+from spectrabox.measure import texts
 from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.white import LEVEL_DOUBTED
-from spectrabox.measure.results.chart_words import chart_at_fault
 from spectrabox.measure.verdict.conditions import (
     LIGHT_CAUSES,
     darker_by,
@@ -59,12 +60,13 @@ def _light(found: FlatResult) -> list[Criterion]:
     sentence = (f"The light on “{worst}” is known to {percent(effect.error)}, which makes "
                 f"{share}L* ± {effect.lightness:.1f}")
     light = "" if found.calibration.products else found.calibration.light.source
-    at_fault = chart_at_fault(found.chart.left_out, found.chart.layout.names, light) \
-        if found.chart is not None and found.chart.left_out is not None else ""
+    at_fault = chart_findings.chart_at_fault(
+        found.chart.left_out, found.chart.layout.names, light) \
+        if found.chart is not None and found.chart.left_out is not None else None
     if effect.status is Status.PASS:
         sentence += "."
-    elif at_fault:
-        sentence += f", since the chart tells it badly. {at_fault}"
+    elif at_fault is not None:
+        sentence += f", since the chart tells it badly. {texts.says(at_fault)}"
     else:
         sentence += (": it lies far from the chart, or the light is uneven; put the chart or a "
                      "white card next to it, or photograph a white card in the samples' place as "

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.calibrate import chart_findings
 from spectrabox.measure.captured import FIRST_PHOTO
-from spectrabox.measure.verdict.calibration_criteria import root_mean_square, where_of
 from spectrabox.measure.verdict.criterion import (
     CLIPPED_LIMITS,
     Criterion,
@@ -15,6 +15,7 @@ from spectrabox.measure.verdict.criterion import (
     graded,
     limit_words,
     outcome_criterion,
+    where_of,
 )
 from spectrabox.measure.words import deviation_words, listed, percent
 from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
@@ -172,7 +173,7 @@ def scene_warnings(found: SceneResult) -> list[str]:
         warnings += [misfit.sentence for _, misfit in misfits]
     else:
         warnings += [f"In the photo “{name}” {misfit.sentence}" for name, misfit in misfits]
-    rms = root_mean_square(found.calibration.sensitivity.residuals)
+    rms = chart_findings.root_mean_square(found.calibration.sensitivity.residuals)
     if rms is not None and rms > CHART_WARNING:
         warnings.append(f"The chart's patches disagree with the fitted camera by {rms:.1%} rms: "
                         "look for glare, uneven light or another chart.")

@@ -16,8 +16,10 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.chart import (
+    BEFORE_2014,
     COPIES_BEFORE_2014,
     COPIES_SINCE_2014,
+    SINCE_2014,
     Chart,
     chart_reflectances,
 )
@@ -57,6 +59,8 @@ class ChartCopies(Record):
     common: Annotated[np.ndarray, "I P S"]
     least_level: Annotated[np.ndarray, "I"]         # of the first own term, its level, in a fit
     share: float = 1.0                              # of charts in use that are of this edition
+    # when charts of it were made, SINCE_2014 or BEFORE_2014; empty where no other edition is known
+    made: str = ""
 
     def drawn(self, rng: np.random.Generator) -> np.ndarray:
         """Reflectances (I, P) of one copy.
@@ -72,7 +76,7 @@ class ChartCopies(Record):
 
 
 def copies_of(name: str, mean: np.ndarray, neutrals: tuple[int, ...], grid: WavelengthGrid,
-              share: float = 1.0, larger: float = 1.0) -> ChartCopies:
+              share: float = 1.0, larger: float = 1.0, made: str = "") -> ChartCopies:
     """Copies of a chart about their mean, with the errors of a ColorChecker Classic.
 
     Parameters
@@ -87,6 +91,8 @@ def copies_of(name: str, mean: np.ndarray, neutrals: tuple[int, ...], grid: Wave
         Of charts in use.
     larger : float
         Factor in all errors; ``ANOTHER`` for a chart of which one copy alone is known.
+    made : str
+        As of ``ChartCopies``.
     """
     level = np.full(len(mean), LEVEL)
     level[list(neutrals)] = GREY_LEVEL
@@ -102,7 +108,7 @@ def copies_of(name: str, mean: np.ndarray, neutrals: tuple[int, ...], grid: Wave
     common = np.stack([yellow, np.full(mean.shape, CHART_LEVEL)], axis=2)
     least = np.full(len(mean), LEAST_LEVEL)
     least[list(neutrals[:1])] = 1.0
-    return ChartCopies(name, mean, larger * own, larger * common, least, share)
+    return ChartCopies(name, mean, larger * own, larger * common, least, share, made)
 
 
 def _principal(grid: WavelengthGrid, width_nm: float) -> np.ndarray:
@@ -141,7 +147,7 @@ def editions(chart: Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
 def _classic_editions() -> tuple[ChartCopies, ChartCopies]:
     neutrals = tuple(range(18, 24))
     since, before = (
-        copies_of(name, chart_reflectances(name, FINE_GRID), neutrals, FINE_GRID, share)
-        for name, share in ((COPIES_SINCE_2014, 1 - SHARE_BEFORE_2014),
-                            (COPIES_BEFORE_2014, SHARE_BEFORE_2014)))
+        copies_of(name, chart_reflectances(name, FINE_GRID), neutrals, FINE_GRID, share, made=made)
+        for name, share, made in ((COPIES_SINCE_2014, 1 - SHARE_BEFORE_2014, SINCE_2014),
+                                  (COPIES_BEFORE_2014, SHARE_BEFORE_2014, BEFORE_2014)))
     return since, before

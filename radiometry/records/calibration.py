@@ -2,11 +2,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
@@ -68,21 +68,6 @@ class LightScale(Record):
     common_errors: tuple[CommonError, ...] = ()
 
 
-class CalibrationDoubt(Enum):
-    """What makes a calibration doubtful that was made all the same; the value says what to do."""
-
-    UNLIKE_CAMERAS = ("the curves are like those of no measured camera: check that the light "
-                      "spectrum is that of the photo")
-    WRONG_LIGHT = ("the chart contradicts the stated light: correct it, or state the light as "
-                   "\"unknown\"")
-    TWO_LIGHTS = ("two kinds of light fall on the chart: its colours drift over it beyond chance; "
-                  "use lamps of one kind, keep out daylight and other lamps, and photograph again")
-    COLOUR_MATRIX = ("the colour matrix in the photo's file contradicts the curves: check that the "
-                     "light spectrum is that of the photo")
-    VEIL = ("haze or glare veils the chart: it was estimated and taken off, but a veil is seldom "
-            "the same all over a photo: shade the lens, wipe it, and photograph again")
-    BANDS = ("the chart's patches disagree with any smooth response of the bands: leave out the "
-             "photos that disagree most, and check that lamps and filters did not move")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +81,7 @@ class LightPosterior(Record):
     lower: Annotated[np.ndarray, "P"]               # pointwise band at ``level``
     upper: Annotated[np.ndarray, "P"]
     level: float
-    sentences: tuple[str, ...]                      # how wide it is, whether it has two peaks
+    findings: tuple[Finding, ...]                   # which kind it is, how well it is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +118,8 @@ class ChartCopy(Record):
     is, and how its patches depart from the mean of that edition. Logarithms, with standard errors.
     """
 
-    edition: str
+    edition: str                                    # name of its reference
+    made: str                                       # as `ChartCopies.made` of that edition
     probability: float                              # of that edition
     evidence: dict[str, float]                      # of each edition, nats over the usual one
     level: Annotated[np.ndarray, "I"]               # of each patch, from 430 nm on
@@ -141,6 +127,8 @@ class ChartCopy(Record):
     tint: Annotated[np.ndarray, "I"]                # blue less red: negative where it is yellower
     tint_error: Annotated[np.ndarray, "I"]
     reflectances: Annotated[np.ndarray, "I P"]      # of this copy, most likely
+    level_spread: Annotated[np.ndarray, "I"]        # standard deviation among its copies
+    tint_spread: Annotated[np.ndarray, "I"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +181,7 @@ class Calibration(Record):
     light: Spectrum
     light_scale: LightScale | None                  # None: a known material of the scene tells it
     relative_covariance: Annotated[np.ndarray, "K K"]   # of (photo - predicted) / photo
-    checks: tuple[str, ...]
-    doubts: tuple[CalibrationDoubt, ...] = ()
+    findings: tuple[Finding, ...]                   # of light, chart and fit; from WARN on doubts
     # Where the light is unknown ``sensitivity`` holds the products of sensitivity and light,
     # ``light`` is 1 at every wavelength, and this says what is known of the light by itself, if the
     # bands are those of measured cameras.

@@ -9,6 +9,7 @@ import numpy as np
 
 from spectrabox.calibrate.colour_profile import stated_transform
 from spectrabox.capture.photo.image_writers import write_tiff16
+from spectrabox.measure import texts
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.opened_photos import develop
 from spectrabox.measure.profiles.archive_quantities import (
@@ -30,6 +31,7 @@ from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.radiometry.appearance import ciede2000
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.profile_files import SPACES, write_profile
 from spectrabox.radiometry.response import relative_response
@@ -38,7 +40,7 @@ from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
 
 PHOTO, PAGE = "photo.tif", "archive.html"
-CHART_CHECK = "chart colour difference"
+CHART_CHECK = "calibration.chart-colours"
 NOT_MEASURED = ("resolution and sharpening", "colour misregistration", "geometric distortion",
                 "reproduction scale", "gain modulation", "evenness on a card over the whole field")
 
@@ -100,7 +102,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
                        "by_own_matrix": _own_mean(patches)},
              "archive": [_quantity_facts(one) for one in quantities]}
     write_text_whole(folder / PAGE, _page(config, facts, profile, patches,
-                                          calibration.checks))
+                                          calibration.findings))
     return facts, _text(facts, profile)
 
 
@@ -136,12 +138,12 @@ def _text(facts: dict[str, Any], profile: ColourProfile) -> str:
 
 
 def _page(config: SessionConfig, facts: dict[str, Any], profile: ColourProfile,
-          patches: ChartColours, checks: Sequence[str]) -> str:
+          patches: ChartColours, findings: Sequence[Finding]) -> str:
     rows = [{"name": name, "lab": lab, "reference": reference, "difference": difference}
             for name, lab, reference, difference in zip(
                 patches.names, patches.lab.tolist(), patches.reference.tolist(),
                 patches.differences.tolist(), strict=True)]
-    of_the_chart = [check for check in checks if check.startswith(CHART_CHECK)]
+    of_the_chart = [texts.says(one) for one in findings if one.code == CHART_CHECK]
     return templates().get_template("archive.html.j2").render(
         name=config.session.name, style=style_sheet(), facts=facts, patches=rows,
         of_the_chart=of_the_chart, iso=ISO, fadgi=FADGI, source=SOURCE, draws=profile.draws,

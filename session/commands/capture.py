@@ -84,7 +84,7 @@ def chart(
     return Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
                    "edition": edition.facts,
                    "failed_extras": [one.facts for one in failed]},
-                  "\n".join([_text(photo, detection, verdict), f"edition {edition.says}",
+                  "\n".join([_text(photo, detection, verdict), f"edition: {edition.says}",
                              *(f"note: {one.sentence}" for one in failed)]),
                   0 if verdict.good else RE_SHOOT, failed)
 

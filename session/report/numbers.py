@@ -5,13 +5,19 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure import texts
+from spectrabox.measure.results.calibration_facts import (
+    checks,
+    doubts,
+    held_out_facts,
+    light_facts,
+)
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
-from spectrabox.measure.results.chart_words import held_out_facts, light_facts
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.verdict.calibration_criteria import chart_residuals, root_mean_square
+from spectrabox.measure.rules import chart_residuals
 from spectrabox.measure.verdict.criterion import Verdict
 from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
@@ -142,21 +148,22 @@ def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
 
 def _calibration(found: CaptureResult,
                  truth: tuple[np.ndarray, np.ndarray] | None) -> dict[str, Any]:
-    calibration = found.calibration
+    calibration, light = found.calibration, found.calibration.light_posterior
     residuals = chart_residuals(found)
     return {
         "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals",
                                "held_out_residuals", "condition_number", "method", "outcome"),
         "sensitivity_truth": None if truth is None else {"nm": truth[0], "curves": truth[1]},
         "light": _fields(calibration.light, "values", "standard_error", "quantity", "source"),
-        "light_posterior": _fields(calibration.light_posterior, "kinds", "probabilities", "mean",
-                                   "lower", "upper", "level", "sentences"),
-        "doubts": [doubt.value for doubt in calibration.doubts],
+        "light_posterior": None if light is None else {
+            **(_fields(light, "kinds", "probabilities", "mean", "lower", "upper", "level") or {}),
+            "sentences": checks(light.findings)},
+        "doubts": doubts(calibration),
         "relative_covariance": calibration.relative_covariance,
         "chart_residuals": residuals,
         "chart_rms": root_mean_square(residuals),
         "held_out_rms": root_mean_square(calibration.sensitivity.held_out_residuals),
-        "checks": calibration.checks,
+        "checks": checks(calibration.findings),
         **({} if found.light_scale is None else {"light_scale": _fields(
             found.light_scale, "value", "standard_error", "residuals", "source")}),
         }

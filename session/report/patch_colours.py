@@ -8,7 +8,7 @@ import numpy as np
 
 from spectrabox.calibrate.trust import chart_colour_differences, chart_colours
 from spectrabox.measure.results.capture_result import CaptureResult
-from spectrabox.measure.verdict.calibration_criteria import chart_residuals
+from spectrabox.measure.rules import chart_residuals
 from spectrabox.radiometry.appearance import encode_srgb, encoded_srgb
 from spectrabox.session.report.maps import display_bands
 

@@ -6,18 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
-from spectrabox.measure.results.chart_words import (
+from spectrabox.calibrate.chart_findings import (
     DifferenceSummary,
-    difference_summary,
-    held_out_sentence,
-    patch_differences,
-)
-from spectrabox.measure.verdict.calibration_criteria import (
     chart_limits,
-    chart_residuals,
+    difference_summary,
+    held_out,
+    patch_differences,
     root_mean_square,
 )
+from spectrabox.measure import texts
+from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
+from spectrabox.measure.rules import chart_residuals
 from spectrabox.measure.words import OFF
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.calibration import HeldOutPatches
@@ -110,8 +109,9 @@ class ChartSection:
     @property
     def left_out_sentence(self) -> str:
         """One sentence on all patches."""
-        said = "" if self.chart.left_out is None else held_out_sentence(self.chart.left_out)
-        return said[:1].upper() + said[1:]
+        if self.chart.left_out is None:
+            return ""
+        return texts.sentence(held_out(self.chart.left_out, self.chart.layout.names)[0])
 
     @property
     def difference(self) -> DifferenceSummary | None:

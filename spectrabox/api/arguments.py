@@ -17,13 +17,10 @@ from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
 from spectrabox.radiometry.checked_tables import checked
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, faults
 from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    CalibrationDoubt,
-    Filter,
-)
+from spectrabox.radiometry.records.calibration import Calibration, Filter
 from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.curve_errors import relative_curve_error, stated_curve_error
@@ -177,8 +174,9 @@ def band_names(camera: CameraLike, count: int) -> tuple[str, ...]:
     return tuple(getattr(camera, "bands", ("",) * count))
 
 
-def curve_error(camera: CameraLike) -> tuple[float | None, tuple[CalibrationDoubt, ...]]:
-    """Standard error of a fitted camera's curves, of their highest peak, and the doubts of its fit.
+def curve_error(camera: CameraLike) -> tuple[float | None, tuple[Finding, ...]]:
+    """Standard error of a fitted camera's curves, of their highest peak, and what speaks against
+    its fit.
 
     Parameters
     ----------
@@ -188,7 +186,7 @@ def curve_error(camera: CameraLike) -> tuple[float | None, tuple[CalibrationDoub
     -------
     error : float or None
         None where the curves have none.
-    doubts : tuple of CalibrationDoubt
+    doubts : tuple of Finding
     """
     if isinstance(camera, KnownCamera):
         camera = camera.name
@@ -199,7 +197,7 @@ def curve_error(camera: CameraLike) -> tuple[float | None, tuple[CalibrationDoub
     calibration = camera if isinstance(camera, Calibration) else camera.calibration
     fit = calibration.sensitivity
     return None if fit.standard_error is None else relative_curve_error(
-        fit.curves, fit.standard_error), calibration.doubts
+        fit.curves, fit.standard_error), faults(calibration.findings)
 
 
 def require_sensitivities(camera: Calibration | CameraEstimate) -> None:

@@ -30,6 +30,7 @@ from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage
@@ -112,25 +113,30 @@ class CameraEstimate:
     @property
     def verdict(self) -> str:
         """"pass", "warn" or "fail"."""
-        return self.fit.verdict.word
+        return self.fit.verdict
 
     @property
     def says(self) -> str:
         """What was fitted, how surely, and what speaks against it, in one sentence."""
-        return self.fit.verdict.says
+        return self.fit.says
 
     @property
     def light_evidence(self) -> tuple[LightEvidence, ...]:
         """What the chart says for and against each light that was stated: ``stated``, ``against``
         (in nats; negative speaks for it), ``contradicts``, ``kinds`` with their ``probabilities``
-        by the chart alone, ``words``.
+        by the chart alone.
         """
         return self.fit.chart.light_evidence
 
     @property
     def checks(self) -> tuple[str, ...]:
-        """What was checked, in sentences: the light first, then chart and colour matrix."""
+        """What was found, in sentences: the light first, then chart and colour matrix."""
         return self.fit.checks
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, each with ``code``, ``severity``, ``subject`` and ``values``."""
+        return self.fit.findings
 
     @property
     def chart_check(self) -> ChartCheck:

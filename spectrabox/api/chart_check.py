@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.results.chart_words import (
+from spectrabox.calibrate.chart_findings import (
     DifferenceSummary,
-    chart_level_notes,
     difference_summary,
+    off_level,
     patch_differences,
-    poor_patches,
 )
+from spectrabox.measure import texts
+from spectrabox.measure.results.calibration_facts import poor_patches
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 
 
@@ -87,7 +88,7 @@ class ChartCheck:
     @property
     def notes(self) -> tuple[str, ...]:
         """Patches that are darker or brighter than the others make them by more than chance."""
-        return chart_level_notes(self.patches, self.names)
+        return tuple(texts.says(one) for one in off_level(self.patches, self.names))
 
     def __repr__(self) -> str:
         rmse, inside, expected = self.means

@@ -66,7 +66,7 @@ def _small_plot(estimate: SpectrumEstimate) -> Markup:
 def camera_html(camera: CameraEstimate) -> str:
     """A small plot of the curves, the verdict, and what was checked."""
     return curves_html(camera.nm, camera.curves, camera.bands,
-                       (camera.fit.verdict.line, *camera.checks))
+                       (camera.fit.line, *camera.checks))
 
 
 def curves_html(nm: np.ndarray, curves: np.ndarray, bands: Sequence[str],
