@@ -248,7 +248,7 @@ class CameraFit:
         if not against:
             return f"{texts.sentence(self.fitted)}. {texts.remedy(self.fitted)}"
         more = f" And {len(against) - 1} more, above." if len(against) > 1 else ""
-        return f"{texts.sentence(self.fitted)}. But: {against[0]}{more}"
+        return f"{texts.sentence(self.fitted)}. {against[0]}{more}"
 
     @property
     def line(self) -> str:

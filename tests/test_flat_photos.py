@@ -122,11 +122,12 @@ OWN, SAME = 'light = "unknown"', 'same_light_as = "photo"'
     ({"warm": OWN}, 6), ({"again": SAME}, 3), ({"again": OWN}, 3)])
 def test_two_lamps_of_one_word_are_two_and_one_lamp_in_two_photos_is_one(tmp_path, views, bands):
     finished = run(write_unknown(tmp_path / "session", views)).records
-    signals, notes = finished.signals, finished.notes
+    signals, found = finished.signals, finished.calibrate.findings
     assert signals.signal.shape == (len(PAINTS), bands)
     assert len(finished.calibrate.whites) == 2
     # only what is not stated has to be said
-    assert any("show the same light" in note for note in notes) == (views == {"again": OWN})
+    same = [one.values["names"] for one in found if one.code == "light.same-in-photos"]
+    assert bool(same) == (views == {"again": OWN})
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4    # as above
 
