@@ -95,7 +95,6 @@ class CalibrationRecords(Record):
     # by view, of charts with a fit of their own: each patch by a calibration without it
     other_charts: dict[str, HeldOutPatches]
     findings: tuple[Finding, ...]               # of charts and lights, beside each calibration's
-    notes: tuple[str, ...] = ()                 # why to photograph charts again
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +227,7 @@ class CaptureRecords:
         """What the steps noted, each note once."""
         of_signals = self.flat_signals.notes if "signals" in self._kept else ()
         of_photos = map(texts.says, (*self.chart.findings, *self.photo.findings))
-        return [*dict.fromkeys((*of_photos, *self.calibrate.notes, *of_signals))]
+        return [*dict.fromkeys((*of_photos, *of_signals))]
 
     def calibrations(self, views: tuple[View, ...]) -> list[Calibration]:
         """The calibration of every view, in their order."""

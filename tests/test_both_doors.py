@@ -19,13 +19,12 @@ ROOMS = ("capture", "calibrate", "measure", "sampling")
 CAMERA, LIGHT, NOISE = "Nikon 5100 (NPL)", "LED-B3", 0.003
 SEEN = ("--sensitivity", CAMERA, "--light", LIGHT, "--noise", NOISE)
 # how an answer is laid out, and regions and wavelengths as options and files write them
-WORDS = {"facts", "text", "_sentences", "light", "words", "verdict", "line", "says", "title",
+WORDS = {"facts", "text", "light", "words", "verdict", "line", "says", "title", "checks", "fitted",
          "light_words", "_cells", "_cell",
-         "coverage_facts", "held_out_facts", "held_out_sentence", "poor_patches",
-         "posterior_facts", "judgement_text", "rows", "copy_facts", "edition_sentence",
-         "edition_told", "evidence_since", "evidence_words", "difference_sentence",
-         "difference_summary", "patch_differences",
-         "chart_copy_notes", "_copy_sentences", "left_out"}
+         "coverage_facts", "held_out_facts", "poor_patches", "posterior_facts", "judgement_text",
+         "rows", "copy_facts", "camera_fitted", "difference_summary", "patch_differences",
+         "left_out"}
+OF_TEXTS = {"measure/texts.py", "measure/words.py"}
 
 
 def entered(call):
@@ -62,7 +61,7 @@ def both(library, *words):
     entered_by_command, said = entered(lambda: command(*words))
     assert not entered_by_library - entered_by_command
     assert not {(path, name) for path, name in entered_by_command - entered_by_library
-                if name not in WORDS}
+                if name not in WORDS and path not in OF_TEXTS}
     return estimate, said
 
 

@@ -25,7 +25,6 @@ from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart import quality
-from spectrabox.measure import texts
 from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.opened_photos import require_curves_of_bands
@@ -125,7 +124,8 @@ def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
         return _records(fits, charts, on_chart)
     fits = dataclasses.replace(fits, calibrations=_with_lamp_error(capture, fits.calibrations))
     made = _records(fits, charts, on_chart)
-    return dataclasses.replace(made, notes=_uneven_light_notes(capture, charts, irradiance))
+    return dataclasses.replace(made, findings=(*_uneven_light(capture, charts, irradiance),
+                                               *made.findings))
 
 
 def _chart_photos(capture: Capture, records: CaptureRecords,
@@ -371,10 +371,9 @@ def _with_lamp_error(capture: SceneCapture,
             for name, calibration in calibrations.items()}
 
 
-def _uneven_light_notes(capture: SceneCapture, charts: Mapping[str, MeasuredChart],
-                        irradiance: np.ndarray) -> tuple[str, ...]:
+def _uneven_light(capture: SceneCapture, charts: Mapping[str, MeasuredChart],
+                  irradiance: np.ndarray) -> tuple[Finding, ...]:
     """Chart photos whose light changes by more than lamp and chart in their places explain."""
-    return tuple(
-        texts.says(finding) for view in capture.views_with_chart
-        for finding in quality.uneven_light(charts[view.name].light, irradiance,
-                                            view.chart_names[0]))
+    return tuple(finding for view in capture.views_with_chart
+                 for finding in quality.uneven_light(charts[view.name].light, irradiance,
+                                                     view.name))
