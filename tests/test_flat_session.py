@@ -27,6 +27,7 @@ from spectrabox.measure.verdict.criterion import Status
 from spectrabox.radiometry.chart import AFTER_2014
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
+from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
