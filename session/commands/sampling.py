@@ -1,4 +1,4 @@
-"""Commands on signals and spectra without a session: sample, uplift, match, prior train.
+"""Commands on signals and spectra without a session: sample, uplift and match.
 """
 from __future__ import annotations
 
