@@ -47,13 +47,13 @@ from spectrabox.measure.captured import (
     View,
 )
 from spectrabox.measure.chart_edition import edition_in_photo
-from spectrabox.measure.extras import FailedExtra
 from spectrabox.measure.options import Sampling
 from spectrabox.measure.records import KeptRecord
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart, chart_reflectances
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
@@ -341,9 +341,9 @@ def _whole(spectra: FlatSpectra | SceneSpectra) -> None:
         _raised(one)
 
 
-def _raised(failed: FailedExtra | None) -> None:
+def _raised(failed: Finding | None) -> None:
     if failed is not None:
-        raise AssertionError(f"{failed.why}\n{failed.traceback}")
+        raise AssertionError(f"{failed.subject}\n{failed.values['traceback']}")
 
 
 def _compared(spectra: FlatSpectra | SceneSpectra, pair: tuple[str, str]) -> Any:

@@ -12,7 +12,7 @@ from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.measure import texts
-from spectrabox.measure.extras import FailedExtra, attempt
+from spectrabox.measure.extras import attempt
 from spectrabox.radiometry.chart import BEFORE_2014, COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.errors import SpectraboxError
@@ -34,14 +34,14 @@ class ChartEdition:
         Nats for the edition since over the one before; None where nothing was compared.
     finding : Finding
         The same, or why it cannot be told.
-    failed : FailedExtra or None
+    failed : Finding or None
         Where telling it failed.
     """
 
     edition: str | None
     evidence: float | None
     finding: Finding
-    failed: FailedExtra | None = None
+    failed: Finding | None = None
 
     @property
     def says(self) -> str:
@@ -66,7 +66,7 @@ def edition_in_photo(image: LinearImage, chart: Chart, samples: PatchSamples) ->
     """
     edition, failed = attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
     if failed is not None:
-        return replace(_not_fitted(failed.error), failed=failed)
+        return replace(_not_fitted(failed.values["error"]), failed=failed)
     assert edition is not None
     return edition
 

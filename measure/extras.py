@@ -1,17 +1,18 @@
 """What is extra takes nothing away: advice, the edition of a chart, pictures are made after the
 answer, and where one fails the answer stands and says so.
 
-The one place where any error of ours or of a library is caught: here it becomes a record, which
-report, JSON and terminal show. An interrupt is none of those errors. Running out of memory is one:
-what the extra had taken is free again, and if the answer needs more than there is, it says so
-itself.
+The one place where any error of ours or of a library is caught. Here it becomes a finding
+"extra.failed": its subject is what is missing, its values are the error and, for who mends it, the
+traceback; report, JSON and terminal show it. An interrupt is none of those errors. Running out of
+memory is one: what the extra had taken is free again, and if the answer needs more than there is,
+it says so itself.
 """
 from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import TypeVar
 
 from spectrabox.radiometry.errors import SpectraboxError, interrupt_behind
 from spectrabox.radiometry.findings import Finding, Severity
@@ -21,53 +22,14 @@ Made = TypeVar("Made")
 Instead = TypeVar("Instead")
 
 
-@dataclass(frozen=True)
-class FailedExtra:
-    """An extra that could not be made, and why.
-
-    Attributes
-    ----------
-    extra : str
-        What it is, as a noun: "advice", "picture of the light".
-    error : str
-        The kind of the error and its message, in a line; of our own errors the message.
-    traceback : str
-        Where it failed, for who mends it.
-    """
-
-    extra: str
-    error: str
-    traceback: str = ""
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"extra": self.extra, "error": self.error}
-
-    @property
-    def finding(self) -> Finding:
-        """That it is missing."""
-        return Finding("extra.failed", Severity.NOTE, self.extra, {"error": self.error})
-
-    @property
-    def why(self) -> str:
-        """That it is missing, and why."""
-        return f"no {self.extra}: {self.error}"
-
-    @property
-    def sentence(self) -> str:
-        """The same for a person at a terminal."""
-        return f"{self.why}; everything else stands, and --debug shows where it failed"
-
-
 def attempt(extra: str, make: Callable[[], Made],
-            instead: Instead) -> tuple[Made | Instead, FailedExtra | None]:
-    """What an extra is, or something in its place with the record of its failure.
+            instead: Instead) -> tuple[Made | Instead, Finding | None]:
+    """What an extra is, or something in its place with the finding that it failed.
 
     Parameters
     ----------
     extra : str
-        As of `FailedExtra`.
+        What it is, as a noun: "advice", "picture of the light".
     make : callable
         Makes it.
     instead
@@ -84,12 +46,23 @@ def attempt(extra: str, make: Callable[[], Made],
         stop = interrupt_behind(error)
         if stop is not None:
             raise stop from None
-        return instead, FailedExtra(extra, _in_a_line(error), traceback.format_exc())
+        return instead, Finding("extra.failed", Severity.NOTE, extra, {
+            "error": _in_a_line(error), "traceback": traceback.format_exc()})
 
 
-def different(failed: Iterable[FailedExtra]) -> tuple[FailedExtra, ...]:
+def different(failed: Iterable[Finding]) -> tuple[Finding, ...]:
     """Each failure once: what one fault does to many surfaces is said once."""
-    return tuple({(one.extra, one.error): one for one in failed}.values())
+    return tuple({(one.subject, one.values["error"]): one for one in failed}.values())
+
+
+def to_keep(failed: Finding) -> Finding:
+    """The same without the traceback, as a record keeps it."""
+    return replace(failed, values={"error": failed.values["error"]})
+
+
+def facts(failed: Finding) -> dict[str, str]:
+    """For JSON."""
+    return {"extra": failed.subject, "error": failed.values["error"]}
 
 
 def _in_a_line(error: Exception) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from spectrabox.measure import texts
 from spectrabox.measure.captured import View
 from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartCopy,
@@ -124,7 +124,7 @@ class SignalRecords(Record):
 
     signals: SurfaceSignals
     light: dict[str, RegionLight]               # by view, where it shows regions
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()          # of samples in photos with the lamp moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ class PictureRecords(Record):
     standard_deviation: float                   # mean over wavelengths and pixels
     # largest relative change of the light in each round in which light and spectra converged
     rounds: Annotated[np.ndarray, "I"] | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()          # of its photos and its light
 
     def sentence(self, folder: str) -> str:
         """Where its files are."""
@@ -168,7 +168,8 @@ class PictureRecords(Record):
                 "size_px": list(self.size_px), "masked": self.masked,
                 "masked_because": {words: share for words, _, share in self.reasons},
                 "beyond_white": self.beyond_white, "unlike": self.novel,
-                "standard_deviation": self.standard_deviation, "notes": list(self.notes)}
+                "standard_deviation": self.standard_deviation,
+                "notes": [texts.says(one) for one in self.findings]}
 
 
 class CaptureRecords:
@@ -223,11 +224,10 @@ class CaptureRecords:
         return self.flat_signals.signals if "signals" in self._kept else self.reconstruct.signals
 
     @property
-    def notes(self) -> list[str]:
-        """What the steps noted, each note once."""
-        of_signals = self.flat_signals.notes if "signals" in self._kept else ()
-        of_photos = map(texts.says, (*self.chart.findings, *self.photo.findings))
-        return [*dict.fromkeys((*of_photos, *of_signals))]
+    def findings(self) -> tuple[Finding, ...]:
+        """What the steps up to the signals found, each once, but what is with a chart or a fit."""
+        of_signals = self.flat_signals.findings if "signals" in self._kept else ()
+        return each_once((*self.chart.findings, *self.photo.findings, *of_signals))
 
     def calibrations(self, views: tuple[View, ...]) -> list[Calibration]:
         """The calibration of every view, in their order."""

@@ -1,27 +1,224 @@
 """What speaks for and against a result: one function a rule, from a result to findings.
 
 Causes come before symptoms: the first finding that speaks against a result is the headline. A
-finding's words are in ``measure.texts``.
+finding's words are in ``measure.texts``; what a result rests on is in ``measure.conditions``.
 """
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spectrabox.calibrate import camera_curves, chart_findings
-from spectrabox.measure.results.surface_result import VALID_OUTCOMES
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.measure import conditions, texts
+from spectrabox.measure.regions import white
+from spectrabox.radiometry.findings import Finding, Severity, each_once, faults, graded, worst
+from spectrabox.radiometry.records.photos import RegionEdge
+from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import Outcome, UnknownLight
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct import known_light, misfit
 
 if TYPE_CHECKING:
     from spectrabox.measure.camera import CameraFit
     from spectrabox.measure.results.capture_result import CaptureResult
+    from spectrabox.measure.results.flat_result import FlatResult
+    from spectrabox.measure.results.scene_result import SceneResult
+    from spectrabox.measure.results.surface_result import SurfaceResult
+    from spectrabox.measure.scene.rehearsed import Rehearsed
 
-# how serious an outcome is: ill-posed is information, as the bands already carry what the data
-# left open; what is not named here is a warning
-HARMLESS = {Outcome.CONVERGED, Outcome.ILL_POSED, *VALID_OUTCOMES}
+# of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
+CLIPPED_LIMIT = 0.05
+# standard error of L* by the light: two just noticeable steps, and another colour by any account
+LIGHTNESS_LIMITS = (2.0, 5.0)
+MOST_OF_A_BAND = 0.5          # share of a spectrum's variance: the light is the largest cause
+# Relative scatter of a region's pixels. One paint whose relief slopes by 20 degrees (rms) scatters
+# by 0.25 in light from 45 degrees; halves of two paints of a ColorChecker by more in 93 % of pairs,
+# three paints in 99 %.
+ONE_PAINT = 0.25
+# |photo / rendering - 1|: pass up to the first, fail beyond the second
+MEDIAN_LIMITS = (0.02, 0.05)
+WORST_LIMITS = (0.05, 0.15)
+SURFACE_OFF = 0.05                    # of a surface that is named without being beyond chance
+MAX_NAMED = 3                         # surfaces of which each is said by itself
+# Standard errors: by which known surfaces and chart may differ in the level of the light, or a band
+# of it in colour. One of a hundred right pairs of photos differs by 2.6 in level.
+LIGHT_DOUBTED = 3.0
+# Standard deviations, rms over wavelengths, of a stated truth from the mean. Of 119 surfaces of
+# published sets in a simulated camera's signals (1 %, D65) right truths reach 3.5, 1 in 100 exceeds
+# 2.1; truths of another of these surfaces exceed 4 in more than nine of ten pairs.
+ANOTHER_TRUTH = 4.0
+SMALLEST_SPREAD = 0.002               # of white: what measured spectra repeat to
+
+
+# ---- the verdict ---------------------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """PASS, WARN or FAIL: the worst of the findings, and what it rests on.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        Causes before symptoms.
+    right : Finding
+        What is said where none of them speaks against the result.
+    conditions : tuple of Finding
+        That the verdict names after its "if"; none of a result that rests on nothing assumed.
+    """
+
+    findings: tuple[Finding, ...]
+    right: Finding
+    conditions: tuple[Finding, ...] = ()
+
+    @property
+    def severity(self) -> Severity:
+        """The worst of all findings."""
+        return worst(self.findings)
+
+    @property
+    def word(self) -> str:
+        """"pass", "warn" or "fail"."""
+        return {Severity.WARN: "warn", Severity.FAIL: "fail"}.get(self.severity, "pass")
+
+    @property
+    def problems(self) -> tuple[Finding, ...]:
+        """What speaks against the result, the worst first."""
+        return tuple(one for severity in (Severity.FAIL, Severity.WARN) for one in self.findings
+                     if one.severity is severity)
+
+    @property
+    def passed(self) -> tuple[Finding, ...]:
+        """What was looked at and is within its limit."""
+        return tuple(one for one in self.findings
+                     if one.severity is Severity.INFO and texts.is_tested(one))
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why it is what it is, in sentences: of a WARN or FAIL those that make it one."""
+        decisive = [one for one in self.problems if one.severity is self.severity]
+        return [*dict.fromkeys(map(texts.says, decisive or (self.right,)))]
+
+    @property
+    def sentence(self) -> str:
+        """The same in one paragraph."""
+        return " ".join(self.reasons)
+
+    @property
+    def condition(self) -> str:
+        """What it rests on, as the end of "if ..."; empty where nothing assumed would be seen."""
+        return texts.conditions(self.conditions)
+
+    @property
+    def title(self) -> str:
+        """PASS, WARN or FAIL, with what it rests on: "PASS if matt"."""
+        return " if ".join(filter(None, [self.word.upper(), self.condition]))
+
+    @property
+    def says(self) -> str:
+        """The sentence, with what it rests on."""
+        if not self.conditions:
+            return self.sentence
+        said = self.sentence if self.problems else texts.continued(self.sentence)
+        return f"If {self.condition}: {said}"
+
+    @property
+    def headline(self) -> str:
+        """The sentence; of several reasons the first."""
+        first, *others = self.reasons
+        more = f" And {len(others)} more reason{'s' if len(others) > 1 else ''}, below."
+        return first + more if others else first
+
+    @property
+    def line(self) -> str:
+        """For a terminal."""
+        return f"verdict: {self.title}. {self.sentence}"
+
+    @property
+    def doubts(self) -> dict[str, tuple[str, ...]]:
+        """What speaks against each surface, by its name, as headings; only surfaces that have any.
+        """
+        doubts: dict[str, tuple[str, ...]] = {}
+        for one in self.problems:
+            for surface in one.values.get("surfaces", ()):
+                doubts[surface] = tuple(dict.fromkeys((*doubts.get(surface, ()), texts.name(one))))
+        return doubts
+
+
+def findings_on(found: CaptureResult) -> tuple[Finding, ...]:
+    """All that speaks for or against a result, and what is worth knowing of it."""
+    return each_once((
+        *found.kept, *processed(found), *chart_photos(found), *of_calibration(found),
+        *found.own_findings, *fits(found), *draws(found), *truth_coverage(found),
+        *stated_truths(found)))
+
+
+# ---- results of any kind -------------------------------------------------------------------------
+
+def processed(found: CaptureResult) -> list[Finding]:
+    """Whether a photo is not proportional to light, and was decoded as sRGB all the same."""
+    return [Finding("photo.not-linear", Severity.WARN)] if found.processed else []
+
+
+def chart_photos(found: CaptureResult) -> list[Finding]:
+    """Whether each chart photo is good, as ``spectrabox chart`` says it of the same photo."""
+    return [one for view, findings in found.chart_findings.items()
+            for one in [replace(fault, subject=fault.subject or view) for fault in faults(findings)]
+            or [Finding("chart.good", Severity.INFO, view)]]
+
+
+def fits(found: CaptureResult) -> list[Finding]:
+    """How the fits of the camera ended."""
+    return [Finding("fit.of-camera", *ended(fit.sensitivity.outcome, view))
+            for view, fit in {"": found.calibration, **found.other_calibrations}.items()]
+
+
+def ended(outcome: Outcome, photo: str = "") -> tuple[Severity, str, dict[str, Any]]:
+    """How a fit ended: severity, subject and values of a finding."""
+    return outcome.finding().severity, photo, {"outcome": outcome.value}
+
+
+def draws(found: CaptureResult) -> list[Finding]:
+    """Whether the draws of every estimated surface are as intended."""
+    drawn = [(surface, surface.samples) for surface in found.surfaces
+             if surface.samples is not None]
+    doubtful = [replace(one, subject=surface.name,
+                        values={**one.values, "surfaces": [surface.name]})
+                for surface, samples in drawn for one in faults(samples.findings)]
+    return doubtful or [Finding("draws.intended", Severity.INFO,
+                                values={"outcome": samples.outcome.value})
+                        for _, samples in drawn[:1]]
+
+
+def truth_coverage(found: CaptureResult) -> list[Finding]:
+    """How much of the measured spectra their bands hold."""
+    tested = [(surface.scores.coverage, surface.summary.level) for surface in found.surfaces
+              if surface.scores is not None and surface.summary is not None]
+    if not tested:
+        return [Finding("truth.not-given", Severity.INFO)]
+    share, level = np.mean(tested, axis=0)
+    return [Finding("truth.held", Severity.INFO, values={
+        "value": float(share), "intended": float(level), "tested": len(tested)})]
+
+
+def stated_truths(found: CaptureResult) -> list[Finding]:
+    """Whether each stated truth can be that of its surface."""
+    far = {}
+    for surface in found.surfaces:
+        if surface.truth is not None and surface.summary is not None:
+            off = spectrum_on_grid(surface.truth, surface.summary.grid) - surface.summary.mean
+            spread = np.maximum(surface.summary.standard_deviation, SMALLEST_SPREAD)
+            far[surface.name] = float(np.sqrt(np.mean((off / spread) ** 2)))
+    if not far:
+        return []
+    name = max(far, key=lambda one: far[one])
+    code, severity = ("truth.of-another", Severity.WARN) if far[name] > ANOTHER_TRUTH \
+        else ("truth.possible", Severity.INFO)
+    return [Finding(code, severity, name, {
+        "value": far[name], "passes": ANOTHER_TRUTH,
+        "surfaces": [each for each, off in far.items() if off > ANOTHER_TRUTH]})]
 
 
 # ---- calibration ---------------------------------------------------------------------------------
@@ -87,15 +284,13 @@ def of_camera(fit: CameraFit) -> list[Finding]:
     names = first.chart.names
     light = "" if calibration.products else calibration.light.source
     off = 1 - fit.chart.predicted / first.samples.mean
-    outcome = fit.sensitivity.outcome
     return [*calibration.findings,
             *([] if copy is None else [chart_findings.edition(copy),
                                        *chart_findings.departures(copy, names, light)]),
             *chart_findings.off_level(fit.held_out, names),
             *chart_findings.held_out(fit.held_out, names), chart_findings.colours(fit.held_out),
             *chart_findings.chart_residual(off[~first.samples.clipped], not first.editions),
-            Finding("fit.of-camera", Severity.INFO if outcome in HARMLESS else Severity.WARN,
-                    values={"outcome": outcome.name})]
+            Finding("fit.of-camera", *ended(fit.sensitivity.outcome))]
 
 
 def camera_fitted(fit: CameraFit) -> Finding:
@@ -112,3 +307,299 @@ def camera_fitted(fit: CameraFit) -> Finding:
         "noise_alone": fit.chart.prior_fit is None,
         "delta_e00": float((fit.chart.delta_e if band is None
                             else fit.chart.held_out_delta_e).mean())})
+
+
+# ---- flat samples --------------------------------------------------------------------------------
+
+def flat_findings(found: FlatResult) -> list[Finding]:
+    """Light on the regions, levels of known ones, scatter of their pixels, edges across them."""
+    return [*light_on_regions(found), *light_change(found), *known_levels(found),
+            *uneven_regions(found), *edges(found), clipped_flat(found.photo.clipped_share)]
+
+
+def light_on_regions(found: FlatResult) -> list[Finding]:
+    """What the error of the light costs the answer.
+
+    A light that is known badly does harm where it makes most of a band, or moves L* by what can be
+    seen; one that is known to 8 % beside bands that are wide for other reasons does none.
+    """
+    effects = {surface.name: light_effect(surface) for surface in found.surfaces
+               if not surface.known}
+    name = max(effects, key=lambda region: effects[region].badness)
+    effect = effects[name]
+    light = "" if found.calibration.products else found.calibration.light.source
+    at_fault = None if found.chart is None or found.chart.left_out is None \
+        else chart_findings.chart_at_fault(found.chart.left_out, found.chart.layout.names, light)
+    beyond = effect.severity is not Severity.INFO
+    cause = [replace(at_fault, severity=effect.severity)] if beyond and at_fault is not None else []
+    return [*cause, Finding("flat.light", effect.severity, name, {
+        "value": effect.lightness, "error": effect.error, "share": effect.share,
+        "passes": LIGHTNESS_LIMITS[0], "fails": LIGHTNESS_LIMITS[1], "most": MOST_OF_A_BAND,
+        "by_chart": bool(cause),
+        "surfaces": [region for region, each in effects.items()
+                     if each.severity is not Severity.INFO]})]
+
+
+def light_change(found: FlatResult) -> list[Finding]:
+    """How much the light changes from the chart to the regions."""
+    levels = np.array([level for photo in found.photos for level, _ in photo.light.values()]
+                      + [1.0])
+    return [Finding("flat.light-change", Severity.INFO,
+                    values={"value": float(levels.max() / levels.min() - 1)})]
+
+
+@dataclass(frozen=True)
+class LightEffect:
+    """What the error of the light on a region costs its spectrum."""
+
+    error: float                # of the light, relative
+    share: float | None         # of the spectrum's variance; None: draws do not tell it
+    lightness: float            # standard error of L* by the light alone
+
+    @property
+    def badness(self) -> float:
+        """The effect by the limits of a PASS: 1 is just one."""
+        return max((self.share or 0.0) / MOST_OF_A_BAND, self.lightness / LIGHTNESS_LIMITS[0])
+
+    @property
+    def severity(self) -> Severity:
+        if self.lightness > LIGHTNESS_LIMITS[1]:
+            return Severity.FAIL
+        return graded(self.badness, 1.0)
+
+
+def light_effect(surface: SurfaceResult) -> LightEffect:
+    """What the error of the light costs a region; its plane is a condition of its own, which no
+    chart that lies nearer makes better.
+    """
+    error = conditions.error_by(surface, conditions.LIGHT_CAUSES) or 0.0
+    lightness = abs(conditions.darker_by([surface], error) or 0.0)
+    share = conditions.share_by(surface, conditions.LIGHT_CAUSES) \
+        if surface.variance_shares else None
+    return LightEffect(error, share, lightness)
+
+
+def known_levels(found: FlatResult) -> list[Finding]:
+    """How far the stated levels of known regions are from what the chart's light gives."""
+    misfits = {name: size for photo in found.photos for name, size in photo.level_misfits.items()}
+    if not misfits:
+        return []
+    name = max(misfits, key=lambda one: abs(misfits[one]))
+    size = abs(misfits[name])
+    return [Finding("flat.known-level", graded(size, white.LEVEL_DOUBTED), name, {
+        "value": size, "passes": white.LEVEL_DOUBTED,
+        "surfaces": [each for each, misfit in misfits.items()
+                     if abs(misfit) > white.LEVEL_DOUBTED]})]
+
+
+def uneven_regions(found: FlatResult) -> list[Finding]:
+    """Whether each region can be one paint, by what its pixels scatter."""
+    scatter = {name: value for photo in found.photos for name, value in photo.scatter.items()}
+    if not scatter:
+        return []
+    name = max(scatter, key=lambda one: scatter[one])
+    return [Finding("flat.scatter", graded(scatter[name], ONE_PAINT), name, {
+        "value": scatter[name], "passes": ONE_PAINT,
+        "surfaces": [each for each, value in scatter.items() if value > ONE_PAINT]})]
+
+
+def edges(found: FlatResult) -> list[Finding]:
+    """Whether a shadow's edge, a fold or two paints lie in a region."""
+    edges = {name: (edge, photo) for photo in reversed(found.photos)
+             for name, edge in photo.edges.items()}
+    if not any(photo.scatter for photo in found.photos):
+        return []
+    several = len(found.photos) > 1
+    return [edge_in(name, edge, photo.name if several else "")
+            for name, (edge, photo) in edges.items()] or [
+                Finding("flat.no-edge", Severity.INFO, values={"value": 0.0})]
+
+
+def edge_in(region: str, edge: RegionEdge, photo: str = "") -> Finding:
+    """An edge that runs across a region."""
+    steps = np.abs(edge.step[np.isfinite(edge.step)])
+    part = edge.larger_part_px
+    return Finding("flat.edge", Severity.WARN, region, {
+        "value": float(steps.max()), "smallest_step": float(steps.min()), "kind": edge.kind.name,
+        "line_px": edge.line_px.tolist(), "photo": photo, "surfaces": [region],
+        "larger_part_px": None if part is None else part.astype(int).tolist()})
+
+
+def clipped_flat(share: float) -> Finding:
+    """Whether much of the photo is clipped; of a region nothing is, or it would have been refused.
+    """
+    return Finding("flat.clipped", graded(share, CLIPPED_LIMIT),
+                   values={"value": share, "passes": CLIPPED_LIMIT})
+
+
+# ---- scenes --------------------------------------------------------------------------------------
+
+def scene_findings(found: SceneResult) -> list[Finding]:
+    """Photo against rendering, misfits, the fit, known surfaces, rehearsal, what is not corrected.
+    """
+    photos = [("", found.reconstruction, found.bands),
+              *((view.name, view.reconstruction, view.bands) for view in found.views)]
+    agreement = [median_surface(made.agreement, photo) for photo, made, _ in photos]
+    agreement += [worst_surface(made.agreement, bands, photo) for photo, made, bands in photos]
+    misfits = [one for photo, made, bands in photos for one in misfits_of(made, bands, photo)]
+    if found.picture is not None:
+        # one spectrum cannot fit a surface with patterns, of which the picture has every pixel's
+        agreement = [replace(one, severity=Severity.INFO) for one in agreement]
+        misfits = [*patterned([made for _, made, _ in photos])]
+    return [*agreement, *misfits,
+            Finding("fit.of-scene", *ended(found.reconstruction.outcome)),
+            *(one for photo, made, _ in photos for one in light_of_known(made, photo)),
+            *rehearsed(found.rehearsal), clipped_scene(found.photo.clipped_share),
+            *surfaces_off(found), *not_corrected(found)]
+
+
+def median_surface(agreement: SurfaceAgreement, photo: str) -> Finding:
+    """How well half of the surfaces agree with the photo."""
+    value, (passes, fails) = median_surface_error(agreement), MEDIAN_LIMITS
+    values = {"value": value, "passes": passes, "fails": fails, "photo": photo}
+    if value is None:
+        return Finding("scene.median-unknown", Severity.WARN, values=values)
+    return Finding("scene.median", graded(value, passes, fails), values=values)
+
+
+def worst_surface(agreement: SurfaceAgreement, bands: tuple[str, ...], photo: str) -> Finding:
+    """How far the surface is off that fits least."""
+    entry, (passes, fails) = worst_entry(agreement), WORST_LIMITS
+    values = {"value": None, "passes": passes, "fails": fails, "photo": photo}
+    if entry is None:
+        return Finding("scene.worst-unknown", Severity.WARN, values=values)
+    surface, band = entry
+    ratio = float(agreement.ratio[entry])
+    return Finding("scene.worst", graded(abs(ratio - 1), passes, fails), agreement.names[surface],
+                   values | {
+        "value": abs(ratio - 1), "ratio": ratio, "band": bands[band],
+        "surfaces": [agreement.materials[surface]]})
+
+
+def misfits_of(made: Reconstruction, bands: tuple[str, ...], photo: str) -> Iterator[Finding]:
+    """Surfaces whose deviation neither chance nor the stated errors explain, or what many of them
+    have in common.
+    """
+    common = {"photo": photo, "chance": misfit.FALSE_ALARM, "fails": WORST_LIMITS[1]}
+    materials = dict(zip(made.agreement.names, made.agreement.materials, strict=True))
+    if not made.misfits:
+        yield Finding("scene.fits", Severity.INFO, values={"value": 0.0, **common})
+        return
+
+    def of(surfaces: list[str]) -> list[str]:
+        return [*dict.fromkeys(materials[one] for one in surfaces if one in materials)]
+
+    cause = misfit.common_cause(made.agreement, made.misfits, bands)
+    if cause is not None:
+        largest = max(abs(one.deviation) for one in made.misfits)
+        yield replace(cause, severity=_beyond_chance(largest), values={
+            **cause.values, "value": largest, **common,
+            "surfaces": of([one.surface for one in made.misfits])})
+        return
+    for one in made.misfits[:MAX_NAMED]:
+        yield Finding("scene.misfit", _beyond_chance(one.deviation), one.surface, {
+            "value": abs(one.deviation), "level": dict(one.level), "scatter": one.scatter,
+            "part": one.part, "p": one.p, **common, "surfaces": of([one.surface])})
+    others = made.misfits[MAX_NAMED:]
+    if others:
+        largest = max(abs(one.deviation) for one in others)
+        yield Finding("scene.more-misfits", _beyond_chance(largest), values={
+            "value": largest, "names": [one.surface for one in others], **common,
+            "surfaces": of([one.surface for one in others])})
+
+
+def _beyond_chance(deviation: float) -> Severity:
+    return Severity.WARN if abs(deviation) <= WORST_LIMITS[1] else Severity.FAIL
+
+
+def patterned(photos: list[Reconstruction]) -> Iterator[Finding]:
+    """The same of a scene with a picture."""
+    names = [*dict.fromkeys(one.surface for made in photos for one in made.misfits)]
+    if not names:
+        yield Finding("scene.fits", Severity.INFO, values={
+            "value": 0.0, "photo": "", "chance": misfit.FALSE_ALARM, "fails": WORST_LIMITS[1]})
+        return
+    materials = {name: material for made in photos for name, material
+                 in zip(made.agreement.names, made.agreement.materials, strict=True)}
+    yield Finding("scene.patterns", Severity.WARN, values={
+        "value": max(abs(one.deviation) for made in photos for one in made.misfits),
+        "chance": misfit.FALSE_ALARM, "names": names,
+        "surfaces": [*dict.fromkeys(materials[name] for name in names if name in materials)]})
+
+
+def light_of_known(made: Reconstruction, photo: str) -> list[Finding]:
+    """How the light on known surfaces differs from the chart's, and whether it may."""
+    light = made.known_light
+    if light is None:
+        return []
+    common = {"passes": LIGHT_DOUBTED, "photo": photo, "names": list(light.materials),
+              "surfaces": list(light.materials)}
+    colour = float(np.abs(light.colour - 1).max())
+    errors = colour / known_light.LAMP_COLOUR_ERROR
+    rows = [Finding("scene.known-colour", graded(errors, LIGHT_DOUBTED), values={
+        "value": errors, "size": colour, **common})]
+    if light.level is not None:
+        errors = light.contradiction
+        rows.insert(0, Finding("scene.known-level", graded(errors, LIGHT_DOUBTED), values={
+            "value": errors, "size": abs(light.level - 1), "ratio": light.level, **common}))
+    return rows
+
+
+def rehearsed(last: Rehearsed | None) -> list[Finding]:
+    """Whether bands held known truths in the last rehearsal."""
+    if last is None:
+        return []
+    return [Finding("scene.rehearsed", Severity.WARN if last.too_narrow else Severity.INFO,
+                    last.worst.name, {"value": last.worst.coverage, "intended": last.level,
+                                      "times": last.times, "photo": ""})]
+
+
+def clipped_scene(share: float) -> Finding:
+    """Whether much of the photo is clipped, and so not in the fit."""
+    return Finding("scene.clipped", graded(share, CLIPPED_LIMIT),
+                   values={"value": share, "passes": CLIPPED_LIMIT})
+
+
+def surfaces_off(found: SceneResult) -> Iterator[Finding]:
+    """Surfaces of the first photo that are off, though not beyond chance and stated errors."""
+    views = (found.reconstruction, *(view.reconstruction for view in found.views))
+    named = {one.surface for made in views for one in made.misfits}
+    agreement = found.reconstruction.agreement
+    for name, ratio in zip(agreement.names, agreement.ratio, strict=True):
+        band = int(np.argmax(np.abs(ratio - 1)))
+        if abs(ratio[band] - 1) > SURFACE_OFF and name not in named:
+            yield Finding("scene.surface-off", Severity.NOTE, name, {
+                "value": float(ratio[band] - 1), "band": found.bands[band]})
+
+
+def not_corrected(found: SceneResult) -> Iterator[Finding]:
+    """What was not measured, and counts as the scene says."""
+    fit = found.calibration.sensitivity
+    if not found.by_flat_field:
+        yield Finding("scene.no-flat-field", Severity.NOTE)
+    if not found.scale_from_chart or found.calibration.light_scale is None:
+        yield Finding("scene.scale-of-known", Severity.NOTE)
+    if fit.basis is None and fit.residuals is None:
+        yield Finding("camera.of-file", Severity.NOTE)
+
+
+def worst_entry(agreement: SurfaceAgreement) -> tuple[int, int] | None:
+    """Surface and band of the largest |ratio - 1|, None where no surface was compared.
+
+    Returns
+    -------
+    tuple of int or None
+        Its row and column in ``agreement.ratio``.
+    """
+    deviation = np.abs(agreement.ratio - 1)
+    if not np.isfinite(deviation).any():
+        return None
+    surface, band = np.unravel_index(np.nanargmax(deviation), deviation.shape)
+    return int(surface), int(band)
+
+
+def median_surface_error(agreement: SurfaceAgreement) -> float | None:
+    """Median over surfaces of |ratio - 1| in the worst band, None where no surface was compared."""
+    largest = np.abs(agreement.ratio - 1).max(axis=1, initial=0)
+    finite = largest[np.isfinite(largest)]
+    return float(np.median(finite)) if finite.size else None

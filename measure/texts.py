@@ -4,11 +4,13 @@ The only English about results. A code has one `Text`; terminal, report, page, J
 show it through the functions at the end. Nothing reads a sentence to decide.
 
 A text is a template of `str.format` over the finding's values, with ``{subject}``, and ``{where}``:
-" in the photo “name”" of a further photo, and nothing of the first. Further format specifications:
+" in the photo “name”" of a further photo, which is the value "photo" or else the subject, and
+nothing of the first. Further format specifications:
 ``percent`` (a share of 1, two significant digits; ``percent0`` without decimals), ``listed`` (names
 as a phrase), ``quoted`` (the same in quotation marks), ``deviation`` (a ratio: "12 % brighter"),
 ``reasons`` (chart patches, each with what it is off by).
-Where a template cannot say it, a function of the values does.
+Where a template cannot say it, a function of the values does; among them is "beyond": whether the
+finding is evidence of a fault.
 """
 from __future__ import annotations
 
@@ -20,8 +22,7 @@ from typing import Any
 from spectrabox.capture.photo.processed_photos import RAW_INSTEAD
 from spectrabox.measure import words
 from spectrabox.radiometry.chart import BEFORE_2014, SINCE_2014
-from spectrabox.radiometry.findings import Finding, faults
-from spectrabox.radiometry.records.spectra import Outcome
+from spectrabox.radiometry.findings import Finding, Severity, faults
 
 Template = str | Callable[[Mapping[str, Any]], str]
 
@@ -35,7 +36,50 @@ class Text:
     remedy: Template = ""       # what to do about it, a whole sentence; shown from NOTE on
     shown: Template = ""        # the value in a table
     limit: Template = ""        # up to where it passes, as a table shows it
+    holds: Template = ""        # of a condition: how a verdict names it after "if"
 
+
+OUTCOMES: dict[str, str] = {
+    "converged": "Converged.",
+    "step-limit": "Stopped at the step limit with the loss still falling: allow more iterations.",
+    "ill-posed":
+        "Solved, but the data leave some directions undetermined: trust the uncertainty, not "
+        "the curve alone.",
+    "exact": "Independent draws from the exact distribution.",
+    "familiar":
+        "Independent draws from the learnt prior; the signal is like those it was calibrated "
+        "on.",
+    "through-transport":
+        "Weighted draws from the learnt prior of all materials at once, through the traced "
+        "light transport, interreflection included.",
+    "unreachable":
+        "No spectrum of this class reproduces the signal exactly; the draws fit it within its"
+        " stated noise only.",
+    "moved":
+        "No spectrum of {coefficients} coefficients between 0 and 1 gives the signal: it was "
+        "moved by up to {moved:percent} of white to the nearest that can be reached.",
+    "as-published": "As published: a box around one solution, which under-states the spread.",
+    "ranked": "Ranked, not conditioned: draws need not agree with what was measured.",
+    "unfamiliar":
+        "This colour is unlike any in the training data: its band is as much wider as colours"
+        " needed that were left out of the training.",
+    "beyond-learnt":
+        "The learnt prior reaches no spectrum that gives the signal: a wide band of smooth "
+        "spectra, of untested coverage, is shown; check the calibration.",
+    "too-rough":
+        "Only spectra rougher than any that were measured give the signal: the draws are of "
+        "the smoothness prior and come as near to it as they can; check the calibration.",
+    "out-of-reach":
+        "No spectrum between 0 and 1 gives the signal; the draws are of the smoothness prior "
+        "and come as near to it as they can.",
+    "unsaid":
+        "The spectra found do not give this signal, by more than its stated errors allow: a "
+        "wider band of untested coverage is shown; check the calibration.",
+    "disagrees":
+        "The picture agrees with no spectra that the prior knows through this light "
+        "transport: the draws come as near as they can; check geometry, light and "
+        "calibration, or state a larger surface error.",
+}
 
 # ---- chart photo ---------------------------------------------------------------------------------
 
@@ -60,6 +104,8 @@ CHART: dict[str, Text] = {
     "chart.mirrored": Text("Mirrored chart", "The chart is mirrored{where}.",
                            "Give the photo as the camera took it."),
     # its photo
+    "chart.good": Text("Photo of the chart{where}", "The photo of the chart{where} is good.",
+                       shown="good", limit="good"),
     "chart.figures": Text("Photo of the chart", _chart_figures),
     "chart.processed-photo": Text(
         "Kind of file", "The photo was processed by the camera: its values are not proportional "
@@ -119,7 +165,6 @@ CHART: dict[str, Text] = {
 
 # ---- calibration ---------------------------------------------------------------------------------
 
-OUTCOMES: dict[str, str] = {outcome.name: outcome.value for outcome in Outcome}
 CLEAR_KIND, SECOND_KIND = 0.9, 0.25     # probability: one kind of light is named, or two
 AGAINST_COPIES = "Chart against copies of its edition{where}"
 CHECK_LIGHT = "Check that the light spectrum is that of the photo."
@@ -132,7 +177,7 @@ def _fit(name: str) -> Text:
     """How a fit ended, by the value "outcome"."""
     return Text(f"{name}{{where}}", lambda values:
                 f"{name}{values['where']}: {OUTCOMES[values['outcome']]}",
-                shown=lambda values: values["outcome"].replace("_", " ").lower(),
+                shown=lambda values: values["outcome"].replace("-", " "),
                 limit="converged")
 
 
@@ -378,6 +423,9 @@ CALIBRATION: dict[str, Text] = {
         "Sensitivities were read from a file; no chart photo tests them.", shown="no chart",
         limit=RESIDUAL_LIMITS),
     "fit.of-camera": _fit("Sensitivity fit"),
+    "camera.of-file": Text(
+        "Sensitivities", "The sensitivities were taken from a file and not checked against a chart "
+        "photo."),
     "camera.fitted": Text("Camera", _camera_fitted, lambda values: (
         "For photos under this light, and for no other." if values["products"]
         else "For photos under any light.")),
@@ -453,7 +501,6 @@ def _not_registered(values: Mapping[str, Any]) -> str:
 
 
 PHOTOS: dict[str, Text] = {
-    "extra.failed": Text("Extras", "No {subject}: {error}."),
     # developing
     "dark.hot-pixels": Text("Dark frame", "Dark frame {subject}: {hot} hot pixels.",
                             shown="{hot} hot pixels"),
@@ -476,6 +523,28 @@ PHOTOS: dict[str, Text] = {
         "{scatter:percent0} beyond noise and even light, and its spectrum is the mean of what lies "
         "in it.", "Outline a smaller part for one paint.", "{scatter:percent0}",
         "{limit:percent0}"),
+    # the picture of spectra
+    "picture.without-photo": Text(
+        "Photos of the picture", "Photo “{subject}” shows no region of the first photo: the "
+        "picture does without it."),
+    "picture.photos": Text(
+        "Photos of the picture", lambda values: "The signals of a pixel are those of "
+        f"{len(values['names'])} photos, {', '.join(values['names'])}, in {values['bands']} "
+        "bands."),
+    "picture.fewer-photos": Text(
+        "Photos of the picture", "{share:.1%} of the pixels have spectra from fewer photos: others "
+        "are clipped or without signal there, do not show them, or show an edge whose position is "
+        "not known as well."),
+    "picture.light-converged": Text(
+        "Light from other surfaces", "The picture's light from other surfaces has converged: of "
+        "{rounds} rounds the last changed it by {last:.2%} at most."),
+    "picture.light-not-converged": Text(
+        "Light from other surfaces", "The picture's light from other surfaces has not converged: "
+        "after {rounds} rounds it still changes by {last:.1%} in places; near strongly coloured "
+        "surfaces its spectra are less certain than they say."),
+    "picture.no-texture": Text(
+        "Textures", lambda values: f"No texture of {', '.join(values['names'])}: several of their "
+        "parts in the photo share texture coordinates."),
     # exposure
     "photo.clipped": Text(
         "Clipping", "{clipped:percent} of the pixels are clipped.", "Expose 1.0 stops shorter.",
@@ -530,23 +599,364 @@ METERS: dict[str, Text] = {
 
 # ---- flat samples --------------------------------------------------------------------------------
 
-FLAT: dict[str, Text] = {}
+FLAT: dict[str, Text] = {
+    "flat.right": Text(
+        "", "The chart fits, and the light on every region is known within the limits."),
+    "flat.light": Text(
+        "Effect of the light's error", lambda values: _light_sentence(values),
+        lambda values: _light_remedy(values),
+        lambda values: f"L* ± {values['value']:.1f}" + (
+            "" if values["share"] is None else f", {words.percent(values['share'], 0)}"),
+        "L* ± {passes:g} and {most:percent0} of a variance; fail beyond L* ± {fails:g}"),
+    "flat.light-change": Text(
+        "Change of the light from the chart to the regions", "The light changes by {value:percent} "
+        "between chart and regions, which is corrected within its error.", shown="{value:percent}",
+        limit="corrected"),
+    "flat.known-level": Text(
+        "Level of known regions against the chart's light", "The level of “{subject}”, of known "
+        "spectrum, is {value:.1f} standard errors from what the chart's light gives.",
+        lambda values: "Check its stated reflectance, and for a shadow on it or on the chart."
+        if values["beyond"] else "", "{value:.1f} standard errors", "pass up to {passes:.0f}"),
+    "flat.scatter": Text(
+        "Scatter of pixels beyond noise and light", lambda values:
+        f"The pixels of “{values['subject']}” scatter by {words.percent(values['value'])} beyond "
+        "noise and even light" + (", more than one paint does: its spectrum is the mean of several."
+                                  if values["beyond"] else "."),
+        lambda values: "Outline a part of one paint." if values["beyond"] else "",
+        "{value:percent}", "pass up to {passes:percent0}"),
+    "flat.no-edge": Text("Edges inside regions", "No region holds an edge.", shown="none",
+                         limit="none"),
+    "flat.edge": Text(
+        "Edge inside a region", lambda values: _edge_sentence(values),
+        lambda values: "Outline one side of it." if values["larger_part_px"] is None else
+        f"Outline its larger part, rect {values['larger_part_px']}.", "{value:percent0}", "none"),
+    # of a sample in photos with the lamp in two places
+    "lamp.image-mirrored": Text(
+        "Gloss", lambda values: f"“{values['subject']}” mirrors {100 * values['share']:.0f} % of "
+        f"white more in “{values['more']}” than in “{values['less']}”, as the image of a lamp or a "
+        "window does.", "Leave it out of “{more}” (regions.NAME.photo), or move the lamp."),
+    "lamp.unexplained": Text(
+        "Photos that disagree", "“{subject}” is {off:+.0%} in {band} of “{one}” against “{other}”, "
+        "which neither gloss nor level explains: it moved between the photos, a shadow's edge lies "
+        "on it, or something coloured is mirrored in it."),
+    "lamp.gloss": Text(
+        "Gloss", lambda values: f"“{values['subject']}” mirrors {100 * values['share']:.1f} ± "
+        f"{100 * values['error']:.1f} % of white more in “{values['more']}” than in "
+        f"“{values['less']}”: gloss."),
+    "lamp.darker": Text(
+        "Shadow or plane", lambda values: f"“{values['subject']}” is {100 * values['share']:.0f} ± "
+        f"{100 * values['error']:.0f} % darker beside the chart in “{values['dark']}” than in "
+        f"“{values['right']}”: a shadow on it there, or it does not lie in the chart's plane."),
+    "flat.clipped": Text(
+        "Clipped parts of the photo", "{value:percent} of the photo is clipped, none of it in a "
+        "region.", shown="{value:percent}", limit="pass up to {passes:percent0}"),
+}
+
+EDGES = {"SHADOW": "in all bands alike: a shadow's edge or a fold, or two greys",
+         "PAINTS": "in each band by its own ratio: two paints",
+         "ONE_BAND": "a shadow's edge, a fold or two paints"}
+
+
+def _light_sentence(values: Mapping[str, Any]) -> str:
+    share = "" if values["share"] is None else \
+        f"{words.percent(values['share'], 0)} of the variance of its spectrum and "
+    because = ", since the chart tells it badly" if values["by_chart"] else ""
+    return (f"The light on “{values['subject']}” is known to {words.percent(values['error'])}, "
+            f"which makes {share}L* ± {values['value']:.1f}{because}.")
+
+
+def _light_remedy(values: Mapping[str, Any]) -> str:
+    if values["by_chart"] or not values["beyond"]:
+        return ""
+    return ("It lies far from the chart, or the light is uneven; put the chart or a white card "
+            "next to it, or photograph a white card in the samples' place as flat field.")
+
+
+def _edge_sentence(values: Mapping[str, Any]) -> str:
+    (x0, y0), (x1, y1) = values["line_px"]
+    low, high = (words.percent(values[key], 0) for key in ("smallest_step", "value"))
+    photo = values["photo"] and f", photo {values['photo']}"
+    return (f"An edge runs across “{values['subject']}”{photo}, from ({x0:.0f}, {y0:.0f}) to "
+            f"({x1:.0f}, {y1:.0f}), by {high if low == high else f'{low} to {high}'}, "
+            f"{EDGES[values['kind']]}.")
+
 
 # ---- scenes --------------------------------------------------------------------------------------
 
-SCENES: dict[str, Text] = {}
+BEYOND_CHANCE = "Surfaces beyond chance and stated errors (p < {chance:g}){where}"
+NONE_BEYOND = "none; fail beyond {fails:percent0}"
+PASS_AND_FAIL = "pass up to {passes:percent0}, fail beyond {fails:percent0}"
+
+SCENES: dict[str, Text] = {
+    "scene.right": Text("", "Photo, rendering and calibration agree within the limits."),
+    "fit.of-scene": _fit("Inverse rendering"),
+    "scene.median": Text(
+        "Photo against rendering, |ratio − 1| of the worst band, median over surfaces{where}",
+        "Half of the surfaces agree with the photo within {value:percent} in every band{where}.",
+        shown="{value:percent}", limit=PASS_AND_FAIL),
+    "scene.median-unknown": Text(
+        "Photo against rendering, |ratio − 1| of the worst band, median over surfaces{where}",
+        "No surface could be compared with the photo{where}.", shown="not measured",
+        limit=PASS_AND_FAIL),
+    "scene.worst": Text(
+        "Photo against rendering, worst surface{where}", lambda values:
+        f"The surface “{values['subject']}”{values['where']} "
+        f"{'does not fit' if values['beyond'] else 'fits least'}: in band {values['band']} the "
+        f"photo is {words.deviation_words(values['ratio'])} than the rendering.",
+        shown="{value:percent}", limit=PASS_AND_FAIL),
+    "scene.worst-unknown": Text(
+        "Photo against rendering, worst surface{where}", "The worst surface{where} is unknown.",
+        shown="not measured", limit=PASS_AND_FAIL),
+    "scene.fits": Text(
+        BEYOND_CHANCE, "No surface{where} is off by more than chance and stated errors explain.",
+        shown="none", limit=NONE_BEYOND),
+    "scene.misfit": Text(
+        BEYOND_CHANCE, lambda values: _misfit_sentence(values),
+        "Check its light, position and paint, and for gloss.", "{value:percent}", NONE_BEYOND),
+    "scene.more-misfits": Text(
+        BEYOND_CHANCE, lambda values: f"{len(values['names'])} more do not fit"
+        f"{values['where']}: {words.listed(values['names'])}.", shown="{value:percent}",
+        limit=NONE_BEYOND),
+    "scene.each-by-its-own": Text(
+        BEYOND_CHANCE, "{count} of {compared} surfaces do not fit{where}, each by another factor.",
+        "Check the pose of the camera, the lamp's position and the sizes of the scene before the "
+        "surfaces.", "{value:percent}", NONE_BEYOND),
+    "scene.one-factor": Text(
+        BEYOND_CHANCE, lambda values: _count_of_misfits(values) + "all are off by one factor (the "
+        f"photo is {words.deviation_words(values['ratio'])}).",
+        "Check exposure, the lamp's strength and the known reflectance.", "{value:percent}",
+        NONE_BEYOND),
+    "scene.factor-of-bands": Text(
+        BEYOND_CHANCE, lambda values: _count_of_misfits(values) + "all are off by the same factor "
+        "in each band (" + ", ".join(f"{band} {words.signed_percent(ratio - 1)}"
+                                     for band, ratio in values["ratios"].items()) + ").",
+        "Check the spectrum of the light and the camera's curves.", "{value:percent}", NONE_BEYOND),
+    "scene.patterns": Text(
+        "Surfaces beyond chance and stated errors (p < {chance:g})",
+        "One spectrum for each material does not fit {names:listed}. It cannot fit those with "
+        "patterns, and the picture, with a spectrum for every pixel, does not rest on it.",
+        "Of plain surfaces check light, position and paint.", "{value:percent}", "none"),
+    "scene.known-level": Text(
+        "Level of the light on known surfaces against the chart's{where}", lambda values:
+        f"On {_quoted(values['names'])}, of known spectrum, the light is "
+        f"{words.deviation_words(values['ratio'])} than chart, positions and exposures give"
+        f"{_doubted(values)}.", lambda values: KNOWN_REMEDY if values["beyond"] else "",
+        "{size:percent}, {value:.1f} standard errors", "pass up to {passes:.0f} standard errors"),
+    "scene.known-colour": Text(
+        "Colour of the light on known surfaces against the chart's{where}", lambda values:
+        f"On {_quoted(values['names'])} the light of a band is up to "
+        f"{words.percent(values['size'])} off the colour that the chart's photo gives"
+        f"{_doubted(values)}.", lambda values: KNOWN_REMEDY if values["beyond"] else "",
+        "{size:percent}, {value:.1f} standard errors", "pass up to {passes:.0f} standard errors"),
+    "scene.rehearsed": Text(
+        "Known truth inside the band, rehearsed; worst material", lambda values:
+        f"Rehearsed {values['times']} times with known truths, the {values['intended']:.0%} band "
+        f"of the worst material ({values['subject']}) holds {values['value']:.1%}: "
+        + ("too narrow for this session." if values["beyond"] else "as stated."),
+        shown="{value:percent}", limit="{intended:percent} intended"),
+    "scene.clipped": Text(
+        "Clipped pixels, left out of the fit", "{value:percent} of the object photo is clipped and "
+        "was left out.", shown="{value:percent}", limit="pass up to {passes:percent0}"),
+    "scene.surface-off": Text(
+        "Photo against rendering", "Photo and rendering disagree on {subject} by {value:+.0%} in "
+        "band {band}: geometry, light or material of this surface is not as the scene says."),
+    "scene.no-flat-field": Text(
+        "Vignetting", "No flat-field photo: vignetting is not corrected and counts as "
+        "reflectance."),
+    "scene.scale-of-known": Text(
+        "Light scale", "The light scale rests on the spectrum given for a known material."),
+}
+
+KNOWN_REMEDY = ("Check its stated spectrum, its place in the scene, and lamp and exposure of both "
+                "photos.")
+
+
+def _quoted(names: list[str]) -> str:
+    return words.listed([f"“{name}”" for name in names])
+
+
+def _doubted(values: Mapping[str, Any]) -> str:
+    return f", {values['value']:.1f} standard errors" if values["beyond"] \
+        else ", which is corrected"
+
+
+def _misfit_sentence(values: Mapping[str, Any]) -> str:
+    level = ", ".join(f"{words.deviation_words(1 + off)} in {band}"
+                      for band, off in values["level"].items())
+    said = [f"the photo is {level} than the rendering"] if level else []
+    if values["scatter"]:
+        said.append(f"its parts differ among themselves by {words.percent(values['scatter'], 0)}")
+    if values["part"]:
+        said.append(f"a part of it is {words.deviation_words(1 + values['part'])}")
+    p = f"p = {values['p']:.1g}" if values["p"] > 1e-6 else "p < 1e-6"
+    return (f"{values['subject']} does not fit{values['where']}: {'; '.join(said)} ({p} after "
+            "Holm's correction).")
+
+
+def _count_of_misfits(values: Mapping[str, Any]) -> str:
+    return (f"{values['count']} of {values['compared']} surfaces do not fit{values['where']}, and ")
+
 
 # ---- surfaces and their draws --------------------------------------------------------------------
 
-SURFACES: dict[str, Text] = {}
+
+def _ended(said: str) -> Text:
+    """How draws ended, of the surface that is the subject, or of one that need not be named."""
+    return Text("Sampler", lambda values: (
+        f"Sampler of “{values['subject']}”: " if values["subject"] else "")
+        + _filled_with(said, values), shown="with a reservation", limit="as intended")
+
+
+def _families(values: Mapping[str, Any]) -> str:
+    allowed = ", ".join(f"{name} {100 * share:.0f} %" for name, share in values["shares"].items())
+    if not values["stated"]:
+        return f"No family of surfaces was stated; the signal allows {allowed}."
+    given = f"Conditional on the surface being {' or '.join(values['stated'])}, as stated"
+    return f"{given}: {allowed}." if len(values["stated"]) > 1 else f"{given}."
+
+
+SURFACES: dict[str, Text] = {
+    "draws.intended": Text(
+        "Samplers", lambda values: f"Sampler of every estimated surface: "
+        f"{OUTCOMES[values['outcome']]}", shown="as intended", limit="as intended"),
+    **{f"draws.{outcome}": _ended(said) for outcome, said in OUTCOMES.items()},
+    "draws.of-families": Text("Families of surfaces", lambda values: _families(values)),
+    "band.gaussian-errors": Text(
+        "Signal errors", lambda values: "Assumes Gaussian signal errors of "
+        + ", ".join(f"{100 * error:.2g}" for error in values["errors"]) + " % of white."),
+    "band.sampler": Text(
+        "Prior and sampler", "Prior and sampler: {method}; exact bounds: of splines of "
+        "{coefficients} coefficients between 0 and 1."),
+    "band.prior-and-sampler": Text(
+        "Prior and sampler", "Conditional on the prior and sampler {method}."),
+    "band.closed-form": Text(
+        "Prior", "Conditional on the prior {method}, computed in closed form."),
+    "truth.not-given": Text(
+        "Measured truth inside the band", "No measured spectrum was given to compare with.",
+        shown="no truth given", limit="its level"),
+    "truth.held": Text(
+        "Measured truth inside the band", "Over {tested} surfaces with a measured spectrum, the "
+        "band holds it at {value:percent} of wavelengths; {intended:percent} is intended.",
+        shown="{value:percent}", limit="{intended:percent} intended"),
+    "truth.possible": Text(
+        "Measured truth from the mean", "Every stated truth can be that of its surface.",
+        shown="{value:.1f} standard deviations", limit="pass up to {passes:.0f}"),
+    "truth.of-another": Text(
+        "Measured truth from the mean", "The stated truth disagrees with every band of "
+        "“{subject}”: it lies {value:.1f} standard deviations from the mean (rms over "
+        "wavelengths).", "Check that it is of this surface.", "{value:.1f} standard deviations",
+        "pass up to {passes:.0f}"),
+}
+
+
 
 # ---- conditions: what a result rests on ----------------------------------------------------------
 
-CONDITIONS: dict[str, Text] = {}
+# name of the condition; how it is known; what would measure it; what its failing costs
+MOVED_LAMP = "one more photo with the lamp moved"
+
+
+def _condition(name: str, to_measure: Template = "", holds: str = "") -> Text:
+    return Text(name, lambda values: _filled_with(KNOWN_BY[values["known_by"]], values), to_measure,
+                lambda values: _cost(values), holds=holds)
+
+
+CONDITIONS: dict[str, Text] = {
+    "condition.light": _condition("light on the sample", "a white card beside the samples",
+                                  "lamp and shutter repeated"),
+    "condition.plane": _condition(
+        "plane", f"a white card in the samples' plane, or {MOVED_LAMP}", "in the chart's plane"),
+    "condition.gloss": _condition("gloss", MOVED_LAMP, "matt"),
+    "condition.scene-gloss": _condition("gloss", MOVED_LAMP,
+                                        "the surfaces are as matt as the scene says"),
+    "condition.shadow": _condition("shadow", MOVED_LAMP, "in no shadow"),
+    "condition.fluorescence": _condition("fluorescence", "an instrument that reads without UV",
+                                         "without brighteners"),
+    "condition.linearity": _condition(
+        "linearity", lambda values: "a raw photo" if values["known_by"] == "tone-curve" else
+        "further exposures of the samples, or a chart with grey patches",
+        "with signals in proportion to light"),
+    "condition.chart": _condition("chart", "the reflectances of this very chart, from a meter",
+                                  "with a chart like its reference"),
+    "condition.camera": _condition("camera"),
+    "condition.scene-light": _condition(
+        "light on the scene", "a grey card in the photo of the scene", "lamp and shutter repeated"),
+    "condition.light-place": _condition("light place", "a grey card in the photo of the scene",
+                                        "lamp and chart stand as stated"),
+    "condition.geometry": _condition("geometry"),
+}
+
+KNOWN_BY: dict[str, Template] = {
+    "known-regions": "known regions: {names:listed}",
+    "known-beside": "known regions beside the samples",
+    "chart-apart": "the chart in a photo of its own",
+    "flat-field": "the chart and a flat field",
+    "chart-carried-on": "the chart's patches, carried on to the regions",
+    "no-photo": "no photo shows it",
+    "lamp-moved": "the photo with the lamp moved",
+    "surfaces-stated": "{names:listed}",
+    "taken-as-matt": "nothing stated: taken as matt to {usual:percent0}",
+    "tone-curve": "a tone curve undone as sRGB",
+    "exponent": lambda values: words.listed([
+        _filled_with(WAYS[way], values) for way in values["ways"]]),
+    "nothing": "nothing",
+    "own-reflectances": "a file of its own reflectances",
+    "copies": lambda values: f"the photo: {values['edition']}{_how_told(values)}, white "
+                             f"{values['white']:+.0%} against its copies",
+    "reference": "the reference stated, published, not of this copy",
+    "published": "published reflectances, not of this copy",
+    "curves": "{source}",
+    "curves-of-file": "curves of a file",
+    "fitted": "fitted to the chart",
+    "known-materials": lambda values: f"the spectrum given for {_quoted(values['names'])}"
+                       if values["names"] else "a material of known spectrum",
+    "chart-in-photo": "the chart in the photo itself",
+    "stated-errors": "stated errors of lamp and shutter",
+    "as-stated": "lamp and chart stand as stated",
+    "scene": "the scene's measures",
+    "estimated": "estimated: {names:listed}",
+}
+WAYS: dict[str, Template] = {
+    "greys": "the chart's greys: exponent {exponent:.3f} ± {exponent_error:.3f}",
+    "exposures": "several exposures", "dark-frames": "dark frames"}
+FAULTS: dict[str, Template] = {
+    "": "",
+    "dimmer": "{fault_size:percent} less light",
+    "dimmer-by-error": "less light by twice that error",
+    "mirrored": "{fault_size:percent} of the light mirrored",
+    "emitted": "{fault_size:percent} of white emitted at {fault_nm:.0f} nm",
+    "bent": "exponent off by {fault_size:.3f}",
+    "other-copy": "its level off by {fault_size:percent}",
+}
+
+
+def _how_told(values: Mapping[str, Any]) -> str:
+    """Whether the photo tells the edition that its chart is taken to be of, in brackets."""
+    if values["nats"] is None:
+        return ""
+    if values["told"] is None:
+        return " (as most are: the photo tells too little)"
+    nats = f"by {abs(values['nats']):.1f} nats"
+    return f" (told {nats})" if values["as_told"] else \
+        f" (as most are, though the photo says {values['told']}, {nats})"
+
+
+def _cost(values: Mapping[str, Any]) -> str:
+    """What the answer loses if a condition fails."""
+    happens = _filled_with(FAULTS[values["fault"]], values)
+    parts = [f"{happens}: {of} {values[key]:+.1f}".replace("-", "−")
+             for key, of in (("lightness", "L*"), ("b_star", "b*")) if values[key] is not None]
+    if values["variance_share"] is not None:
+        parts.append(f"{words.percent(values['variance_share'], 0)} of the variance")
+    return "; ".join(parts)
+
 
 # ---- what to do next -----------------------------------------------------------------------------
 
-ADVICE: dict[str, Text] = {}
+ADVICE: dict[str, Text] = {
+    "extra.failed": Text("{subject}", "No {subject}: {error}.",
+                         "Everything else stands, and --debug shows where it failed."),
+}
 
 TEXTS: dict[str, Text] = {**CHART, **CALIBRATION, **PHOTOS, **METERS, **FLAT, **SCENES, **SURFACES,
                           **CONDITIONS, **ADVICE}
@@ -579,6 +989,11 @@ def reasons(findings: Iterable[Finding]) -> list[str]:
     return [says(one) for one in faults(findings)]
 
 
+def paragraph(findings: Iterable[Finding]) -> str:
+    """The sentences of several."""
+    return " ".join(map(sentence, findings))
+
+
 def shown(finding: Finding) -> str:
     """Its value as a table shows it."""
     return _filled(TEXTS[finding.code].shown, finding)
@@ -587,6 +1002,31 @@ def shown(finding: Finding) -> str:
 def limit(finding: Finding) -> str:
     """Up to where it passes, as a table shows it."""
     return _filled(TEXTS[finding.code].limit, finding)
+
+
+def is_tested(finding: Finding) -> bool:
+    """Whether it is a row of a table of what was tested: a value with a limit."""
+    return bool(TEXTS[finding.code].limit)
+
+
+def holds(condition: Finding) -> str:
+    """How a verdict names a condition after "if"."""
+    return _filled(TEXTS[condition.code].holds, condition)
+
+
+def fault(condition: Finding) -> str:
+    """A fault of a condition as it happens."""
+    return _filled(FAULTS[condition.values["fault"]], condition)
+
+
+def conditions(named: Sequence[Finding]) -> str:
+    """Conditions as the end of "PASS if ..."; empty without any."""
+    return words.listed([holds(one) for one in named]) if named else ""
+
+
+def continued(said: str) -> str:
+    """A sentence of ours after a colon."""
+    return said[0].lower() + said[1:]
 
 
 def facts(finding: Finding) -> dict[str, Any]:
@@ -617,9 +1057,13 @@ class _Formatter(string.Formatter):
 
 
 def _filled(template: Template, finding: Finding) -> str:
-    subject = finding.subject
-    values = {"subject": subject, "where": subject and f" in the photo “{subject}”",
-              **finding.values}
+    photo = finding.values.get("photo", finding.subject)
+    return _filled_with(template, {
+        "subject": finding.subject, "where": photo and f" in the photo “{photo}”",
+        "beyond": finding.severity in (Severity.WARN, Severity.FAIL), **finding.values})
+
+
+def _filled_with(template: Template, values: Mapping[str, Any]) -> str:
     if callable(template):
         return template(values)
     return _Formatter().vformat(template, (), values)

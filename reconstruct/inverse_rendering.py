@@ -264,6 +264,5 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
         surface=np.array([*numbers, -1])[view.surface],     # -1, no surface, is the last
         agreement=agreement, light_scale=scale, loss_history=solution.loss_history,
         engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
-        notes=(*solution.notes, *(misfit.sentence for misfit in misfits),
-               *([shift] if shift else [])),
+        notes=(*solution.notes, *([shift] if shift else [])),
         misfits=misfits, known_light=solution.known_light)

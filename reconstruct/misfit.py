@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.scenes import SurfaceAgreement, SurfaceMisfit
 
 FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
@@ -139,27 +140,21 @@ def surface_misfits(tests: Sequence[SurfaceTest],
         by_surface.setdefault(test.surface, []).append(test)
     misfits = []
     for surface, own in by_surface.items():
-        level = [f"{abs(test.deviation):.0%} {'brighter' if test.deviation > 0 else 'darker'} in "
-                 f"{bands[test.band]}" for test in sorted(own, key=lambda test: test.band)
-                 if test.kind == "level"]
-        shape = max((test.deviation for test in own if test.kind == "shape"), default=0.0)
-        findings = [f"the photo is {', '.join(level)} than the rendering"] if level else []
-        findings += [f"its parts differ among themselves by {shape:.0%}"] if shape else []
-        p, part = min(test.adjusted for test in own), worst_part[surface]
+        level = {bands[test.band]: test.deviation
+                 for test in sorted(own, key=lambda test: test.band) if test.kind == "level"}
+        scatter = max((test.deviation for test in own if test.kind == "shape"), default=None)
+        part = worst_part[surface]
         largest = max((*(test.deviation for test in own), part), key=abs)
-        if largest == part:
-            findings += [f"a part of it is {abs(part):.0%} {'brighter' if part > 0 else 'darker'}"]
-        misfits.append(SurfaceMisfit(
-            surface, largest, f"{surface} does not fit: {'; '.join(findings)} "
-            f"({f'p = {p:.1g}' if p > 1e-6 else 'p < 1e-6'} after Holm's correction): "
-            "check its light, position and paint, and for gloss"))
+        misfits.append(SurfaceMisfit(surface, largest, level, scatter,
+                                     part if largest == part else None,
+                                     min(test.adjusted for test in own)))
     return tuple(misfits)
 
 
 def common_cause(agreement: SurfaceAgreement, misfits: Sequence[SurfaceMisfit],
-                 bands: Sequence[str]) -> str | None:
-    """What the deviations of many surfaces have in common, as a sentence; None of fewer than three
-    misfits, or where less than half of the surfaces do not fit.
+                 bands: Sequence[str]) -> Finding | None:
+    """What the deviations of many surfaces have in common; None of fewer than three misfits, or
+    where less than half of the surfaces do not fit.
 
     Parameters
     ----------
@@ -172,19 +167,14 @@ def common_cause(agreement: SurfaceAgreement, misfits: Sequence[SurfaceMisfit],
     if len(misfits) < MANY or 2 * len(misfits) < len(agreement.names) or not log.size:
         return None
     common = log.mean(axis=0)
-    count = f"{len(misfits)} of {len(agreement.names)} surfaces do not fit, "
+    values = {"count": len(misfits), "compared": len(agreement.names)}
     if len(log) * (common**2).sum() < COMMON * (log**2).sum():
-        return (f"{count}each by another factor: check the pose of the camera, the lamp's position "
-                "and the sizes of the scene before the surfaces.")
+        return Finding("scene.each-by-its-own", Severity.WARN, values=values)
     if np.ptp(common) < ALIKE * np.abs(common).max():
-        ratio = float(np.exp(common.mean()))
-        return (f"{count}and all are off by one factor (the photo is {abs(ratio - 1):.0%} "
-                f"{'brighter' if ratio > 1 else 'darker'}): check exposure, the lamp's strength "
-                "and the known reflectance.")
-    factors = ", ".join(f"{band} {value:+.0%}" for band, value in zip(
-        bands, np.exp(common) - 1, strict=True))
-    return (f"{count}and all are off by the same factor in each band ({factors}): check the "
-            "spectrum of the light and the camera's curves.")
+        return Finding("scene.one-factor", Severity.WARN,
+                       values=values | {"ratio": float(np.exp(common.mean()))})
+    return Finding("scene.factor-of-bands", Severity.WARN, values=values | {
+        "ratios": dict(zip(bands, np.exp(common).tolist(), strict=True))})
 
 
 def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> float:

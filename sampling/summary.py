@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import (
     SpectralMeasurement,
     SpectrumSamples,
@@ -23,7 +24,7 @@ READING_ERROR = 0.005
 
 
 def summarise(samples: SpectrumSamples, measurement: SpectralMeasurement, level: float = 0.95,
-              conditional_on: str | None = None) -> SpectrumSummary:
+              conditional_on: tuple[Finding, ...] | None = None) -> SpectrumSummary:
     """Mean, standard deviation, central band and exact bounds from draws of spectra.
 
     Parameters
@@ -34,8 +35,8 @@ def summarise(samples: SpectrumSamples, measurement: SpectralMeasurement, level:
         ``samples.coefficients``.
     level : float
         Of the pointwise band: central, equal tails.
-    conditional_on : str, optional
-        The sentence that says what the numbers rest on; by default prior, sampler and outcome.
+    conditional_on : tuple of Finding, optional
+        What the numbers rest on; by default prior, sampler and outcome.
 
     Returns
     -------
@@ -59,8 +60,9 @@ def summarise(samples: SpectrumSamples, measurement: SpectralMeasurement, level:
         grid=samples.grid, mean=samples.spectra.mean(axis=0),
         standard_deviation=samples.spectra.std(axis=0), lower=lower, upper=upper,
         bound_lower=bound_lower, bound_upper=bound_upper, level=level,
-        conditional_on=conditional_on
-        or f"Conditional on the prior and sampler {samples.method}. {samples.sentence}",
+        conditional_on=conditional_on or (
+            Finding("band.prior-and-sampler", Severity.INFO, values={"method": samples.method}),
+            *samples.findings),
         next_measurement_nm=next_measurement_nm(samples.grid, covariance))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
@@ -47,17 +48,14 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
     check_draw_count(draws)
     operator, moved = into_reach(spline_operator(measurement, coefficients))
     coefficient_draws = sample_polytope(operator, draws, seed)
-    outcome, sentence = coefficient_draws.outcome, coefficient_draws.outcome.value
-    if moved:
-        outcome = Outcome.MOVED
-        sentence = (f"No spectrum of {coefficients} coefficients between 0 and 1 gives the signal: "
-                    f"it was moved by up to {100 * moved:.2g} % of white to the nearest that can "
-                    "be reached.")
-    return as_spectra(coefficient_draws, METHOD, seed, outcome, sentence)
+    if not moved:
+        return as_spectra(coefficient_draws, METHOD, seed, coefficient_draws.outcome)
+    return as_spectra(coefficient_draws, METHOD, seed, Outcome.MOVED, Outcome.MOVED.finding(
+        coefficients=coefficients, moved=float(moved)))
 
 
 def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome,
-               sentence: str) -> SpectrumSamples:
+               *findings: Finding) -> SpectrumSamples:
     """The draws as spectra at 400, 405 ... 700 nm.
 
     Parameters
@@ -67,13 +65,13 @@ def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome
     seed : int
         Of the random generator; the same seed gives the same draws bit for bit.
     outcome : Outcome
-    sentence : str
-        The outcome in words.
+    *findings : Finding
+        On the outcome; by default that alone.
     """
     spectra = draws.coefficients @ basis_matrix(PRIOR_GRID.nm, draws.coefficients.shape[1]).T
     spectra.flags.writeable = False     # nobody else has them: the record need not copy
     return SpectrumSamples(PRIOR_GRID, spectra, draws.coefficients, method, draws.effective_samples,
-                           seed, outcome, sentence)
+                           seed, outcome, findings or (outcome.finding(),))
 
 
 def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, float]:

@@ -93,9 +93,8 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
         try:
             return read(*arguments)
         except SpectraboxError as error:
-            problems.extend(Problem(sentence, error.exit_code)
-                            for sentence in str(error).splitlines()
-                            if sentence not in [problem.sentence for problem in problems])
+            raised = [Problem(line, error.exit_code) for line in str(error).splitlines()]
+            problems.extend(one for one in raised if one not in problems)
             return None
 
     capture, faults = capture_with_faults(config)

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image as raster
 
+from spectrabox.measure.conditions import Statements
 from spectrabox.measure.results.capture_result import ChartResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.surface_spectra import Scores
-from spectrabox.measure.verdict.conditions import Statements
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
@@ -168,10 +168,11 @@ def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tupl
     lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
     summary = SpectrumSummary(GRID, draws.mean(axis=0), draws.std(axis=0), lower, upper,
                               np.clip(lower - 0.12, 0, 1), np.clip(upper + 0.12, 0, 1), 0.95,
-                              "12 cubic B-splines between 0 and 1, the stated noise, uniform prior",
+                              (Finding("band.sampler", Severity.INFO, values={
+                                  "method": "hit-and-run", "coefficients": COEFFICIENTS}),),
                               423.0)
     samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
-                              Outcome.EXACT, Outcome.EXACT.value)
+                              Outcome.EXACT, (Outcome.EXACT.finding(),))
     budget = {cause: rng.uniform(0.2, 1) * size * rng.uniform(0.7, 1.3, len(bands))
               for cause, size in {"photo noise": 2e-3, "Monte Carlo noise": 3e-3,
                                   "sensitivities": 8e-3,

@@ -9,27 +9,25 @@ import numpy as np
 import pytest
 from report_example import example_session, with_found
 
-from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.verdict.conditions import (
+from spectrabox.measure import rules, texts
+from spectrabox.measure.conditions import (
     COPY_FAULT,
     GLOSS_FAULT,
     NAMED_CHANGE,
-    Standing,
     Statements,
-    condition_words,
     emitted,
     exponent_of_greys,
 )
-from spectrabox.measure.verdict.criterion import Status, Verdict
-from spectrabox.measure.verdict.flat_criteria import light_effect
+from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE, SAMPLE_PLANE
+from spectrabox.radiometry.findings import Finding, Severity
 
 NM = np.arange(400.0, 701.0, 5.0)
 
 
 def condition(found, name):
-    return next(each for each in found.conditions if each.name == name)
+    return next(each for each in found.conditions if each.code == f"condition.{name}")
 
 
 def grey(level: float, light_error: float, light_share: float, tmp_path) -> SurfaceResult:
@@ -44,30 +42,41 @@ def grey(level: float, light_error: float, light_share: float, tmp_path) -> Surf
 
 def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):
     results = example_session(tmp_path)
-    assert condition(results.found, "gloss").standing is Standing.ASSUMED
+    assert condition(results.found, "scene-gloss").values["standing"] == "assumed"
     stated = with_found(results, stated=Statements(surfaces=("matt",))).found
-    gloss = condition(stated, "gloss")
-    assert gloss.standing is Standing.STATED and gloss.known_by == "matt" and not gloss.named
+    gloss = condition(stated, "scene-gloss")
+    assert gloss.values["standing"] == "stated" and gloss.values["names"] == ["matt"]
+    assert not gloss.values["named"]
 
 
 def test_a_lamp_that_moved_measures_gloss(tmp_path):
     moved = with_found(example_session(tmp_path), stated=Statements(lamp_moved=True)).found
-    assert condition(moved, "gloss").standing is Standing.MEASURED
+    assert condition(moved, "scene-gloss").values["standing"] == "measured"
 
 
 def test_the_verdict_names_the_assumed_conditions_whose_failing_is_seen_and_no_other(tmp_path):
     found = example_session(tmp_path).found
     for each in found.conditions:
-        seen = max(abs(each.lightness or 0), abs(each.b_star or 0)) >= NAMED_CHANGE
-        assert each.named == (each.standing is Standing.ASSUMED and seen)
-        assert (bool(each.holds) and each.holds in condition_words(found.conditions)) == each.named
+        values = each.values
+        seen = max(abs(values["lightness"] or 0), abs(values["b_star"] or 0)) >= NAMED_CHANGE
+        assert values["named"] == (values["standing"] == "assumed" and seen)
+        assert (each in found.verdict.conditions) == values["named"]
 
 
-def test_the_line_of_a_pass_says_what_it_rests_on_and_that_of_a_warning_does_not():
-    passed = Verdict(Status.PASS, "The chart fits.", (), "matt and in the chart's plane")
-    assert passed.line == "verdict: PASS if matt and in the chart's plane. The chart fits."
-    assert passed.says == "If matt and in the chart's plane: the chart fits."
-    assert Verdict(Status.WARN, "It is dark.", ()).line == "verdict: WARN. It is dark."
+@pytest.mark.parametrize("severity, word", [
+    (Severity.INFO, "PASS"), (Severity.NOTE, "PASS"), (Severity.WARN, "WARN"),
+    (Severity.FAIL, "FAIL")])
+def test_a_verdict_of_any_kind_says_what_it_rests_on(severity, word):
+    right = Finding("flat.right", Severity.INFO)
+    found = Finding("photo.not-linear", severity)
+    gloss, plane = Finding("condition.gloss", Severity.INFO), Finding("condition.plane",
+                                                                      Severity.INFO)
+    verdict = rules.Verdict((found,), right, (gloss, plane))
+    said = texts.sentence(right) if word == "PASS" else texts.says(found)
+    assert verdict.line == f"verdict: {word} if matt and in the chart's plane. {said}"
+    assert verdict.says.lower() == f"If matt and in the chart's plane: {said}".lower()
+    assert rules.Verdict((found,), right).line == f"verdict: {word}. {said}"
+    assert verdict.problems == (() if word == "PASS" else (found,))
 
 
 @pytest.mark.parametrize("level, named", [(0.85, True), (0.6, True), (0.2, False), (0.04, False)])
@@ -75,7 +84,7 @@ def test_brighteners_are_named_of_surfaces_that_are_light_in_the_blue(tmp_path, 
     results = example_session(tmp_path)
     found = dataclasses.replace(results.found, surfaces=[grey(level, 0.01, 0.1, tmp_path)])
     fluorescence = condition(found, "fluorescence")
-    assert fluorescence.b_star < 0 and fluorescence.named == named
+    assert fluorescence.values["b_star"] < 0 and fluorescence.values["named"] == named
     # emission at 440 nm is bluer than any reflectance, and hardly lighter
     reflected = np.full(NM.size, level)
     assert reflectance_to_lab(NM, emitted(NM, reflected))[0] \
@@ -87,22 +96,23 @@ def test_costs_are_those_of_the_surface_that_the_fault_changes_most(tmp_path):
     estimated = [surface for surface in found.surfaces if not surface.known]
     mirrored = [reflectance_to_lab(surface.nm, surface.mean + GLOSS_FAULT)[0] - surface.lab[0]
                 for surface in estimated]
-    assert condition(found, "gloss").lightness == pytest.approx(max(mirrored))
+    assert condition(found, "scene-gloss").values["lightness"] == pytest.approx(max(mirrored))
     darker = [reflectance_to_lab(surface.nm, surface.mean * (1 - COPY_FAULT))[0] - surface.lab[0]
               for surface in estimated]
-    assert condition(found, "chart").lightness == pytest.approx(min(darker))
+    assert condition(found, "chart").values["lightness"] == pytest.approx(min(darker))
 
 
 def test_a_light_that_is_most_of_a_band_warns_and_one_that_is_little_of_it_does_not(tmp_path):
     # L* of a grey of 0.15 is 45.6: 8 % of its light is 1.6 of L*
-    assert light_effect(grey(0.15, 0.08, 0.6, tmp_path)).status is Status.WARN
-    assert light_effect(grey(0.15, 0.08, 0.1, tmp_path)).status is Status.PASS
+    assert rules.light_effect(grey(0.15, 0.08, 0.6, tmp_path)).severity is Severity.WARN
+    assert rules.light_effect(grey(0.15, 0.08, 0.1, tmp_path)).severity is Severity.INFO
 
 
 def test_a_light_that_is_little_of_a_band_warns_where_it_moves_lightness_by_two(tmp_path):
     # L* of a grey of 0.8 is 91.7: 4 % of its light is 1.4, 8 % is 2.9, 20 % is 7.6
-    levels = [light_effect(grey(0.8, error, 0.1, tmp_path)).status for error in (0.04, 0.08, 0.2)]
-    assert levels == [Status.PASS, Status.WARN, Status.FAIL]
+    levels = [rules.light_effect(grey(0.8, error, 0.1, tmp_path)).severity
+              for error in (0.04, 0.08, 0.2)]
+    assert levels == [Severity.INFO, Severity.WARN, Severity.FAIL]
 
 
 def test_the_plane_of_the_samples_is_not_the_light(tmp_path):
@@ -110,7 +120,7 @@ def test_the_plane_of_the_samples_is_not_the_light(tmp_path):
     surface = dataclasses.replace(
         surface, error_budget={**surface.error_budget, SAMPLE_PLANE: np.full(3, 0.2)},
         variance_shares={LIGHT_FIELD: 0.1, SAMPLE_PLANE: 0.9})
-    assert light_effect(surface).status is Status.PASS
+    assert rules.light_effect(surface).severity is Severity.INFO
 
 
 @pytest.mark.parametrize("exponent", [1.0, 0.95, 1.1])

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.meter_transcripts import FOLDER as RECORDINGS
+from spectrabox.measure.conditions import CONDITION_FACTS
 from spectrabox.measure.results.surface_result import SURFACE_FACTS
-from spectrabox.measure.verdict.conditions import CONDITION_FACTS
 from spectrabox.session.cli import app
 
 PAGE = Path(__file__).parents[1] / "docs" / "reference" / "json.md"

@@ -13,6 +13,7 @@ from inline_workers import inline_workers
 from session_runs import call
 
 import spectrabox as sb
+from spectrabox.measure import texts
 from spectrabox.measure.advice.flat_actions import flat_photos_of, with_lamp_moved, with_level
 from spectrabox.measure.advice.forecast import Unknown, outlook_after
 from spectrabox.measure.extras import attempt
@@ -88,7 +89,7 @@ def test_an_extra_that_fails_is_named_and_the_answer_stands(session, monkeypatch
     same_answer(facts, expected)
     named = {"extra": extra, "error": f"ValueError: {WHY}"}
     assert named in facts["failed_extras"] and named in json.loads(debugged.stdout)["failed_extras"]
-    note = f"note: no {extra}: ValueError: {WHY}"
+    note = f"note: No {extra}: ValueError: {WHY}."
     assert note in outcome.stderr and note in again.stdout and note not in again.stderr
     assert "--debug" in again.stdout and "Traceback" not in again.stderr
     assert "in fails" in debugged.stderr and "Traceback" in debugged.stderr
@@ -141,9 +142,9 @@ def test_a_chart_is_judged_without_its_edition(measured, monkeypatch):
     changed = {"edition", "failed_extras"}
     assert {key: facts[key] for key in facts if key not in changed} == {
         key: good[key] for key in good if key not in changed}
-    assert "note: no edition of the chart" in call("chart", photo).stdout
+    assert "note: No edition of the chart" in call("chart", photo).stdout
     found = sb.find_chart(sb.open_photo(photo)).edition
-    assert found.edition is None and WHY in found.failed.traceback
+    assert found.edition is None and WHY in found.failed.values["traceback"]
 
 
 def test_a_batch_names_what_failed_and_tries_it_again(measured, tmp_path, monkeypatch):
@@ -153,7 +154,7 @@ def test_a_batch_names_what_failed_and_tries_it_again(measured, tmp_path, monkey
     with monkeypatch.context() as planted:
         planted.setattr("spectrabox.session.batch.tasks.picture_data_uri", fails)
         (outcome,) = run_batch(order, [own], inline_workers()[1])
-    why = f"no picture of the photo: ValueError: {WHY}"
+    why = f"No picture of the photo: ValueError: {WHY}."
     assert (outcome.state, outcome.verdict, outcome.failed_extras) == (
         "done", expected["verdict"], (why,))
     page = write_page(order.out, [outcome], 1)
@@ -172,9 +173,9 @@ def test_the_library_returns_the_answer_without_its_advice(measured, monkeypatch
     assert result["cube"].mean.shape and result.facts()["regions"]
     assert result.advice == result["cube"].advice == ()
     (failed,) = result.failed_extras
-    assert (failed.extra, failed.error) == ("advice", f"ValueError: {WHY}")
-    assert "in fails" in failed.traceback and failed.sentence in result.text()
-    assert result["cube"].failed_extras[0].error == failed.error
+    assert (failed.subject, failed.values["error"]) == ("advice", f"ValueError: {WHY}")
+    assert "in fails" in failed.values["traceback"] and texts.says(failed) in result.text()
+    assert result["cube"].failed_extras[0].values["error"] == failed.values["error"]
     for known in (result, result["cube"]):      # who asks for advice alone is told why
         with pytest.raises(ValueError, match=WHY):
             sb.advise(known)
@@ -209,7 +210,7 @@ def test_errors_are_said_in_a_line(error, said):
         raise error
 
     value, failed = attempt("advice", failing, 7)
-    assert value == 7 and failed.error == said
+    assert value == 7 and failed.values["error"] == said
     assert attempt("advice", lambda: 5, None) == (5, None)
 
 

@@ -127,8 +127,9 @@ def test_a_photo_through_a_filter_brings_pixels_nearer_to_their_surfaces(_finish
     """Also where it was moved, by one and a half pixels: there edges are left to the first photo.
     """
     write_toml(session, WHOLE, VIEWS[view])
-    notes = run(session).records.picture.notes
-    assert "in 6 bands" in notes[0] and "from fewer photos" in notes[1]
+    photos, fewer = run(session).records.picture.findings
+    assert (photos.code, photos.values["bands"]) == ("picture.photos", 6)
+    assert fewer.code == "picture.fewer-photos"
     (before, _), (off, held) = off_and_held(_finished_picture[0]), off_and_held(session)
     both = np.isfinite(before + off)
     # by 9 % without a motion: few surfaces, of which the filter says more of some

@@ -23,7 +23,6 @@ from flat_example import (
 from spectrabox.fixtures.flat_sample import lamplight, vignetting, write_photo
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.results.result_of_records import result_of
-from spectrabox.measure.verdict.criterion import Status
 from spectrabox.radiometry.chart import AFTER_2014
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
@@ -280,6 +279,10 @@ def with_card(folder, name, factor):
     (folder / "session.toml").write_text(HEAD + regions_toml(known=(name,)), encoding="utf-8")
 
 
+def problems(verdict):
+    return {one.code: one for one in verdict.problems}
+
+
 def test_a_card_stated_far_from_its_level_is_refused(flat_session):
     with_card(flat_session, "white_wall", 0.5)
     with pytest.raises(CheckError, match=r"is stated to reflect 0\.42 and reads 0\.8"):
@@ -289,14 +292,15 @@ def test_a_card_stated_far_from_its_level_is_refused(flat_session):
 def test_a_card_stated_off_its_level_is_doubted(flat_session):
     with_card(flat_session, "white_wall", 1.17)     # the light is known to about 4 % there
     finished = run(flat_session)
-    notes = finished.records.flat_signals.notes
-    assert any("standard errors darker than the chart's light" in note for note in notes)
     found = result_of(finished.capture, finished.records)
     verdict = found.verdict
-    assert verdict.status is Status.WARN and "The level of “white_wall”" in verdict.sentence
+    assert verdict.severity is Severity.WARN
+    assert problems(verdict)["flat.known-level"].subject == "white_wall"
     photo = replace(found.photos[0], level_misfits={"bright": 3.5, "dark": -4.5})
     verdict = replace(found, photos=(photo,)).verdict
-    assert "The level of “dark”, of known spectrum, is 4.5 standard errors" in verdict.sentence
+    doubted = problems(verdict)["flat.known-level"]
+    assert doubted.subject == "dark" and doubted.values["value"] == 4.5
+    assert doubted.values["surfaces"] == ["bright", "dark"]
 
 
 def test_a_region_of_several_paints_and_a_truth_of_another_are_warnings(flat_session):
@@ -305,8 +309,7 @@ def test_a_region_of_several_paints_and_a_truth_of_another_are_warnings(flat_ses
     other = rect_of("red_wall")
     finished = run(flat_session)
     right = result_of(finished.capture, finished.records).verdict
-    assert {each.name.split()[0]: each.status for each in right.criteria}.items() >= {
-        "Scatter": Status.PASS, "Measured": Status.PASS}.items()
+    assert {one.code for one in right.passed} >= {"flat.scatter", "truth.possible"}
     both = [min(x0, other[0]), min(y0, other[1]), max(x1, other[2]), max(y1, other[3])]
     text += f"[regions.both]\nrect = {both}\n"
     (flat_session / "spectra" / "other.csv").write_text(table_text(
@@ -316,9 +319,9 @@ def test_a_region_of_several_paints_and_a_truth_of_another_are_warnings(flat_ses
     (flat_session / "session.toml").write_text(text, encoding="utf-8")
     finished = run(flat_session)
     verdict = result_of(finished.capture, finished.records).verdict
-    assert verdict.status is Status.WARN
-    assert "The pixels of “both” scatter by" in verdict.sentence
-    assert "The stated truth disagrees with every band of “cube”: it lies" in verdict.sentence
+    assert verdict.severity is Severity.WARN
+    assert problems(verdict)["flat.scatter"].subject == "both"
+    assert problems(verdict)["truth.of-another"].subject == "cube"
 
 
 def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session):

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spectrabox.measure.verdict.criterion import Status
-from spectrabox.measure.verdict.scene_criteria import LIGHT_DOUBTED
+from spectrabox.measure.rules import LIGHT_DOUBTED, light_of_known
 from spectrabox.radiometry.error_model import (
     KNOWN_SURFACES,
     REPEATABILITY,
     scale_covariances,
     with_common_error,
 )
+from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.agreement import scene_errors, surface_agreement
@@ -171,17 +171,13 @@ def test_the_light_of_every_view_is_that_on_its_own_known_surfaces(sound, tmp_pa
 
 
 def test_an_alarm_is_raised_where_the_light_is_beyond_what_can_have_changed(sound):
-    from types import SimpleNamespace
-
-    from spectrabox.measure.verdict.scene_criteria import _known_light
-
     def status(factor):
         made = signals_of(in_light(sound, factor))[1]
-        return [row.status for row in _known_light(SimpleNamespace(reconstruction=made, views=()))]
+        return [one.severity for one in light_of_known(made, "")]
 
-    assert status(DIMMED) == [Status.PASS, Status.PASS]
-    assert status(0.8 * np.ones(3)) == [Status.WARN, Status.PASS]
-    assert status(np.array([1.0, 1.0, 1 - 6 * LAMP_COLOUR_ERROR])) == [Status.PASS, Status.WARN]
+    assert status(DIMMED) == [Severity.INFO, Severity.INFO]
+    assert status(0.8 * np.ones(3)) == [Severity.WARN, Severity.INFO]
+    assert status(np.array([1.0, 1.0, 1 - 6 * LAMP_COLOUR_ERROR])) == [Severity.INFO, Severity.WARN]
 
 
 def test_a_view_without_known_surfaces_keeps_the_chart_s_scale(sound):

@@ -1,6 +1,5 @@
 """One lamp in two places: gloss, plane and shadow of each sample are measured."""
 import json
-import re
 
 import numpy as np
 import pytest
@@ -21,7 +20,11 @@ from spectrabox.fixtures.near_lamps import (
     with_gloss,
 )
 from spectrabox.fixtures.paints import NM, chart_copy, random_paints
-from spectrabox.measure.regions.moved_lamp import found_in_places, gloss_and_level, moved_notes
+from spectrabox.measure.regions.moved_lamp import (
+    differences_of_photos,
+    found_in_places,
+    gloss_and_level,
+)
 from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
 from spectrabox.radiometry.error_model import PHOTO_NOISE
 from spectrabox.radiometry.records.spectra import SurfaceSignals
@@ -61,27 +64,27 @@ def signals_of(spectrum, gloss=(0.0, 0.0), level=(0.0, 0.0), colour=(0.0, 0.0, 0
     return with_errors(signals, {PHOTO_NOISE: noise**2 * np.eye(6)[None]})
 
 
-def notes(**what):
-    return moved_notes(signals_of(RED, **what), ["photo", "b"])
+def found(**what):
+    return differences_of_photos(signals_of(RED, **what), ["photo", "b"])
 
 
 def test_what_two_photos_differ_by_is_named_with_its_cause():
-    assert notes() == ()
-    (gloss,) = notes(gloss=(0.035, 0.005))
-    share, error = map(float, re.search(r"mirrors ([\d.]+) ± ([\d.]+) % of white more in 'photo' "
-                                        r"than in 'b'", gloss).groups())
-    assert abs(share - 3.0) < 2 * error < 1.5
-    (shadow,) = notes(level=(0.0, -0.12), plane=0.01)
-    assert "darker beside the chart in 'b' than in 'photo': a shadow" in shadow
-    (image,) = notes(gloss=(0.12, 0.0))
-    assert "mirrors 12 % of white more in 'photo'" in image and "image of a lamp" in image
-    (moved,) = notes(colour=(0.0, 0.2, 0.0))
-    assert "neither gloss nor level" in moved and "it moved between the photos" in moved
+    assert found() == ()
+    (gloss,) = found(gloss=(0.035, 0.005))
+    assert (gloss.code, gloss.values["more"], gloss.values["less"]) == ("lamp.gloss", "photo", "b")
+    assert abs(gloss.values["share"] - 0.03) < 2 * gloss.values["error"] < 0.015
+    (shadow,) = found(level=(0.0, -0.12), plane=0.01)
+    assert (shadow.code, shadow.values["dark"]) == ("lamp.darker", "b")
+    (image,) = found(gloss=(0.12, 0.0))
+    assert (image.code, image.values["more"]) == ("lamp.image-mirrored", "photo")
+    assert image.values["share"] == pytest.approx(0.12, abs=0.005)
+    (moved,) = found(colour=(0.0, 0.2, 0.0))
+    assert moved.code == "lamp.unexplained"
 
 
 def test_nothing_is_named_of_what_chance_explains():
     rng = np.random.default_rng(5)
-    named = sum(bool(moved_notes(signals_of(
+    named = sum(bool(differences_of_photos(signals_of(
         RED, gloss=tuple(rng.uniform(0, 0.006, 2)), level=tuple(0.02 * rng.standard_normal(2)),
         rng=rng), ["photo", "b"])) for _ in range(300))
     # From 2.5 standard errors on, of gloss and of level: 1 % each, and two standard deviations.

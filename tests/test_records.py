@@ -23,7 +23,7 @@ def test_a_wrong_shape_names_record_field_and_need(shape):
 def test_a_letter_is_the_same_size_wherever_it_stands():
     with pytest.raises(ValueError, match="with T = 3"):
         SpectrumSamples(visible_grid(5), np.ones((3, 61)), np.ones((4, 7)), "m", 3.0, 1,
-                        Outcome.EXACT, Outcome.EXACT.value)
+                        Outcome.EXACT, (Outcome.EXACT.finding(),))
 
 
 def test_grid_weights_integrate_a_line_exactly():

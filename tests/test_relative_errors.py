@@ -322,7 +322,7 @@ def test_right_answers_say_their_signal_and_that_of_errors_that_add_does_not(pla
 def test_draws_of_all_surfaces_at_once_that_leave_a_surfaces_signal_are_not_taken():
     signals = signals_of([0.2, 0.3, 0.4], alike(3, 0.1))
     dark, light = (SpectrumSamples(PRIOR_GRID, np.full((1000, 61), level), np.full((1000, 13), 0.5),
-                                   "at once", 1000.0, 0, Outcome.THROUGH_TRANSPORT, "")
+                                   "at once", 1000.0, 0, Outcome.THROUGH_TRANSPORT, ())
                    for level in (0.01, 0.3))
     options = DrawOptions(draws=1000)
     found = sample_surfaces(signals, options, {}, lambda done, what: None, {"wall": dark})["wall"]

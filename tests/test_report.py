@@ -12,8 +12,7 @@ import pytest
 from report_example import SURFACES, WORST_RATIO, example_session, with_found
 
 from spectrabox.measure import texts
-from spectrabox.measure.verdict.conditions import Statements, condition_words
-from spectrabox.measure.verdict.criterion import Status
+from spectrabox.measure.conditions import Statements
 from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem
@@ -112,7 +111,9 @@ def test_hostile_names_are_shown_and_never_run(tmp_path):
     results = example_session(tmp_path, materials=NAMES, name=HOSTILE, notes=HOSTILE,
                               bands=("R", HOSTILE, "B"))
     results = with_found(dataclasses.replace(
-        results, inputs=(dataclasses.replace(results.inputs[0], file=HOSTILE),)), notes=(HOSTILE,))
+        results, inputs=(dataclasses.replace(results.inputs[0], file=HOSTILE),)), kept=(
+            Finding("lamp.unexplained", Severity.NOTE, HOSTILE, {
+                "off": 0.1, "band": HOSTILE, "one": HOSTILE, "other": HOSTILE}),))
     text = written(results)
     assert HOSTILE not in text
     assert html.escape(HOSTILE) in text
@@ -146,43 +147,48 @@ def test_numbers_in_the_json_equal_the_records(usual):
 def test_the_surface_that_does_not_fit_is_named_in_words(usual):
     results, text = usual
     verdict = results.found.verdict
-    assert verdict.status is Status.WARN
-    assert verdict.sentence == ("The surface “left wall” does not fit: in band R the photo is "
-                            f"{percent(WORST_RATIO - 1)} brighter than the rendering.")
-    assert verdict.sentence in text
+    assert verdict.severity is Severity.WARN
+    found, = verdict.problems
+    assert (found.code, found.subject, found.values["band"]) == ("scene.worst", "left wall", "R")
+    assert found.values["ratio"] == pytest.approx(WORST_RATIO)
+    assert verdict.sentence == texts.says(found) and verdict.sentence in text
 
 
 @pytest.mark.parametrize("median, worst, status", [
-                             (1.01, 1.04, Status.PASS), (1.03, 1.04, Status.WARN),
-                             (0.94, 0.94, Status.FAIL), (1.0, 0.9, Status.WARN),
-                             (1.0, 1.2, Status.FAIL)])
+                             (1.01, 1.04, Severity.INFO), (1.03, 1.04, Severity.WARN),
+                             (0.94, 0.94, Severity.FAIL), (1.0, 0.9, Severity.WARN),
+                             (1.0, 1.2, Severity.FAIL)])
 def test_the_verdict_follows_the_worst_criterion(tmp_path, median, worst, status):
     ratio = np.full((len(SURFACES), 3), median)
     ratio[2, 1] = worst
-    assert with_ratio(example_session(tmp_path), ratio).found.verdict.status is status
+    assert with_ratio(example_session(tmp_path), ratio).found.verdict.severity is status
 
 
 @pytest.mark.parametrize("outcome, status", [
-                             (Outcome.STEP_LIMIT, Status.WARN), (Outcome.ILL_POSED, Status.PASS),
-                             (Outcome.CONVERGED, Status.PASS)])
+                             (Outcome.STEP_LIMIT, Severity.WARN),
+                             (Outcome.ILL_POSED, Severity.INFO),
+                             (Outcome.CONVERGED, Severity.INFO)])
 def test_a_fit_that_was_stopped_early_is_a_warning(tmp_path, outcome, status):
     results = with_ratio(example_session(tmp_path), np.ones((len(SURFACES), 3)))
     made = dataclasses.replace(results.found.reconstruction, outcome=outcome)
     verdict = with_found(results, reconstruction=made).found.verdict
-    assert verdict.status is status
-    assert any(outcome.value in criterion.sentence for criterion in verdict.criteria)
+    assert verdict.severity is status
+    assert outcome.value in [one.values["outcome"] for one in verdict.findings
+                            if one.code == "fit.of-scene"]
 
 
-@pytest.mark.parametrize("deviation, status", [(-0.08, Status.WARN), (0.31, Status.FAIL)])
+@pytest.mark.parametrize("deviation, status", [(-0.08, Severity.WARN), (0.31, Severity.FAIL)])
 def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation, status):
     results = example_session(tmp_path)
     ratio = np.ones_like(results.found.reconstruction.agreement.ratio)
     results = with_ratio(results, ratio)
-    assert results.found.verdict.status is Status.PASS
-    misfit = SurfaceMisfit("white / panel", deviation, "white / panel does not fit: gloss")
+    assert results.found.verdict.word == "pass"
+    misfit = SurfaceMisfit("white / panel", deviation)
     made = dataclasses.replace(results.found.reconstruction, misfits=(misfit,))
     verdict = with_found(results, reconstruction=made).found.verdict
-    assert verdict.status is status and "white / panel does not fit: gloss" in verdict.sentence
+    assert verdict.severity is status
+    assert [(one.code, one.subject) for one in verdict.problems] == [
+        ("scene.misfit", "white / panel")]
 
 
 @pytest.mark.parametrize("doubt", [
@@ -194,21 +200,20 @@ def test_a_doubtful_calibration_is_a_warning_of_its_own(tmp_path, doubt):
     results = with_ratio(results, np.ones_like(results.found.reconstruction.agreement.ratio))
     doubted = dataclasses.replace(results.found.calibration, findings=(doubt,))
     verdict = with_found(results, calibration=doubted).found.verdict
-    assert verdict.status is Status.WARN and verdict.sentence == texts.says(doubt)
-    names = [each.name for each in verdict.criteria if each.status is Status.WARN]
-    assert names == [texts.name(doubt)]
+    assert verdict.severity is Severity.WARN and verdict.problems == (doubt,)
 
 
 def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_shown(tmp_path):
     results = example_session(tmp_path)
     first = results.found.surfaces[0]
     samples = dataclasses.replace(first.samples, outcome=Outcome.UNFAMILIAR,
-                                  sentence=Outcome.UNFAMILIAR.value)
+                                  findings=(Outcome.UNFAMILIAR.finding(),))
     surfaces = (dataclasses.replace(first, samples=samples), *results.found.surfaces[1:])
     page = written(with_found(results, surfaces=surfaces))
     card = card_of(page, 1)
     assert f'href="#material-1">{first.name}</a>' in card
-    assert f'<p class="doubt">{Outcome.UNFAMILIAR.value}</p>' in card
+    said = texts.sentence(Outcome.UNFAMILIAR.finding())
+    assert f'<p class="doubt">{said}</p>' in card
     assert '<p class="doubt"' not in card_of(page, 2)
 
 
@@ -235,7 +240,7 @@ def test_how_a_family_was_certified_is_said_once_and_marked_where_the_material_i
 def test_what_all_bands_rest_on_is_said_once(usual):
     results, text = usual
     shown = text.split('<script type="application/json" id="spectrabox-results">')[0]
-    sentences = assumed_of_all(results.found.surfaces)
+    sentences = [*map(texts.sentence, assumed_of_all(results.found.surfaces))]
     assert sentences and all(shown.count(html.escape(one)) == 1 for one in sentences)
 
 
@@ -246,24 +251,20 @@ def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
                 for material, share in zip(results.found.surfaces, (0.1, 0.3), strict=False)]
     fit = dataclasses.replace(results.found.reconstruction, light_scale=scale)
     light = with_found(results, reconstruction=fit, surfaces=surfaces).found.conditions[0]
-    assert (light.name, light.standing.value) == ("light on the scene", "assumed")
-    assert light.error == pytest.approx(0.015) and light.variance_share == pytest.approx(0.2)
-    assert "20 % of the variance" in light.cost
+    assert (light.code, light.values["standing"]) == ("condition.scene-light", "assumed")
+    assert light.values["error"] == pytest.approx(0.015)
+    assert light.values["variance_share"] == pytest.approx(0.2)
 
 
 def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_stated(tmp_path):
     results = example_session(tmp_path)
 
-    def words(**changes):
-        return condition_words(with_found(results, **changes).found.conditions)
-    whole = words()
-    for condition in ("lamp and shutter repeated", "lamp and chart stand as stated",
-                      "the surfaces are as matt as the scene says"):
-        assert condition in whole
-    measured = words(stated=Statements(surfaces=("matt",)),
-                     scale_from_chart=False)
-    for condition in ("repeated", "matt", "stand as stated"):
-        assert condition not in measured
+    def named(**changes):
+        return {one.code for one in with_found(results, **changes).found.verdict.conditions}
+    measurable = {"condition.scene-light", "condition.light-place", "condition.scene-gloss"}
+    assert named() >= measurable
+    assert not measurable & named(stated=Statements(surfaces=("matt",)),
+                                  scale_from_chart=False)
 
 
 def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):
@@ -279,7 +280,7 @@ def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):
 
 def test_a_session_without_any_compared_surface_is_no_pass(tmp_path):
     results = with_ratio(example_session(tmp_path), np.full((len(SURFACES), 3), np.nan))
-    assert results.found.verdict.status is Status.WARN
+    assert results.found.verdict.severity is Severity.WARN
     assert "No surface could be compared" in written(results)
 
 

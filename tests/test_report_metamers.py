@@ -18,7 +18,7 @@ GRID = visible_grid(5.0)
 
 def samples_of(spectra):
     return SpectrumSamples(GRID, spectra, np.zeros((len(spectra), 5)), "test", float(len(spectra)),
-                           1, Outcome.CONVERGED, "as intended")
+                           1, Outcome.CONVERGED, ())
 
 
 def spread_along(direction, count=400, seed=2):

@@ -231,7 +231,7 @@ def test_weighting_by_light_reflected_twice_is_bayes_rule():
     levels = np.array([0.5, 0.6])
     spectra = levels[:, None] * np.ones((2, 61))
     samples = SpectrumSamples(PRIOR_GRID, spectra, np.zeros((2, 5)), "m", 2.0, 0, Outcome.FAMILIAR,
-                              "o")
+                              ())
     away = 0.36 - 0.25
     variance = away**2 / (2 * np.log(4))    # the second draw is then 4 times less likely
     twice = SpectralMeasurement(PRIOR_GRID, ones, np.array([0.25]), np.array([[variance - 1e-6]]))

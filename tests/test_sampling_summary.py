@@ -64,10 +64,12 @@ def test_the_reading_it_asks_for_narrows_real_draws(samples):
 
 
 def test_the_conditions_are_named(samples):
-    assert summarise(samples, paint()).conditional_on == (
-        f"Conditional on the prior and sampler uniform (tilted rejection). {Outcome.EXACT.value}")
-    own = summarise(samples, paint(), conditional_on="My words.")
-    assert own.conditional_on == "My words."
+    on, ended = summarise(samples, paint()).conditional_on
+    assert (on.code, on.values["method"]) == ("band.prior-and-sampler",
+                                              "uniform (tilted rejection)")
+    assert ended == Outcome.EXACT.finding()
+    own = summarise(samples, paint(), conditional_on=(ended,))
+    assert own.conditional_on == (ended,)
 
 
 @pytest.mark.parametrize("level, needed", [(0.95, 1000), (0.9, 500), (0.5, 100), (0.99, 5000)])
@@ -92,7 +94,7 @@ def test_one_certain_spectrum_has_no_spread():
     certain = SpectralMeasurement(GRID, rows, rows @ BASIS @ coefficients, np.zeros((7, 7)))
     draws = np.tile(coefficients, (1000, 1))
     point = SpectrumSamples(GRID, draws @ BASIS.T, draws, "given", 1000.0, 0, Outcome.EXACT,
-                            Outcome.EXACT.value)
+                            (Outcome.EXACT.finding(),))
     summary = summarise(point, certain)
     np.testing.assert_allclose(summary.standard_deviation, 0, atol=1e-12)   # a sum of 1000
     # the solver's tolerance, through seven bands of a condition number of some hundred

@@ -119,7 +119,7 @@ def test_the_bands_of_pixels_hold_their_paints(finished, truth):
     assert changes[-1] <= scene_light.TOLERANCE
     # a patterned wall sends on other light than one of a single spectrum
     assert changes[0] > scene_light.TOLERANCE
-    assert "has converged" in made.records.picture.notes[0]
+    assert made.records.picture.findings[0].code == "picture.light-converged"
 
 
 def near_the_walls(lit, truth):

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from spectrabox.calibrate.chart_findings import root_mean_square
+from spectrabox.measure.rules import median_surface_error, worst_entry
+from spectrabox.measure.rules import rehearsed as rule_on_rehearsal
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.measure.surfaces.surface_spectra import score
-from spectrabox.measure.verdict.criterion import Status
-from spectrabox.measure.verdict.scene_criteria import _rehearsal, median_surface_error, worst_entry
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.scenes import SurfaceAgreement
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
@@ -23,7 +24,7 @@ def test_the_95_per_cent_score_counts_truths_in_the_central_95_per_cent(inside):
     grid = grid_from_nm(np.arange(400.0, 701.0, 5.0))
     ladder = np.linspace(0.2, 0.6, 2001)
     samples = SpectrumSamples(grid, np.repeat(ladder[:, None], 61, axis=1),
-                              np.full((2001, 5), 0.4), "test", 2001.0, 0, Outcome.CONVERGED, "")
+                              np.full((2001, 5), 0.4), "test", 2001.0, 0, Outcome.CONVERGED, ())
     truth = np.full(61, 0.4 + 0.2 * inside)         # as far out as that share of the draws
     truth[:20] = 0.4
     summary = SimpleNamespace(grid=grid, mean=np.full(61, 0.4), lower=truth - 1, upper=truth + 1,
@@ -74,6 +75,6 @@ def test_a_rehearsal_is_judged_by_the_material_whose_bands_hold_least():
     rehearsed = Rehearsed(0.95, 1, 40, tuple(
         RehearsedMaterial(name, coverage, 0.005, 0.05, 0.2, (4,) * 10)
         for name, coverage in (("good", 0.97), ("poor", 0.88), ("fair", 0.94))))
-    criterion, = _rehearsal(SimpleNamespace(rehearsal=rehearsed))
-    assert criterion.value == 0.88 and criterion.status is Status.WARN
-    assert "(poor) holds 88.0%" in criterion.sentence
+    found, = rule_on_rehearsal(rehearsed)
+    assert found.values["value"] == 0.88 and found.severity is Severity.WARN
+    assert found.subject == "poor"

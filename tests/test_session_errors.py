@@ -20,6 +20,7 @@ from test_posterior_laws import SMOOTH, mixture_of
 from spectrabox.calibrate.held_out_patches import PatchesWithout
 from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.trust import certain_glare
+from spectrabox.measure import rules
 from spectrabox.measure.held_out_spectra import patches_without
 from spectrabox.measure.options import Repeatability, StrayLight
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
@@ -30,10 +31,8 @@ from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.steps import inversion
 from spectrabox.measure.surfaces.surface_spectra import score
-from spectrabox.measure.verdict.criterion import Status
-from spectrabox.measure.verdict.flat_criteria import clipped_photo
-from spectrabox.measure.verdict.scene_criteria import clipped_pixels
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
+from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.records.calibration import ChartWhite, LightScale
 from spectrabox.reconstruct.rendering.spectral_texture import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -282,8 +281,8 @@ def test_a_pixel_is_clipped_where_any_band_is():
     saturated[0, :10, 1] = saturated[0, 5:15, 2] = True
     share = dataclasses.replace(image(np.full((10, 20, 3), 0.4)), saturated=saturated).clipped_share
     assert share == pytest.approx(15 / 200)
-    for criterion in (clipped_photo(share), clipped_pixels(share)):
-        assert criterion.value == share and criterion.status is Status.WARN
+    for found in (rules.clipped_flat(share), rules.clipped_scene(share)):
+        assert found.values["value"] == share and found.severity is Severity.WARN
 
 
 def test_a_band_is_as_wide_as_it_is_in_the_mean():

@@ -112,7 +112,7 @@ def test_a_summary_on_another_grid_is_the_same_curves(step):
     for number, name in enumerate(("mean", "standard_deviation", "lower", "upper", "bound_lower",
                                    "bound_upper")):
         curves[name] = 0.1 * number + nm / 1e4 * (1 + number)       # straight: exact on any grid
-    summary = SpectrumSummary(grid_from_nm(nm), **curves, level=0.95, conditional_on="",
+    summary = SpectrumSummary(grid_from_nm(nm), **curves, level=0.95, conditional_on=(),
                               next_measurement_nm=450.0)
     other = np.arange(400.0, 701.0, step)
     found = resample_summary(summary, grid_from_nm(other))

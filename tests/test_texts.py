@@ -21,8 +21,8 @@ def codes_in_source() -> dict[str, str]:
     for room in ROOMS:
         for file in sorted((ROOT / room).rglob("*.py")):
             for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-                if isinstance(node, ast.Call) and "Finding" in (
-                        getattr(node.func, "id", ""), getattr(node.func, "attr", "")):
+                if isinstance(node, ast.Call) and {"Finding", "condition"} & {
+                        getattr(node.func, "id", ""), getattr(node.func, "attr", "")}:
                     code = node.args[0] if node.args else next(
                         word.value for word in node.keywords if word.arg == "code")
                     for constant in ast.walk(code):
@@ -72,3 +72,52 @@ def test_a_finding_is_kept_with_its_record():
     arrays: dict[str, np.ndarray] = {}
     assert unpack(Finding, pack(finding, "", arrays), arrays) == finding
     assert not arrays
+
+
+# ---- nothing reads a sentence to decide ----------------------------------------------------------
+
+WORDS_OF = {"name", "sentence", "remedy", "says", "shown", "limit", "holds", "fault", "conditions",
+            "paragraph", "reasons"}
+READ = {"startswith", "endswith", "find", "index", "split", "partition", "count"}
+
+
+def says_words(node: ast.expr) -> bool:
+    """Whether an expression has a sentence of a finding in it."""
+    return any((isinstance(one, ast.Call) and isinstance(one.func, ast.Attribute)
+               and getattr(one.func.value, "id", "") == "texts" and one.func.attr in WORDS_OF)
+               or (isinstance(one, ast.Attribute) and one.attr == "sentence"
+               and getattr(one.value, "id", "") != "texts") for one in ast.walk(node))
+
+
+def decisions_in(tree: ast.AST) -> list[int]:
+    """Lines at which something is decided by a sentence: tests, comparisons, searches."""
+    lines = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If | ast.IfExp | ast.While | ast.Assert):
+            read = says_words(node.test)
+        elif isinstance(node, ast.Compare):
+            read = any(map(says_words, (node.left, *node.comparators)))
+        elif isinstance(node, ast.comprehension):
+            read = any(map(says_words, node.ifs))
+        else:
+            read = isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) \
+                and node.func.attr in READ and says_words(node.func.value)
+        if read:
+            lines.append(node.iter.lineno if isinstance(node, ast.comprehension) else node.lineno)
+    return lines
+
+
+@pytest.mark.parametrize("line", [
+    "x = 1 if texts.says(one) else 2", "x = texts.sentence(one).startswith('a')",
+    "x = 'glare' in texts.says(one)", "x = [one for one in them if texts.limit(one)]",
+    "x = 'mirrored' in drift.sentence"])
+def test_a_decision_by_a_sentence_is_seen(line):
+    assert decisions_in(ast.parse(line)) == [1]
+
+
+def test_nothing_is_decided_by_a_sentence():
+    found = [f"{file.relative_to(ROOT)}:{line}" for room in ROOMS
+             for file in sorted((ROOT / room).rglob("*.py"))
+             if file.name != "texts.py"
+             for line in decisions_in(ast.parse(file.read_text("utf-8")))]
+    assert not found, f"decide by the code or the values of the finding: {found}"

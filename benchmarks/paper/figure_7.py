@@ -108,7 +108,7 @@ def sampled(response: np.ndarray, signals: np.ndarray,
         draws = draw_spectra(measurement, method, DRAWS, 0, COEFFICIENTS, load_prior())
         means.append(np.interp(GRID.nm, PRIOR_GRID.nm, draws.spectra.mean(axis=0)))
         if method == "prior" and draws.outcome is not Outcome.FAMILIAR:
-            warnings[wall] = draws.sentence
+            warnings[wall] = [one.code for one in draws.findings]
     return np.array(means), warnings
 
 

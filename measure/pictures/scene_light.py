@@ -19,6 +19,7 @@ from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
 from spectrabox.measure.pictures.reference_surfaces import compare_reference_surfaces
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.error_model import scale_covariances
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
@@ -45,15 +46,12 @@ class SceneLight:
     changes: tuple[float, ...]      # largest relative change of the light in each round
 
     @property
-    def sentence(self) -> str:
+    def finding(self) -> Finding:
         """Whether the light converged."""
-        rounds, last = len(self.changes), self.changes[-1]
-        if last <= TOLERANCE:
-            return (f"the picture's light from other surfaces has converged: of {rounds} rounds "
-                    f"the last changed it by {last:.2%} at most")
-        return (f"the picture's light from other surfaces has not converged: after {rounds} rounds "
-                f"it still changes by {last:.1%} in places; near strongly coloured surfaces its "
-                "spectra are less certain than they say")
+        values = {"rounds": len(self.changes), "last": float(self.changes[-1])}
+        if self.changes[-1] <= TOLERANCE:
+            return Finding("picture.light-converged", Severity.INFO, values=values)
+        return Finding("picture.light-not-converged", Severity.NOTE, values=values)
 
 
 def converge_light(scene: TracedPhoto, progress: Callable[[float], None]) -> SceneLight:

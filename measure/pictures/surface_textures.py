@@ -18,6 +18,7 @@ from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.reconstruct.scene.surfaces import hits_of
 
 MAX_TEXELS = 8192           # along a side
@@ -63,7 +64,7 @@ class TextureSums:
 
     def __init__(self, scene: TracedPhoto, flags: np.ndarray, kept: KeptWavelengths) -> None:
         crop, view = scene.crop, scene.view
-        self.notes: tuple[str, ...] = ()
+        self.findings: tuple[Finding, ...] = ()
         surface = scene.traced.nodes.surface[crop.rows, crop.columns]
         unknown = [number for number, name in enumerate(view.surface_materials)
                    if name not in view.known]
@@ -98,8 +99,8 @@ class TextureSums:
         self._count = np.zeros(total, np.int32)
         self._sums = tuple(np.zeros((total, nm.size), np.float32) for nm in kept.nm)
         if shared:
-            self.notes = (f"no texture of {', '.join(shared)}: several of their parts in the "
-                          "photo share texture coordinates",)
+            self.findings = (Finding("picture.no-texture", Severity.NOTE,
+                                     values={"names": shared}),)
 
     def add(self, first: int, last: int, spectra: PhotoSpectra) -> None:
         """Add the spectra of rows ``first`` to ``last``."""

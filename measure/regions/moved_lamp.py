@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from spectrabox.radiometry.error_model import SAMPLE_PLANE
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 from spectrabox.radiometry.records.states import (
@@ -129,7 +130,8 @@ def found_in_places(signals: SurfaceSignals, index: int,
                  for band, gloss, level in zip(first, values[:count], values[count:], strict=True))
 
 
-def moved_notes(signals: SurfaceSignals, photos: Sequence[str]) -> tuple[str, ...]:
+def differences_of_photos(signals: SurfaceSignals,
+                          photos: Sequence[str]) -> tuple[Finding, ...]:
     """Samples that differ between photos with the lamp in two places, each with the likely cause.
 
     Parameters
@@ -139,9 +141,9 @@ def moved_notes(signals: SurfaceSignals, photos: Sequence[str]) -> tuple[str, ..
     photos : sequence of str
         Titles, as ``signals.view_of_band`` numbers them.
     """
-    return tuple(note for index, name in enumerate(signals.names) if not signals.known[index]
+    return tuple(one for index, name in enumerate(signals.names) if not signals.known[index]
                  for first, other in _pairs(signals, index)
-                 for note in _compared(signals, index, name, first, other, photos))
+                 for one in _compared(signals, index, name, first, other, photos))
 
 
 def _pairs(signals: SurfaceSignals, index: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -160,8 +162,8 @@ def _pairs(signals: SurfaceSignals, index: int) -> Iterator[tuple[np.ndarray, np
 
 
 def _compared(signals: SurfaceSignals, index: int, name: str, first: np.ndarray, other: np.ndarray,
-              photos: Sequence[str]) -> Iterator[str]:
-    """What the difference of a sample's signals in two photos says: a sentence, or none."""
+              photos: Sequence[str]) -> Iterator[Finding]:
+    """What the difference of a sample's signals in two photos says, if anything."""
     states, signal = signals.states[index], signals.signal[index]
     contrast = np.zeros((first.size, signal.size))
     contrast[range(first.size), first] = 1
@@ -190,32 +192,30 @@ def _compared(signals: SurfaceSignals, index: int, name: str, first: np.ndarray,
     shares /= shares.sum()
     mean = shares @ np.array(means)
     error = np.sqrt(shares @ (np.array(variances) + (np.array(means) - mean)**2))
-    one, two = (repr(photos[int(signals.view_of_band[bands[0]])]) for bands in (first, other))
+    one, two = (photos[int(signals.view_of_band[bands[0]])] for bands in (first, other))
     if chdtrc(first.size, least) < CONTRADICTION:
         brighter = float(np.linalg.solve(noise, difference).sum() / np.linalg.inv(noise).sum())
         left = difference - brighter
         if chdtrc(first.size - 1, left @ np.linalg.solve(noise, left)) > CONTRADICTION:
             more, less = (one, two) if brighter > 0 else (two, one)
-            yield (f"sample {name!r} mirrors {100 * abs(brighter):.0f} % of white more in {more} "
-                   f"than in {less}, as the image of a lamp or a window does: leave it out of "
-                   f"{more} (regions.NAME.photo), or move the lamp")
+            yield Finding("lamp.image-mirrored", Severity.NOTE, name, {
+                "share": abs(brighter), "more": more, "less": less})
             return
         worst = int(np.argmax(np.abs(difference / signal[other])))
-        yield (f"sample {name!r} is {difference[worst] / signal[other][worst]:+.0%} in "
-               f"{signals.bands[first[worst]]} of {one} against {two}, which neither gloss nor "
-               "level explains: it moved between the photos, a shadow's edge lies on it, or "
-               "something coloured is mirrored in it")
+        yield Finding("lamp.unexplained", Severity.NOTE, name, {
+            "off": float(difference[worst] / signal[other][worst]),
+            "band": signals.bands[first[worst]], "one": one, "other": two})
         return
     if abs(mean[0]) > max(NAMED_GLOSS, SURE * error[0]):
         more, less = (one, two) if mean[0] > 0 else (two, one)
-        yield (f"sample {name!r} mirrors {100 * abs(mean[0]):.1f} ± {100 * error[0]:.1f} % of "
-               f"white more in {more} than in {less}: gloss")
+        yield Finding("lamp.gloss", Severity.NOTE, name, {
+            "share": float(abs(mean[0])), "error": float(error[0]), "more": more, "less": less})
     usual = np.sqrt(wanted[1] @ states.covariances[0] @ wanted[1])
     if abs(mean[1]) > max(NAMED_LEVEL, SURE * usual, SURE * error[1]):
         dark, right = (one, two) if mean[1] < 0 else (two, one)
-        yield (f"sample {name!r} is {100 * abs(mean[1]):.0f} ± {100 * error[1]:.0f} % darker "
-               f"beside the chart in {dark} than in {right}: a shadow on it there, or it does not "
-               "lie in the chart's plane")
+        yield Finding("lamp.darker", Severity.NOTE, name, {
+            "share": float(abs(mean[1])), "error": float(error[1]), "dark": dark,
+            "right": right})
 
 
 def _sign(pattern: np.ndarray, first: np.ndarray,

@@ -398,15 +398,6 @@ def _require_one_level(name: str, signal: np.ndarray, target: np.ndarray, misfit
                          "under one light, without a shadow on either")
 
 
-def level_notes(white: PhotoWhite) -> tuple[str, ...]:
-    """Known regions whose level is further from the light's than chance explains."""
-    return tuple(
-        f"region {name!r} of known spectrum is {abs(misfit):.1f} standard errors "
-        f"{'brighter' if misfit > 0 else 'darker'} than the chart's light makes it: check its "
-        "stated reflectance, and for a shadow on it or on the chart"
-        for name, misfit in white.level_misfits.items() if abs(misfit) > LEVEL_DOUBTED)
-
-
 def _light_at(photo: FlatPhoto, errors: FlatErrors,
               points_px: list[np.ndarray]) -> LightAtRegions:
     """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import rules, texts
+from spectrabox.measure import conditions, extras, rules, texts
 from spectrabox.measure.advice.advice import Advised
 from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.captured import Capture
-from spectrabox.measure.extras import FailedExtra, attempt, different
+from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.calibration_facts import (
     copy_facts,
@@ -23,21 +23,12 @@ from spectrabox.measure.results.calibration_facts import (
 from spectrabox.measure.results.facts import columns
 from spectrabox.measure.results.surface_result import (
     SURFACE_FACTS,
-    VALID_OUTCOMES,
     SurfaceResult,
     surface_result,
 )
 from spectrabox.measure.tables import text_table
-from spectrabox.measure.verdict.conditions import (
-    Condition,
-    Statements,
-    conditions_text,
-    statements_of,
-)
-from spectrabox.measure.verdict.criterion import Criterion, Verdict
-from spectrabox.measure.verdict.overall import overall_verdict
 from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.findings import Finding, Severity, faults
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -89,10 +80,10 @@ class CaptureResult(ABC):
     grid: WavelengthGrid              # of the spectra
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
     surfaces: tuple[SurfaceResult, ...]
-    stated: Statements                # of the conditions that the result rests on
+    stated: conditions.Statements                # of the conditions that the result rests on
     processed: bool = False           # a photo by the camera, and decoded as sRGB
     by_flat_field: bool = False       # the photos were divided by one of a white card
-    notes: tuple[str, ...] = ()       # of the steps
+    kept: tuple[Finding, ...] = ()    # of the steps, but for the calibration
     # of charts and lights, beside those of each calibration
     calibration_findings: tuple[Finding, ...] = ()
     picture: PictureRecords | None = None       # the spectra of every pixel, where asked for
@@ -108,31 +99,36 @@ class CaptureResult(ABC):
         return self._advised[0]
 
     @cached_property
-    def _advised(self) -> tuple[Advised, FailedExtra | None]:
+    def _advised(self) -> tuple[Advised, Finding | None]:
         return attempt("advice", self.advise, Advised())
 
     @property
-    def failed_advice(self) -> FailedExtra | None:
+    def failed_advice(self) -> Finding | None:
         """Why there is no advice; None where there is."""
         return self._advised[1]
 
     @cached_property
-    def failed_extras(self) -> tuple[FailedExtra, ...]:
+    def failed_extras(self) -> tuple[Finding, ...]:
         """What of that which is no part of the answer could not be made, and why."""
         each = (self.failed_advice, *(surface.compared[1] for surface in self.surfaces))
         return different(one for one in each if one is not None)
 
     @cached_property
-    def verdict(self) -> Verdict:
-        """The worst of all criteria."""
-        return overall_verdict(self)
+    def findings(self) -> tuple[Finding, ...]:
+        """All that was found of it, by the steps and by the rules, but for its conditions."""
+        return rules.findings_on(self)
+
+    @cached_property
+    def verdict(self) -> rules.Verdict:
+        """The worst of all findings, and what it rests on."""
+        return rules.Verdict(self.findings, Finding(self.right, Severity.INFO),
+                             conditions.named(self.conditions))
 
     @property
     def warnings(self) -> list[str]:
-        """What to beware of, in sentences."""
-        return [*self.notes, *map(texts.says, faults(rules.of_fits(self))), *self.own_warnings, *(
-            f"{surface.name}: {surface.samples.sentence}" for surface in self.surfaces
-            if surface.doubtful and surface.samples is not None)]
+        """What to beware of beside the verdict, in sentences."""
+        return [*dict.fromkeys(texts.says(one) for one in self.findings
+                               if one.severity is Severity.NOTE)]
 
     @property
     def light_scale(self) -> LightScale | None:
@@ -141,27 +137,18 @@ class CaptureResult(ABC):
 
     @property
     @abstractmethod
-    def own_criteria(self) -> list[Criterion]:
+    def own_findings(self) -> list[Finding]:
         """What captures of this kind alone are judged by."""
 
     @property
     @abstractmethod
-    def good(self) -> str:
-        """What is right where nothing is wrong, in a sentence."""
+    def right(self) -> str:
+        """Code of what is said where nothing is wrong."""
 
     @property
     @abstractmethod
-    def conditions(self) -> tuple[Condition, ...]:
+    def conditions(self) -> tuple[Finding, ...]:
         """What the result rests on: measured, stated or assumed, and what it costs if it fails."""
-
-    @abstractmethod
-    def clipped_criterion(self, share: float) -> Criterion:
-        """Whether much of the photo is clipped, and what that means here."""
-
-    @property
-    def own_warnings(self) -> list[str]:
-        """What to beware of in captures of this kind alone."""
-        return []
 
     @property
     @abstractmethod
@@ -189,13 +176,14 @@ class CaptureResult(ABC):
         """
         chart = self.chart
         facts = {"verdict": self.verdict.word, "says": self.verdict.says,
-                 "conditions": [condition.facts for condition in self.conditions],
+                 "findings": [texts.facts(one) for one in self.findings],
+                 "conditions": [conditions.facts(one) for one in self.conditions],
                  "left_out": None,
                  "chart_generation": None,
                  "light": light_facts(self.calibration), **self.own_facts,
                  "known_camera": known_camera(self.photo.camera), "warnings": self.warnings,
                  "advice": self.advice.facts,
-                 "failed_extras": [one.facts for one in self.failed_extras]}
+                 "failed_extras": [extras.facts(one) for one in self.failed_extras]}
         if chart is not None and chart.left_out is not None:
             facts["left_out"] = held_out_facts(chart.left_out, chart.layout.names)
             facts["chart_generation"] = copy_facts(chart.copy, chart.layout.names)
@@ -212,17 +200,16 @@ class CaptureResult(ABC):
         title : str
             Of the table.
         """
-        lines = [conditions_text(self.conditions, title), self._table()]
+        lines = [conditions.conditions_text(self.conditions, title), self._table()]
         if self.picture is not None:
-            lines += [self.picture.sentence(self.picture_folder), *self.picture.notes]
+            lines += [self.picture.sentence(self.picture_folder),
+                      *map(texts.says, self.picture.findings)]
         lines += self.own_lines
         known = known_camera(self.photo.camera)
         if known is not None:
             lines.append(known_camera_words(known))
         lines += [f"warning: {sentence}" for sentence in self.warnings]
-        lines += [f"note: {texts.says(one)}" for one in self.calibration_findings
-                  if one.severity is Severity.NOTE]
-        lines += [f"note: {one.sentence}" for one in self.failed_extras]
+        lines += [f"note: {texts.says(one)}" for one in self.failed_extras]
         return "\n".join(filter(None, [*lines, self.verdict.line, self.advice.line]))
 
     def _table(self) -> str:
@@ -254,10 +241,11 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "chart_findings": {name: chart.findings
                                for name, chart in records.chart.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
-            "photo": records.photo.photos[""], "stated": statements_of(capture),
+            "photo": records.photo.photos[""], "stated": conditions.statements_of(capture),
             "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),
-            "by_flat_field": bool(capture.development.flat_fields), "notes": tuple(records.notes),
+            "by_flat_field": bool(capture.development.flat_fields),
             "calibration_findings": records.calibrate.findings,
+            "kept": records.findings,
             "picture": records.picture,
             "advise": partial(advice_on_capture, capture, records)}
 
@@ -286,7 +274,7 @@ def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
                               edge)
     spectrum = records.sample.spectra[name]
     families: tuple[FamilyCoverage, ...] = ()
-    if spectrum.family_shares and spectrum.samples.outcome in VALID_OUTCOMES:
+    if spectrum.family_shares and spectrum.samples.outcome.as_intended:
         prior = of_families(load_prior(), stated.families)
         families = family_coverages(spectrum.family_shares, prior.stated, prior.certificates)
     return surface_result(signals, index, spectrum, stated.truth, inverse_rendering, families,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import conditions, rules
 from spectrabox.measure.captured import FlatCapture, View
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.capture_result import (
@@ -15,9 +16,7 @@ from spectrabox.measure.results.capture_result import (
     surface_of_records,
 )
 from spectrabox.measure.results.methods import flat_methods
-from spectrabox.measure.verdict.conditions import Condition, flat_conditions
-from spectrabox.measure.verdict.criterion import Criterion
-from spectrabox.measure.verdict.flat_criteria import clipped_photo, flat_criteria
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 
@@ -75,18 +74,15 @@ class FlatResult(CaptureResult):
     photos: tuple[PhotoOfRegions, ...]
 
     surface_word = "region"
-    good = "The chart fits, and the light on every region is known within the limits."
+    right = "flat.right"
 
     @property
-    def own_criteria(self) -> list[Criterion]:
-        return flat_criteria(self)
+    def own_findings(self) -> list[Finding]:
+        return rules.flat_findings(self)
 
     @cached_property
-    def conditions(self) -> tuple[Condition, ...]:
-        return flat_conditions(self)
-
-    def clipped_criterion(self, share: float) -> Criterion:
-        return clipped_photo(share)
+    def conditions(self) -> tuple[Finding, ...]:
+        return conditions.flat_conditions(self)
 
     @property
     def own_facts(self) -> dict[str, Any]:

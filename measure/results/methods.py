@@ -4,8 +4,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from spectrabox.calibrate.chart_findings import root_mean_square
+from spectrabox.measure import rules, texts
 from spectrabox.measure.rules import chart_residuals
-from spectrabox.measure.verdict.scene_criteria import median_surface_error, worst_entry
 from spectrabox.measure.words import deviation_words, exposure, listed, number, percent
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.spectra import Spectrum
@@ -80,7 +80,8 @@ def _reconstruction(found: SceneResult) -> str:
     return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed "
             f"{made.seed}), {spectra} found from {int(made.used.sum())} of {made.used.size} "
             f"pixels{further}{known}. Reflectances are clamped uniform cubic B-splines with "
-            f"{made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. {made.outcome.value}")
+            f"{made.basis.shape[1]} coefficients on {nm[0]:g}–{nm[-1]:g} nm. "
+            f"{texts.sentence(made.outcome.finding())}")
 
 
 def _sampling(found: CaptureResult) -> str:
@@ -101,13 +102,14 @@ def _sampling(found: CaptureResult) -> str:
 
 def _agreement(found: SceneResult) -> str:
     agreement = found.reconstruction.agreement
-    worst = worst_entry(agreement)
+    worst = rules.worst_entry(agreement)
     if worst is None:
         return "No surface could be compared between photo and rendering."
-    return (f"Photo and rendering agree within {percent(median_surface_error(agreement))} (worst "
-            f"of {len(found.bands)} bands, median over {len(agreement.names)} surfaces); the "
-            f"worst surface is “{agreement.names[worst[0]]}”, where the photo is "
-            f"{deviation_words(float(agreement.ratio[worst]))} in band {found.bands[worst[1]]}.")
+    half, name = percent(rules.median_surface_error(agreement)), agreement.names[worst[0]]
+    off = deviation_words(float(agreement.ratio[worst]))
+    return (f"Photo and rendering agree within {half} (worst of {len(found.bands)} bands, median "
+            f"over {len(agreement.names)} surfaces); the worst surface is “{name}”, where the "
+            f"photo is {off} in band {found.bands[worst[1]]}.")
 
 
 def _flat_light(found: FlatResult) -> str:

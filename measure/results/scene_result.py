@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import conditions, rules
 from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.capture_result import (
@@ -18,14 +19,7 @@ from spectrabox.measure.results.capture_result import (
 )
 from spectrabox.measure.results.methods import scene_methods
 from spectrabox.measure.scene.rehearsed import Rehearsed
-from spectrabox.measure.verdict.conditions import Condition, scene_conditions
-from spectrabox.measure.verdict.criterion import Criterion
-from spectrabox.measure.verdict.scene_criteria import (
-    clipped_pixels,
-    median_surface_error,
-    scene_criteria,
-    scene_warnings,
-)
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import Reconstruction, SceneGeometry
 
@@ -51,7 +45,7 @@ class SceneResult(CaptureResult):
     scale_from_chart: bool = True       # else from a known material
 
     surface_word = "material"
-    good = "Photo, rendering and calibration agree within the limits."
+    right = "scene.right"
 
     @property
     def light_scale(self) -> LightScale:
@@ -59,19 +53,12 @@ class SceneResult(CaptureResult):
         return self.reconstruction.light_scale
 
     @property
-    def own_criteria(self) -> list[Criterion]:
-        return scene_criteria(self)
+    def own_findings(self) -> list[Finding]:
+        return rules.scene_findings(self)
 
     @cached_property
-    def conditions(self) -> tuple[Condition, ...]:
-        return scene_conditions(self)
-
-    def clipped_criterion(self, share: float) -> Criterion:
-        return clipped_pixels(share)
-
-    @property
-    def own_warnings(self) -> list[str]:
-        return scene_warnings(self)
+    def conditions(self) -> tuple[Finding, ...]:
+        return conditions.scene_conditions(self)
 
     @property
     def own_facts(self) -> dict[str, Any]:
@@ -80,7 +67,7 @@ class SceneResult(CaptureResult):
         return {"materials": [surface.facts for surface in self.surfaces],
                 "surfaces": [{"name": name, "ratio": ratio.tolist()} for name, ratio
                              in zip(agreement.names, agreement.ratio, strict=True)],
-                "median_surface_error": median_surface_error(agreement),
+                "median_surface_error": rules.median_surface_error(agreement),
                 "light_scale": {"value": scale.value, "standard_error": scale.standard_error,
                                 "common_errors": {error.cause: error.relative
                                                   for error in scale.common_errors}},

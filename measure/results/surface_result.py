@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.extras import FailedExtra, attempt
-from spectrabox.measure.regions.edge_words import edge_facts
+from spectrabox.measure.extras import attempt
 from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
 from spectrabox.measure.results.facts import Fact, known_facts
 from spectrabox.measure.surfaces.metamers import MetamerPair, metamer_pair
@@ -16,10 +15,10 @@ from spectrabox.measure.surfaces.surface_signals import noise_and_disagreement, 
 from spectrabox.measure.surfaces.surface_spectra import Scores, score
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
 from spectrabox.radiometry.records.photos import RegionEdge
 from spectrabox.radiometry.records.spectra import (
-    Outcome,
     Spectrum,
     SpectrumSamples,
     SpectrumSummary,
@@ -34,8 +33,6 @@ from spectrabox.sampling.prior.family_coverage import (
     mostly_in_doubt,
 )
 
-# outcomes of a sampler without reservation
-VALID_OUTCOMES = frozenset({Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT})
 STEP_NM = 5     # of spectra among the facts; spectra.csv holds every nanometre
 
 
@@ -120,7 +117,7 @@ class SurfaceResult:
         return self.compared[0]
 
     @cached_property
-    def compared(self) -> tuple[MetamerPair | None, FailedExtra | None]:
+    def compared(self) -> tuple[MetamerPair | None, Finding | None]:
         """The same, and why it could not be made."""
         samples = self.samples
         if samples is None or len(samples.spectra) < 2:
@@ -130,7 +127,7 @@ class SurfaceResult:
     @property
     def doubtful(self) -> bool:
         """Whether its draws ended with a reservation."""
-        return self.samples is not None and self.samples.outcome not in VALID_OUTCOMES
+        return self.samples is not None and not self.samples.outcome.as_intended
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -205,6 +202,14 @@ def _next(surface: SurfaceResult) -> float | None:
     return None if surface.summary is None else surface.summary.next_measurement_nm
 
 
+def _edge_facts(edge: RegionEdge) -> dict[str, Any]:
+    part = edge.larger_part_px
+    return {"kind": edge.kind.value,
+            "step": [None if np.isnan(step) else float(step) for step in edge.step],
+            "line_px": edge.line_px.tolist(),
+            "larger_part_px": None if part is None else part.astype(int).tolist()}
+
+
 def _if_estimated(value: Any) -> Any:
     """A fact of surfaces that were estimated."""
     return lambda surface: None if surface.known else value(surface)
@@ -231,7 +236,7 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     Fact("edge", "across the region: `kind` (shadow or fold, two paints, or either), the `step` of "
          "the smaller part against the larger in each band of the photo, relative, the ends "
          "`line_px` of its line, and a rectangle `larger_part_px` on its larger side",
-         lambda surface: surface.edge and edge_facts(surface.edge)),
+         lambda surface: surface.edge and _edge_facts(surface.edge)),
     Fact("gloss", "share of white that the surface mirrors beyond what the chart does, in the "
          "first photo: what is known beforehand and what the signals say together",
          lambda surface: surface.gloss and float(surface.gloss.mean[0]), "gloss", percent),

@@ -15,6 +15,7 @@ from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEsti
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import split_errors, stated_causes
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
@@ -36,8 +37,8 @@ from spectrabox.sampling.prior.family_coverage import (
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.signal_posterior import (
-    describe_outcome,
     enough_coefficients,
+    outcome_findings,
     prior_named,
     solve_posterior,
 )
@@ -156,7 +157,7 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
     return SignalEstimate(
         summary.grid.nm, summary.mean, summary.standard_deviation, summary.lower, summary.upper,
         summary.bound_lower, summary.bound_upper, draws.effective_samples, len(draws.spectra),
-        summary.level, draws.method, draws.seed, draws.sentence, summary.conditional_on,
+        summary.level, draws.method, draws.seed, draws.findings, summary.conditional_on,
         summary.next_measurement_nm,
         "the signal alone" if over_determined or options.keep else "all measurements",
         base, causes, draws,
@@ -182,7 +183,7 @@ def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasur
         operator, _ = into_reach(spline_operator(measurement, coarse))
         refined = sample_refined(measurement, operator, fine, count, seed)
         method = f"uniform, refined from {coarse} to {fine} coefficients"
-    return as_spectra(refined, method, seed, refined.outcome, refined.outcome.value)
+    return as_spectra(refined, method, seed, refined.outcome)
 
 
 def _estimate_without_draws(capture: SignalCapture,
@@ -211,14 +212,14 @@ def _estimate_without_draws(capture: SignalCapture,
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
         method = prior_named(outcome)
-        sentence = describe_outcome(outcome, prior.stated, shares)
+        findings = outcome_findings(outcome, prior.stated, shares)
         mean, deviation, lower, upper = (curves[row].round(CURVE_DIGITS) for curves in (
             summary.mean, summary.standard_deviation, summary.lower, summary.upper))
         certified, certificate = _certificate(prior, shares, outcome)
         estimates.append(SignalEstimate(
             PRIOR_GRID.nm, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
-            None, 0, options.level, method, options.seed, sentence,
-            f"Conditional on the prior {method}, computed in closed form. {sentence}",
+            None, 0, options.level, method, options.seed, findings, (
+                Finding("band.closed-form", Severity.INFO, values={"method": method}), *findings),
             float(summary.next_measurement_nm[row]), "all measurements",
             replace(first, signal=y[row], noise_covariance=total[row]), own, error_budget=dict(zip(
                 (METAMERISM, *causes), summary.budget[row].tolist(), strict=True)),

@@ -149,7 +149,7 @@ class SignalEstimate:
         Exact bounds of all splines that give the signal.
     effective_samples, samples : float or None, int
         None and 0 where no draws were needed.
-    outcome, conditional_on : str
+    outcome, conditional_on : tuple of Finding
     next_measurement_nm : float
         Where one more reading would take most off the variance.
     doubtful : list of str, optional
@@ -185,8 +185,8 @@ class SignalEstimate:
     level: float
     method: str
     seed: int
-    outcome: str
-    conditional_on: str
+    outcome: tuple[Finding, ...]
+    conditional_on: tuple[Finding, ...]
     next_measurement_nm: float
     bounds_from: str
     measurement: SpectralMeasurement = field(metadata={"kept": True})
@@ -207,6 +207,8 @@ class SignalEstimate:
         """All but draws and signal by the names of their fields; none of what does not apply."""
         values = {each.name: getattr(self, each.name) for each in fields(self)
                   if not each.metadata.get("kept")}
+        for name in ("outcome", "conditional_on"):
+            values[name] = texts.paragraph(values[name])
         if self.certified is not None:
             values["certified"] = coverage_facts(self.certified)
         return {name: value for name, value in values.items()
@@ -226,8 +228,8 @@ class SignalEstimate:
                 f"{cause} {100 * share:.1f} %" for cause, share in self.error_budget.items()
                 if share > 0))
         lines += self.doubtful or []
-        lines += [sentence for sentence in (self.caveat, self.outcome, self.certificate)
-                  if sentence is not None]
+        lines += [said for said in (self.caveat, texts.paragraph(self.outcome), self.certificate)
+                  if said is not None]
         draws = f"{self.samples} draws" if self.samples else "computed in closed form"
         lines.append(f"{draws}, {self.method}; {self.seconds:.2f} s; the next reading helps most "
                      f"at {self.next_measurement_nm:.0f} nm")

@@ -1,6 +1,7 @@
 """The step that makes a picture of spectra of a flat sample."""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import LinearImage, Registration
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
@@ -45,7 +47,7 @@ def flat_picture(capture: FlatCapture, records: CaptureRecords, work: Work) -> P
     lit = lit_photo(capture, records, work)
     written = write_picture(lit, capture.picture, work.folder, lambda share: work.progress(
         SHARE_OF_TIME + (1 - SHARE_OF_TIME) * share, ""))
-    return replace(written, notes=_notes(capture, lit))
+    return replace(written, findings=tuple(_findings(capture, lit)))
 
 
 def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitPhoto:
@@ -85,17 +87,15 @@ def _in_first(image: LinearImage, motion: Registration | None, crop: Crop) -> Li
     return replace(shown, saturated=shown.saturated | uncertain[..., None])
 
 
-def _notes(capture: FlatCapture, lit: LitPhoto) -> tuple[str, ...]:
+def _findings(capture: FlatCapture, lit: LitPhoto) -> Iterator[Finding]:
     """What a reader of the picture has to know of its photos."""
     views = capture.picture_views
-    notes = [f"photo {view.title} shows no region of the first photo: the picture does without it"
-             for view in capture.views if view not in views]
+    for view in capture.views:
+        if view not in views:
+            yield Finding("picture.without-photo", Severity.NOTE, view.title)
     if len(views) > 1:
-        notes.append(f"the signals of a pixel are those of {len(views)} photos, "
-                     f"{', '.join(view.title for view in views)}, in {lit.size[2]} bands")
+        yield Finding("picture.photos", Severity.INFO, values={
+            "names": [view.title for view in views], "bands": int(lit.size[2])})
     if lit.shown is not None and len(lit.shown.sets) > 1:
-        fewer = float(np.mean((lit.shown.index > 0) & (lit.shown.flags == 0)))
-        notes.append(f"{fewer:.1%} of the pixels have spectra from fewer photos: others are "
-                     "clipped or without signal there, do not show them, or show an edge whose "
-                     "position is not known as well")
-    return tuple(notes)
+        yield Finding("picture.fewer-photos", Severity.INFO, values={
+            "share": float(np.mean((lit.shown.index > 0) & (lit.shown.flags == 0)))})

@@ -206,6 +206,12 @@ def outlines_in(capture: FlatCapture, view: View, registration: Registration | N
             for name, region in capture.regions_in(view).items()}
 
 
+def uneven_region(name: str, scatter: float, photo: str = "") -> Finding:
+    """A region whose pixels scatter by so much more than noise and even light."""
+    return Finding("region.uneven", Severity.NOTE, name, {
+        "scatter": scatter, "limit": UNEVEN, "photo": photo})
+
+
 def uneven_regions(samples: RegionSamples, photo: str = "") -> list[Finding]:
     """Regions whose pixels scatter by more than noise and even light.
 
@@ -215,7 +221,6 @@ def uneven_regions(samples: RegionSamples, photo: str = "") -> list[Finding]:
     photo : str
         Name of the view; empty of the first.
     """
-    return [Finding("region.uneven", Severity.NOTE, name, {
-                "scatter": float(scatter), "limit": UNEVEN, "photo": photo})
+    return [uneven_region(name, float(scatter), photo)
             for name, scatter in zip(samples.names, samples.scatter.max(axis=1), strict=True)
             if scatter > UNEVEN]

@@ -62,7 +62,7 @@ def scene_picture(capture: SceneCapture, records: CaptureRecords, work: Work) ->
                             sums.add)
     textures = write_textures(sums.textures(), layout_of(section), work.folder)
     return replace(written, files=(*written.files, *textures), rounds=np.array(light.changes),
-                   notes=(light.sentence, *sums.notes))
+                   findings=(light.finding, *sums.findings))
 
 
 def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> TracedPhoto:

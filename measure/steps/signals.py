@@ -8,11 +8,10 @@ from spectrabox.capture.chart.patches import clipped_bands
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.records import CaptureRecords, RegionLight, SignalRecords
 from spectrabox.measure.regions.flat_signals import flat_signals
-from spectrabox.measure.regions.moved_lamp import moved_notes
+from spectrabox.measure.regions.moved_lamp import differences_of_photos
 from spectrabox.measure.regions.white import (
     FlatErrors,
     FlatPhoto,
-    level_notes,
     light_map,
     white_at_regions,
 )
@@ -42,7 +41,6 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
     photos = flat_photos(capture, records)
     errors = flat_errors(capture, records)
     known = capture.known
-    notes: tuple[str, ...] = ()
     lights: dict[str, RegionLight] = {}
     whites = []
     for number, (view, photo) in enumerate(zip(capture.views, photos, strict=True)):
@@ -50,15 +48,14 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
         white = white_at_regions(photo, known, errors)
         whites.append(white)
         if white is not None:
-            notes += level_notes(white)
             lights[view.name] = RegionLight(
                 np.exp(white.log_field), white.field_error,
                 np.array(list(white.level_misfits.values())),
                 light_map(photo, known, errors))
     signals = flat_signals(photos, whites, capture.families, known,
                            capture.band_names(records.photo.bands), errors)
-    notes += moved_notes(signals, [photo.name for photo in photos])
-    return SignalRecords(signals, lights, notes)
+    return SignalRecords(signals, lights, differences_of_photos(
+        signals, [photo.name for photo in photos]))
 
 
 def require_unknown_region(capture: FlatCapture) -> None:

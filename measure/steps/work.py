@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
-from spectrabox.measure.extras import attempt
+from spectrabox.measure.extras import attempt, to_keep
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import Progress
@@ -43,7 +43,7 @@ class Work:
             return ()
         _, failed = attempt(f"picture {name!r}", lambda: write_png(folder / f"{name}.png", drawn()),
                             None)
-        return () if failed is None else (failed.finding,)
+        return () if failed is None else (to_keep(failed),)
 
     def checkpoint(self, name: str) -> Path | None:
         """The file that a stopped trace is kept in."""

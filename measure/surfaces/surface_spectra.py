@@ -11,6 +11,7 @@ import numpy as np
 
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry.appearance import delta_e00
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     Progress,
@@ -88,22 +89,23 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
             draws = posterior.samples(options.draws, options.seed, options.coefficients)
         if unsaid:      # of its own signal, which the draws of all surfaces at once left
             draws = dataclasses.replace(draws, outcome=Outcome.UNSAID,
-                                        sentence=Outcome.UNSAID.value)
+                                        findings=(Outcome.UNSAID.finding(),))
     if draws is None:
         draws = draw_spectra(seen, options.method, options.draws, options.seed,
                              options.coefficients, prior)
-    summary = summarise(draws, seen, options.level, describe_conditions(draws, seen))
+    summary = summarise(draws, seen, options.level, conditions_of_band(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
                            family_shares, states)
 
 
-def describe_conditions(draws: SpectrumSamples, measured: SpectralMeasurement) -> str:
-    """What the band rests on, in words."""
-    errors = ", ".join(f"{100 * error:.2g}"
-                       for error in np.sqrt(np.diag(without_states(measured).noise_covariance)))
-    return (f"Assumes Gaussian signal errors of {errors} % of white. Prior and sampler: "
-            f"{draws.method}; exact bounds: of splines of {draws.coefficients.shape[1]} "
-            f"coefficients between 0 and 1. {draws.sentence}")
+def conditions_of_band(draws: SpectrumSamples,
+                       measured: SpectralMeasurement) -> tuple[Finding, ...]:
+    """What the band rests on."""
+    errors = np.sqrt(np.diag(without_states(measured).noise_covariance))
+    return (Finding("band.gaussian-errors", Severity.INFO, values={"errors": errors.tolist()}),
+            Finding("band.sampler", Severity.INFO, values={
+                "method": draws.method, "coefficients": draws.coefficients.shape[1]}),
+            *draws.findings)
 
 
 def resample_summary(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:

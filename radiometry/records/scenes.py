@@ -66,7 +66,10 @@ class SurfaceMisfit(Record):
     surface: str                                    # as ``SurfaceAgreement`` names it
     # largest: photo / rendering - 1 of the surface or of a part beyond noise, or their scatter
     deviation: float
-    sentence: str
+    level: dict[str, float] = field(default_factory=dict)   # the same of the surface, by band
+    scatter: float | None = None                    # of its parts among themselves; None: by chance
+    part: float | None = None                       # of the part that is the largest deviation
+    p: float = 0.0                                  # after Holm's correction
 
 
 @dataclass(frozen=True, eq=False)

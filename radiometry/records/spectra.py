@@ -4,10 +4,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
 from spectrabox.radiometry.shaped import Record
 
@@ -29,42 +30,46 @@ class Quantity(Enum):
 PRODUCTS = "products of sensitivity and light"
 
 
-class Outcome(Enum):
-    """How a fit or a sampler ended; the value is the sentence that a person needs."""
+DRAWS = "draws."     # topic of the findings on how a fit or a sampler ended
 
-    CONVERGED = "Converged."
-    STEP_LIMIT = "Stopped at the step limit with the loss still falling: allow more iterations."
-    ILL_POSED = ("Solved, but the data leave some directions undetermined: trust the uncertainty, "
-                 "not the curve alone.")
+
+class Outcome(Enum):
+    """How a fit or a sampler ended; the value is the end of its finding's code, "draws.converged".
+    """
+
+    CONVERGED = "converged"
+    STEP_LIMIT = "step-limit"
+    ILL_POSED = "ill-posed"
 
     # draws of spectra as intended
-    EXACT = "Independent draws from the exact distribution."
-    FAMILIAR = ("Independent draws from the learnt prior; the signal is like those it was "
-                "calibrated on.")
-    THROUGH_TRANSPORT = ("Weighted draws from the learnt prior of all materials at once, through "
-                         "the traced light transport, interreflection included.")
+    EXACT = "exact"
+    FAMILIAR = "familiar"
+    THROUGH_TRANSPORT = "through-transport"
 
     # draws of spectra with a reservation
-    UNREACHABLE = ("No spectrum of this class reproduces the signal exactly; "
-                   "the draws fit it within its stated noise only.")
-    MOVED = ("No spectrum of this class gives the signal: it was moved to the nearest that can be "
-             "reached.")
-    AS_PUBLISHED = "As published: a box around one solution, which under-states the spread."
-    RANKED = "Ranked, not conditioned: draws need not agree with what was measured."
-    UNFAMILIAR = ("This colour is unlike any in the training data: its band is as much wider as "
-                  "colours needed that were left out of the training.")
-    BEYOND_LEARNT = ("The learnt prior reaches no spectrum that gives the signal: a wide band of "
-                     "smooth spectra, of untested coverage, is shown; check the calibration.")
-    TOO_ROUGH = ("Only spectra rougher than any that were measured give the signal: the draws are "
-                 "of the smoothness prior and come as near to it as they can; check the "
-                 "calibration.")
-    OUT_OF_REACH = ("No spectrum between 0 and 1 gives the signal; the draws are of the "
-                    "smoothness prior and come as near to it as they can.")
-    UNSAID = ("The spectra found do not give this signal, by more than its stated errors allow: a "
-              "wider band of untested coverage is shown; check the calibration.")
-    DISAGREES = ("The picture agrees with no spectra that the prior knows through this light "
-                 "transport: the draws come as near as they can; check geometry, light and "
-                 "calibration, or state a larger surface error.")
+    UNREACHABLE = "unreachable"
+    MOVED = "moved"
+    AS_PUBLISHED = "as-published"
+    RANKED = "ranked"
+    UNFAMILIAR = "unfamiliar"
+    BEYOND_LEARNT = "beyond-learnt"
+    TOO_ROUGH = "too-rough"
+    OUT_OF_REACH = "out-of-reach"
+    UNSAID = "unsaid"
+    DISAGREES = "disagrees"
+
+    @property
+    def as_intended(self) -> bool:
+        """Whether draws ended so without a reservation."""
+        return self in (Outcome.EXACT, Outcome.FAMILIAR, Outcome.THROUGH_TRANSPORT)
+
+    def finding(self, **values: Any) -> Finding:
+        """It as a finding: evidence of a fault but of what is as intended. What was solved though
+        the data leave something open is, as bands carry that.
+        """
+        harmless = self.as_intended or self in (Outcome.CONVERGED, Outcome.ILL_POSED)
+        return Finding(DRAWS + self.value, Severity.INFO if harmless else Severity.WARN,
+                       values=values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +177,7 @@ class SpectrumSamples(Record):
     effective_samples: float
     seed: int
     outcome: Outcome
-    sentence: str                                   # the outcome in words, with its numbers
+    findings: tuple[Finding, ...]                   # the outcome, and what it is conditional on
     # of the variables of the capture's states, such as the gloss, that each draw goes with
     variables: Annotated[np.ndarray, "T V"] | None = None
 
@@ -190,7 +195,7 @@ class SpectrumSummary(Record):
     bound_lower: Annotated[np.ndarray, "P"]
     bound_upper: Annotated[np.ndarray, "P"]
     level: float
-    conditional_on: str
+    conditional_on: tuple[Finding, ...]
     next_measurement_nm: float  # one more reading here would narrow the band most
 
 

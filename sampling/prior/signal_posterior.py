@@ -17,6 +17,7 @@ import numpy as np
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.records.states import StateEstimate
 from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
@@ -98,9 +99,9 @@ class SignalPosterior:
         return prior_named(self.outcome)
 
     @property
-    def sentence(self) -> str:
+    def findings(self) -> tuple[Finding, ...]:
         """The outcome, and what it is conditional on."""
-        return describe_outcome(self.outcome, self.learnt_prior.stated, self.family_shares)
+        return outcome_findings(self.outcome, self.learnt_prior.stated, self.family_shares)
 
     @property
     def family_shares(self) -> dict[str, float]:
@@ -261,7 +262,7 @@ class SignalPosterior:
         splines = nearest_splines(spectra, basis_matrix(
             PRIOR_GRID.nm, enough_coefficients(coefficients, self.measurement.signal.size)))
         return SpectrumSamples(PRIOR_GRID, spectra, splines, self.method, float(count), seed,
-                               self.outcome, self.sentence, variables)
+                               self.outcome, self.findings, variables)
 
 
 def _inside(signal: np.ndarray, noise: np.ndarray) -> np.ndarray:
@@ -372,8 +373,9 @@ def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coeffi
     return solve_posterior(prior or load_prior(), measurement).samples(draws, seed, coefficients)
 
 
-def describe_outcome(outcome: Outcome, stated: tuple[str, ...], shares: Mapping[str, float]) -> str:
-    """The outcome in words, and the families stated or allowed that it is conditional on.
+def outcome_findings(outcome: Outcome, stated: tuple[str, ...],
+                     shares: Mapping[str, float]) -> tuple[Finding, ...]:
+    """The outcome, and the families stated or allowed that it is conditional on.
 
     Parameters
     ----------
@@ -383,11 +385,8 @@ def describe_outcome(outcome: Outcome, stated: tuple[str, ...], shares: Mapping[
         Posterior probabilities of the families, by name.
     """
     if outcome not in OF_LEARNT:
-        return outcome.value
-    allowed = ", ".join(f"{name} {100 * shares[name]:.0f} %"
-                        for name in sorted(shares, key=lambda name: -shares[name])
-                        if shares[name] >= MENTIONED)
-    if stated:
-        given = f"Conditional on the surface being {' or '.join(stated)}, as stated"
-        return f"{outcome.value} {given}{f': {allowed}' if len(stated) > 1 else ''}."
-    return f"{outcome.value} No family of surfaces was stated; the signal allows {allowed}."
+        return (outcome.finding(),)
+    allowed = {name: shares[name] for name in sorted(shares, key=lambda name: -shares[name])
+               if shares[name] >= MENTIONED}
+    return (outcome.finding(), Finding("draws.of-families", Severity.INFO, values={
+        "stated": list(stated), "shares": allowed}))

@@ -79,10 +79,9 @@ def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, co
     else:
         start = nearest_coefficients(operator.A, operator.y)
     box = sample_per_axis(operator, start, draws, seed)
-    sentence = Outcome.AS_PUBLISHED.value
-    if box.outcome is not Outcome.CONVERGED:
-        sentence += f" {box.outcome.value}"
-    return as_spectra(box, METHOD, seed, Outcome.AS_PUBLISHED, sentence)
+    ended = () if box.outcome is Outcome.CONVERGED else (box.outcome.finding(),)
+    return as_spectra(box, METHOD, seed, Outcome.AS_PUBLISHED, Outcome.AS_PUBLISHED.finding(),
+                      *ended)
 
 
 def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,

@@ -60,7 +60,7 @@ def ranked(samples: SpectrumSamples, base: SpectralMeasurement, more: list[MoreM
                    effective_samples=float(keep),
                    method=f"{samples.method}, best {keep} of {len(samples.spectra)}",
                    outcome=Outcome.RANKED,
-                   sentence=f"{samples.sentence} {Outcome.RANKED.value}")
+                   findings=(*samples.findings, Outcome.RANKED.finding()))
 
 
 def best_by_signals(signals: np.ndarray, measured: np.ndarray, keep: int) -> np.ndarray:

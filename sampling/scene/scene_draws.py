@@ -107,7 +107,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
 
     def samples_of(spectra: np.ndarray) -> SpectrumSamples:
         return SpectrumSamples(PRIOR_GRID, spectra, nearest_splines(spectra, basis), METHOD,
-                               draws_of_all.effective_samples, seed, outcome, outcome.value)
+                               draws_of_all.effective_samples, seed, outcome, (outcome.finding(),))
 
     return {name: samples_of(draws_of_all.spectra[:, m])
             for m, name in enumerate(problem.materials)}

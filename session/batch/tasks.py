@@ -8,6 +8,7 @@ from pathlib import Path
 
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.metadata import photo_metadata
+from spectrabox.measure import texts
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.radiometry.errors import (
@@ -136,7 +137,7 @@ def _run(task: Task) -> Outcome:
                            for name, stage in finished.stored.items()},
                    needed_bytes=task.needed_bytes, files=files, camera=photo.camera,
                    taken_at=photo.taken_at, thumbnail=thumbnail,
-                   failed_extras=tuple(one.why for one in different(
+                   failed_extras=tuple(texts.sentence(one) for one in different(
                        (*outputs.failed, *(() if fault is None else (fault,))))))
 
 

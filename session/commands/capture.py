@@ -59,6 +59,7 @@ def chart(
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_writers import write_png
+    from spectrabox.measure import extras, texts
     from spectrabox.measure.chart_edition import edition_in_photo
     from spectrabox.measure.chart_patches import patch_columns, table_of_columns
     from spectrabox.radiometry.files import write_text_whole
@@ -83,9 +84,9 @@ def chart(
     failed = () if edition.failed is None else (edition.failed,)
     return Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
                    "edition": edition.facts,
-                   "failed_extras": [one.facts for one in failed]},
+                   "failed_extras": [extras.facts(one) for one in failed]},
                   "\n".join([_text(photo, detection, verdict), f"edition: {edition.says}",
-                             *(f"note: {one.sentence}" for one in failed)]),
+                             *(f"note: {texts.says(one)}" for one in failed)]),
                   0 if verdict.good else RE_SHOOT, failed)
 
 

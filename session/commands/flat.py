@@ -25,7 +25,7 @@ from spectrabox.session.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.measure.extras import FailedExtra
+    from spectrabox.radiometry.findings import Finding
     from spectrabox.session.flat.new_session import Tables
 
 
@@ -133,7 +133,7 @@ def _measure_each(photos: Sequence[Path],
     """A session for each photo; one that will not do does not stop the others."""
     answers: list[dict[str, object]] = []
     texts, codes = [], []
-    failed: list[FailedExtra] = []
+    failed: list[Finding] = []
     orientation = _first_orientation(photos)
     for photo in photos:
         try:

@@ -122,6 +122,7 @@ def light(
 
 
 def _light_text(estimate: LightPosition, out: Path, of_box: bool) -> str:
+    from spectrabox.measure import texts
     moved = ", ".join(f"{axis} {value:+.3g} ({error:.2g})" for axis, value, error in
                       zip("xyz", estimate.offset, estimate.standard_error, strict=True))
     lines = [f"light {estimate.light!r} moved by {moved} in the scene's unit (standard errors in "
@@ -136,7 +137,7 @@ def _light_text(estimate: LightPosition, out: Path, of_box: bool) -> str:
                       (estimate.offset, estimate.standard_error))
         lines.append("to keep [scene.box] in session.toml, write into [scene.box.lamp] in place of "
                      f"the copy:\nmoved_mm = {by}\nmoved_error_mm = {within}")
-    return "\n".join([*lines, estimate.outcome.value, f"wrote {out}"])
+    return "\n".join([*lines, texts.sentence(estimate.outcome.finding()), f"wrote {out}"])
 
 
 @Command

@@ -95,7 +95,7 @@ def check(folder: Folder, allow_outside: Outside = False) -> Answer:
     sentences = [problem.sentence for problem in problems]
     text = "\n".join(f"- {sentence}"
                      for sentence in sentences) or "nothing is wrong: ready to run"
-    text += f"\n{checked.sentence}" if checked.sentence else ""
+    text = "\n".join(filter(None, [text, checked.sentence]))
     if checked.known_camera is not None:
         text += f"\n{known_camera_words(checked.known_camera)}"
     memory = None if checked.tracing_bytes is None else {"tracing_bytes": checked.tracing_bytes,
@@ -218,6 +218,7 @@ def _folder_to_open(paths: tuple[Path, ...]) -> Path:
 @Command
 def report(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Rebuild report.html and report.json from stored results."""
+    from spectrabox.measure import texts
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
     config, finished, stale = finished_session(folder, allow_outside)
     outputs = rewritten_outputs(config, finished, ["spectrabox", "report"], "stored results")
@@ -225,7 +226,7 @@ def report(folder: Folder, allow_outside: Outside = False) -> Answer:
     return Answer({"report": report, "stale": stale,
                    "failed_extras": outputs.facts["failed_extras"]},
                   "\n".join([f"wrote {report}",
-                             *(f"note: {one.sentence}" for one in outputs.failed)]),
+                             *(f"note: {texts.says(one)}" for one in outputs.failed)]),
                   failed=outputs.failed)
 
 

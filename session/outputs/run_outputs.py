@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from spectrabox.measure.extras import FailedExtra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.findings import Finding
 from spectrabox.session.config.session_schema import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
@@ -31,7 +31,7 @@ class RunOutputs:
 
     facts: dict[str, Any]       # for scripts
     text: str                   # for a person
-    failed: tuple[FailedExtra, ...] = ()    # what could not be made beside the answer; both name it
+    failed: tuple[Finding, ...] = ()    # what could not be made beside the answer; both name it
 
 
 def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:

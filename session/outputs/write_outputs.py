@@ -5,10 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from spectrabox.measure import extras, texts
 from spectrabox.measure.advice.advice import advised_of_facts
 from spectrabox.measure.captured import SceneCapture
-from spectrabox.measure.extras import FailedExtra, attempt
+from spectrabox.measure.extras import attempt
 from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.radiometry.findings import Finding
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_schema import SessionConfig
@@ -25,7 +27,7 @@ from spectrabox.session.store.surface_files import (
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
                   device: str, advice: dict[str, Any] | None = None
-                  ) -> tuple[dict[str, Any], str, list[Path], tuple[FailedExtra, ...]]:
+                  ) -> tuple[dict[str, Any], str, list[Path], tuple[Finding, ...]]:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
@@ -47,7 +49,7 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
         For a person.
     files : list of Path
         All that were written.
-    failed : tuple of FailedExtra
+    failed : tuple of Finding
         What could not be made beside the answer; facts and text name it.
     """
     results = session_results(config, finished,
@@ -70,7 +72,7 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
             found, results.folder), [])
         files += pictures
         failed += () if fault is None else (fault,)
-    said = {one.sentence for one in found.failed_extras}
-    notes = [f"note: {one.sentence}" for one in failed if one.sentence not in said]
-    facts = results.facts() | {"failed_extras": [one.facts for one in failed]}
+    named = [extras.facts(one) for one in found.failed_extras]
+    notes = [f"note: {texts.says(one)}" for one in failed if extras.facts(one) not in named]
+    facts = results.facts() | {"failed_extras": [extras.facts(one) for one in failed]}
     return facts, "\n".join([results.text(), *notes]), files, failed

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.opened_photos import OpenPhotos
@@ -227,8 +228,9 @@ class LiveSample:
         if found is None or of is not self._require_ready():
             raise CheckError("the verdict on what is marked is still being worked out")
         with self._advising:
+            failed = found.failed_advice
             return found.advice.facts | {
-                "failed": [] if found.failed_advice is None else [found.failed_advice.why]}
+                "failed": [] if failed is None else [texts.sentence(failed)]}
 
     def export(self, suffix: str) -> str:
         """A file of the spectra that are marked now: a table (.csv), or IES TM-27 (.spdx).
@@ -271,7 +273,7 @@ class LiveSample:
             config = self._config
             _, failed = attempt("spectra on the page", partial(self._update, config), None)
             if failed is not None:
-                self._error, self._sample = failed.error, None
+                self._error, self._sample = failed.values["error"], None
             elif not self._wanted.wait(SETTLED_S):
                 self._find_result()
 
@@ -284,7 +286,7 @@ class LiveSample:
         if any(region.given is None for region in sample.capture.regions.values()):
             now, failed = attempt("verdict", lambda: self._described_now(sample), None)
             if failed is not None:                  # a region that is clipped, say
-                described = {"status": "fail", "says": failed.error, "conditions": []}
+                described = {"status": "fail", "says": failed.values["error"], "conditions": []}
             elif now is not None:
                 found, described = now
         self._result = sample, described, found

@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from spectrabox.measure import conditions, texts
 from spectrabox.measure.captured import FlatCapture, PhotoFiles
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import SampleRecords
@@ -71,4 +72,5 @@ def described_result(found: FlatResult) -> dict[str, Any]:
     """Verdict and conditions for the page, as the report has them."""
     return {"status": found.verdict.word, "title": found.verdict.title,
             "says": found.verdict.says,
-            "conditions": [condition.facts for condition in found.conditions]}
+            "findings": [texts.facts(one) for one in found.findings],
+            "conditions": [conditions.facts(one) for one in found.conditions]}

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import texts
+from spectrabox.measure import rules, texts
 from spectrabox.measure.captured import FlatCapture, Region
 from spectrabox.measure.records import ChartRecords
-from spectrabox.measure.regions.edge_words import edge_sentence
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
-from spectrabox.measure.steps.photos import UNEVEN
+from spectrabox.measure.steps.photos import UNEVEN, uneven_region
 from spectrabox.measure.surfaces.colour_comparison import compare_colours
 from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
@@ -102,11 +101,11 @@ def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: 
               families: Mapping[str, float], causes: Mapping[str, float]) -> dict[str, Any]:
     """What an estimate adds to its spectrum: band, error of the colour from draws (T, 3), causes.
     """
-    notes = []
+    notes, name = [], signal.signals.names[0]
     if signal.edge is not None:
-        notes.append(edge_sentence(signal.edge))
+        notes.append(texts.says(rules.edge_in(name, signal.edge)))
     elif signal.scatter > UNEVEN:
-        notes.append(f"uneven: its pixels differ by {signal.scatter:.0%}; outline one colour")
+        notes.append(texts.says(uneven_region(name, signal.scatter)))
     return {"lower": _rounded(lower), "upper": _rounded(upper),
             "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),
             "causes": _largest(causes), "light": list(signal.light), "notes": notes}

@@ -1,7 +1,6 @@
 """One card a surface: its colour, spectrum and doubts at a glance, and folded on it all details."""
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ from markupsafe import Markup
 from spectrabox.measure.advice.advice import Advice, Advised
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
+from spectrabox.radiometry.findings import Finding
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, certified_sentence
 from spectrabox.session.report.metamers import metamer_drawing
 from spectrabox.session.report.patch_colours import css_colour, hex_colour
@@ -18,7 +18,6 @@ from spectrabox.session.report.spectra import every_10_nm, spectrum_figure, surf
 
 MAX_CAUSES, SMALL_SHARE = 3, 0.01     # of the spectrum's variance, named on a card
 UNTESTED = "band of untested coverage"
-END_OF_SENTENCE = re.compile(r"(?<=\.) ")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +49,7 @@ class Card:
     columns: tuple[str, ...]
     rows: list[list[float]]         # every 10 nm: the wavelength, then the columns
     advice: tuple[Advice, ...]      # what to do next, the best first
-    assumes: str                    # what its band rests on, and not those of all surfaces
+    assumes: tuple[Finding, ...]    # what its band rests on, and not those of all surfaces
 
     @property
     def css(self) -> str:
@@ -89,9 +88,9 @@ def answer_cards(surfaces: Sequence[SurfaceResult], doubts: Mapping[str, tuple[s
 
 
 def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ...],
-          common: Sequence[str], advice: tuple[Advice, ...]) -> Card:
+          common: Sequence[Finding], advice: tuple[Advice, ...]) -> Card:
     curves, metamers = surface_curves(surface), None
-    told = "" if surface.samples is None else surface.samples.sentence  # where it is doubtful
+    told = () if surface.samples is None else surface.samples.findings  # where it is doubtful
     if surface.metamers is not None:
         metamers = Metamers(surface.metamers, metamer_drawing(surface.metamers))
     return Card(
@@ -99,11 +98,11 @@ def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ..
         spectrum_figure(f"spectrum-{number}", surface),
         error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),
         every_10_nm(surface.nm, curves), advice,
-        " ".join(one for one in _assumptions(surface) if one not in common and one not in told))
+        tuple(one for one in _assumptions(surface) if one not in common and one not in told))
 
 
-def assumed_of_all(surfaces: Sequence[SurfaceResult]) -> list[str]:
-    """Sentences on what the bands of all estimated surfaces rest on."""
+def assumed_of_all(surfaces: Sequence[SurfaceResult]) -> list[Finding]:
+    """What the bands of all estimated surfaces rest on."""
     of_each = [_assumptions(surface) for surface in surfaces if not surface.known]
     return [one for one in of_each[0] if all(one in others for others in of_each[1:])] \
         if of_each else []
@@ -116,5 +115,5 @@ def tested_families(surfaces: Sequence[SurfaceResult]) -> str:
     return certified_sentence(tuple(families.values()))
 
 
-def _assumptions(surface: SurfaceResult) -> list[str]:
-    return [] if surface.summary is None else END_OF_SENTENCE.split(surface.summary.conditional_on)
+def _assumptions(surface: SurfaceResult) -> tuple[Finding, ...]:
+    return () if surface.summary is None else surface.summary.conditional_on

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.chart_findings import root_mean_square
-from spectrabox.measure import texts
+from spectrabox.measure import conditions, rules, texts
 from spectrabox.measure.results.calibration_facts import (
     checks,
     doubts,
@@ -18,7 +18,6 @@ from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.rules import chart_residuals
-from spectrabox.measure.verdict.criterion import Verdict
 from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts
@@ -38,7 +37,8 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
     return {
         "schema": SCHEMA, "name": results.name, "operator": results.operator,
         "notes": results.notes,
-        "conditions": [condition.facts for condition in found.conditions],
+        "conditions": [conditions.facts(one) for one in found.conditions],
+        "findings": [texts.facts(one) for one in found.findings],
         "bands": found.bands, "verdict": _verdict(found.verdict), "advice": found.advice.facts,
         "signal_bands": found.signal_bands,
         "calibration": _calibration(found, results.sensitivity_truth),
@@ -83,10 +83,12 @@ def flat_numbers(found: FlatResult) -> dict[str, Any]:
         }
 
 
-def _verdict(verdict: Verdict) -> dict[str, Any]:
-    return {"status": verdict.status, "says": verdict.says,
-            "criteria": [{"name": c.name, "value": c.value, "shown": c.shown, "limit": c.limit,
-                          "status": c.status, "says": c.sentence} for c in verdict.criteria]}
+def _verdict(verdict: rules.Verdict) -> dict[str, Any]:
+    return {"status": verdict.severity.name if verdict.problems else "PASS", "says": verdict.says,
+            "criteria": [{"name": texts.name(one), "value": one.values.get("value"),
+                          "shown": texts.shown(one), "limit": texts.limit(one),
+                          "status": one.severity.name, "says": texts.says(one)}
+                         for one in verdict.findings if texts.is_tested(one)]}
 
 
 def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
@@ -109,9 +111,10 @@ def _surface(surface: SurfaceResult) -> dict[str, Any]:
         "signal": surface.signal, "signal_covariance": surface.signal_covariance,
         "model_covariance": surface.model_covariance, "error_budget": surface.error_budget,
         "variance_shares": surface.variance_shares, "families": coverage_facts(surface.families),
-        "summary": _fields(surface.summary, "mean", "standard_deviation", "lower", "upper",
-                           "bound_lower", "bound_upper", "level", "conditional_on",
-                           "next_measurement_nm"),
+        "summary": None if surface.summary is None else {
+            **(_fields(surface.summary, "mean", "standard_deviation", "lower", "upper",
+                       "bound_lower", "bound_upper", "level", "next_measurement_nm") or {}),
+            "conditional_on": texts.paragraph(surface.summary.conditional_on)},
         "band_width": surface.band_width,
         "colour": {"lab": surface.lab, "lab_error": surface.lab_error,
                    "hex": hex_colour(surface.srgb)},
@@ -129,7 +132,7 @@ def _samples(samples: SpectrumSamples | None) -> dict[str, Any] | None:
         return None
     return {"nm": samples.grid.nm, "method": samples.method,
             "effective_samples": samples.effective_samples, "seed": samples.seed,
-            "outcome": samples.sentence}
+            "outcome": texts.paragraph(samples.findings)}
 
 
 def _fields(record: Any, *names: str) -> dict[str, Any] | None:

@@ -11,14 +11,15 @@ from typing import Any, TypeVar
 import jinja2
 from markupsafe import Markup
 
-from spectrabox.measure import texts, words
-from spectrabox.measure.extras import FailedExtra, attempt, different
+from spectrabox.measure import extras, texts, words
+from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.plot_style import band_colours
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.results.flat_result import FlatResult, PhotoOfRegions
 from spectrabox.measure.results.methods import scale_words
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.files import whole_file
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.session.outputs.session_results import SessionResults
@@ -59,8 +60,9 @@ PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
 PIECES = Path(__file__).parent.parent / "pieces"    # parts that the page of a session has too
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
-           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab,
-           "says": texts.says}
+           "name": texts.name, "says": texts.says, "shown": texts.shown, "limit": texts.limit,
+           "sentence": texts.sentence, "paragraph": texts.paragraph,
+           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
 # a number and its unit stay on one line, "0.8 %" is written one way; not in scripts and styles
 UNITS = re.compile(r"<(script|style)\b.*?</\1>|>[^<]+", re.DOTALL)
 Kind = TypeVar("Kind", bound=Markup)
@@ -73,7 +75,7 @@ class RenderedReport:
 
     page: str
     numbers: str
-    failed: tuple[FailedExtra, ...] = ()
+    failed: tuple[Finding, ...] = ()
 
 
 def write_report(results: SessionResults) -> Path:
@@ -108,12 +110,12 @@ def rendered_report(results: SessionResults) -> RenderedReport:
         return report
     assert failed is not None
     every = (*results.found.failed_extras, failed)
-    text = f"{results.text()}\nnote: {failed.why}"
+    text = f"{results.text()}\nnote: {texts.sentence(failed)}"
     page = Markup('<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Spectrabox '
                   "report: {}</title></head><body><h1>{}</h1><pre>{}</pre></body></html>\n").format(
         results.name, results.name, text)
     return RenderedReport(str(page), json_for_script(
-        results.facts() | {"failed_extras": [one.facts for one in every]}), every)
+        results.facts() | {"failed_extras": [extras.facts(one) for one in every]}), every)
 
 
 def store_report(report: RenderedReport, folder: Path) -> Path:
@@ -153,7 +155,7 @@ def render_report(results: SessionResults) -> RenderedReport:
     failed = different((*found.failed_extras, *content.pop("failed"),
                         *(missing.failed for missing in _of_kind(content, MissingDrawing))))
     written = json_for_script(report_numbers(results) | kind.numbers | {
-        "failed_extras": [one.facts for one in failed],
+        "failed_extras": [extras.facts(one) for one in failed],
         "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
                   for drawing in _of_kind(content, Drawing)},
         "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
@@ -276,9 +278,7 @@ def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> di
         "level": next((surface.summary.level for surface in found.surfaces
                        if surface.summary is not None), None),
         "truths": any(surface.scores is not None for surface in found.surfaces),
-        "problems": sorted((c for c in verdict.criteria if not c.passed),
-                           key=lambda c: -c.status.value),
-        "passed": [c for c in verdict.criteria if c.passed], "files": _files(found, kind),
+        "files": _files(found, kind),
         "chart": chart, "held_out_rms": held_out_rms(found),
         "sensitivity_figure": sensitivity_figure("sensitivity", found.calibration.sensitivity,
                                                  found.bands, results.sensitivity_truth),

@@ -14,8 +14,10 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numpy as np
 from markupsafe import Markup, escape
 
-from spectrabox.measure.extras import FailedExtra, attempt
+from spectrabox.measure import texts
+from spectrabox.measure.extras import attempt
 from spectrabox.measure.plot_style import INK, QUIET
+from spectrabox.radiometry.findings import Finding
 from spectrabox.session.report.safe_json import json_for_script
 
 DIGITS = 6          # significant, of a plotted number: far finer than a line is drawn
@@ -48,11 +50,11 @@ class Drawing(Markup):
 class MissingDrawing(Markup):
     """What stands in the place of a figure that could not be drawn."""
 
-    failed: FailedExtra
+    failed: Finding
 
-    def __new__(cls, failed: FailedExtra) -> MissingDrawing:
+    def __new__(cls, failed: Finding) -> MissingDrawing:
         missing = super().__new__(cls, Markup('<p class="quiet">There is {}.</p>').format(
-            failed.why))
+            texts.sentence(failed)))
         missing.failed = failed
         return missing
 

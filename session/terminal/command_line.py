@@ -29,7 +29,7 @@ from spectrabox.session.terminal.command_help import is_repeated, parameter_of
 from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
-    from spectrabox.measure.extras import FailedExtra
+    from spectrabox.radiometry.findings import Finding
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
                                         show_default=False)]
@@ -81,7 +81,7 @@ class Answer:
     facts: Mapping[str, Any]
     text: str
     exit_code: int = 0
-    failed: Sequence[FailedExtra] = ()      # extras; facts and text name them
+    failed: Sequence[Finding] = ()      # extras; facts and text name them
 
 
 class Command:
@@ -136,8 +136,13 @@ class Command:
                                   for name, each in self.written.parameters.items()})
             if answer is not None:
                 for one in answer.failed if as_json or values["debug"] else ():
-                    tell(one.traceback if values["debug"] else f"note: {one.sentence}")
+                    tell(one.values["traceback"] if values["debug"] else _note(one))
                 print_answer(as_json, answer)
+
+
+def _note(failed: Finding) -> str:
+    from spectrabox.measure import texts
+    return f"note: {texts.says(failed)}"
 
 
 def _options_of(parameter: inspect.Parameter) -> Collection[inspect.Parameter]:

@@ -36,6 +36,7 @@ from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.photo.orientation import AS_READ
+from spectrabox.measure import texts
 from spectrabox.measure.captured import (
     ONE_PHOTO,
     Development,
@@ -111,7 +112,7 @@ class SceneSpectra(MeasuredSpectra):
     @property
     def outcome(self) -> str:
         """How the fit ended, in a sentence."""
-        return self.reconstruction.views[0].outcome.value
+        return texts.sentence(self.reconstruction.views[0].outcome.finding())
 
     def to_mitsuba(self, path: str | Path) -> Path:
         """Write the scene of the first photo with the mean reflectances in its BSDFs, as XML that

@@ -18,7 +18,7 @@ export async function showAdvice(selected, does) {
   }
   if (knownOf !== session.state.digest) return;
   const mine = known.surfaces[selected], list = (mine ?? known.overall).slice(0, MOST);
-  $("advice-of").textContent = known.failed.length ? `${known.failed.join("; ")}.` : !list.length ? "Nothing on the list would narrow the bands by 2 % or more." : mine ? `Of ${selected}, best first:` : "Of all marked colours, best first:";
+  $("advice-of").textContent = known.failed.length ? known.failed.join(" ") : !list.length ? "Nothing on the list would narrow the bands by 2 % or more." : mine ? `Of ${selected}, best first:` : "Of all marked colours, best first:";
   $("advice-list").replaceChildren(...list.map((each) => make("li", {}, make("p", { text: each.says }),
     make("p", { className: "soft", text: `${each.cost}: band ${each.width_before.toFixed(3)} → ${each.width_after.toFixed(3)} wide, colour within ΔE00 ${one(each.colour_before)} → ${one(each.colour_after)}` }),
     hereOf(each.action, selected, does))));

@@ -14,14 +14,15 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import KnownSpectrum, as_reflectance_at
 from spectrabox.api.estimates.estimate_tables import estimates_to_csv, estimates_to_xarray
 from spectrabox.api.notebook import axes_for, spectrum_html
+from spectrabox.measure import texts
 from spectrabox.measure.advice.advice import Advice
-from spectrabox.measure.extras import FailedExtra, attempt
+from spectrabox.measure.extras import attempt
 from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
-from spectrabox.measure.results.surface_result import VALID_OUTCOMES
 from spectrabox.measure.surfaces.colour_comparison import Colour
 from spectrabox.measure.surfaces.surface_signals import with_added
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import (
     SpectralMeasurement,
     SpectrumSamples,
@@ -102,13 +103,15 @@ class SpectrumEstimate:
         return self._advised[0]
 
     @property
-    def failed_extras(self) -> tuple[FailedExtra, ...]:
-        """Why there is no advice, where it failed: with ``extra``, ``error`` and ``traceback``."""
+    def failed_extras(self) -> tuple[Finding, ...]:
+        """Why there is no advice, where it failed: a finding with "error" and "traceback" among
+        its values.
+        """
         failed = self._advised[1]
         return () if failed is None else (failed,)
 
     @cached_property
-    def _advised(self) -> tuple[tuple[Advice, ...], FailedExtra | None]:
+    def _advised(self) -> tuple[tuple[Advice, ...], Finding | None]:
         return attempt("advice", self.advise, ())
 
     @property
@@ -296,7 +299,8 @@ class SpectrumEstimate:
         """How the estimate ended, and what it is conditional on, in a sentence."""
         if self.given is not None:
             return "The spectrum was given."
-        return self.samples.sentence if self.samples is not None else self.posterior.sentence
+        return texts.paragraph(
+            self.samples.findings if self.samples is not None else self.posterior.findings)
 
     @property
     def next_reading_nm(self) -> float | None:
@@ -426,7 +430,7 @@ class SpectrumEstimate:
     def _as_intended(self) -> bool:
         """Whether the draws ended without a reservation."""
         ended = self.samples.outcome if self.samples is not None else self.posterior.outcome
-        return ended in VALID_OUTCOMES
+        return ended.as_intended
 
     @property
     def _summary(self) -> SpectrumSummary:

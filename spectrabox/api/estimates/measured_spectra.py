@@ -8,13 +8,13 @@ from markupsafe import Markup
 
 from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
+from spectrabox.measure import conditions
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.captured import Capture
-from spectrabox.measure.extras import FailedExtra
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
 from spectrabox.measure.surfaces.surface_signals import alone, errors_by_cause, measurement
-from spectrabox.measure.verdict.conditions import conditions_text
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
 from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
@@ -81,9 +81,9 @@ class MeasuredSpectra(SpectrumEstimates):
         return self.found.advice.overall
 
     @property
-    def failed_extras(self) -> tuple[FailedExtra, ...]:
-        """What of that which is no part of the answer could not be made, such as the advice: each
-        with ``extra``, ``error`` and ``traceback``.
+    def failed_extras(self) -> tuple[Finding, ...]:
+        """What of that which is no part of the answer could not be made, such as the advice: the
+        subject of each finding, with "error" and "traceback" among its values.
         """
         return self.found.failed_extras
 
@@ -136,12 +136,12 @@ class MeasuredSpectra(SpectrumEstimates):
         return self.found.text()
 
     def __repr__(self) -> str:
-        return "\n".join([conditions_text(self.found.conditions), super().__repr__(),
+        return "\n".join([conditions.conditions_text(self.found.conditions), super().__repr__(),
                           self.found.verdict.line])
 
     def _repr_html_(self) -> str:
         verdict = Markup("<p>{}</p><pre>{}</pre>").format(
-            self.found.verdict.line, conditions_text(self.found.conditions))
+            self.found.verdict.line, conditions.conditions_text(self.found.conditions))
         return str(verdict) + super()._repr_html_()
 
 

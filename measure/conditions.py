@@ -1,0 +1,447 @@
+"""What a result rests on: every condition measured, stated or assumed, with what its failing costs.
+
+The one place where conditions are made: findings of the section CONDITIONS of ``measure.texts``.
+Verdict, report, page, JSON and text read this list.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spectrabox.calibrate.chart_findings import edition_told, evidence_since
+from spectrabox.measure import texts
+from spectrabox.measure.captured import Capture
+from spectrabox.measure.results.facts import Fact, columns, known_facts
+from spectrabox.measure.tables import text_table
+from spectrabox.measure.words import percent
+from spectrabox.radiometry.appearance import reflectance_to_lab
+from spectrabox.radiometry.chart import COPIES_SINCE_2014
+from spectrabox.radiometry.error_model import (
+    FILTER,
+    KNOWN_SURFACES,
+    LAMP_AT_CHART,
+    LIGHT_FIELD,
+    LIGHT_SCALE,
+    LIGHT_SPECTRUM,
+    REPEATABILITY,
+    ROUNDED_EXPOSURES,
+    SAMPLE_PLANE,
+    SCENE_LEVEL,
+    SENSITIVITIES,
+    SURFACE_REFLECTION,
+    WHITE,
+)
+from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.gloss import SURFACE_WORDS, USUAL
+
+if TYPE_CHECKING:
+    from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
+    from spectrabox.measure.results.flat_result import FlatResult
+    from spectrabox.measure.results.scene_result import SceneResult
+    from spectrabox.measure.results.surface_result import SurfaceResult
+
+# causes of errors that a condition answers for
+BETWEEN_PHOTOS = (REPEATABILITY, ROUNDED_EXPOSURES)
+LIGHT_CAUSES = (WHITE, LIGHT_FIELD, LIGHT_SCALE, *BETWEEN_PHOTOS)
+PLACE_CAUSES = (SCENE_LEVEL, LAMP_AT_CHART)
+CAMERA_CAUSES = (SENSITIVITIES, LIGHT_SPECTRUM, FILTER)
+# Faults as they happen, by which the cost of a condition is computed.
+GLOSS_FAULT = 0.03          # of the light, mirrored by a glossy surface
+DARKER_FAULT = 0.10         # of the light: soft shadow, a sample some centimetres nearer, a tilt
+DIMMER_FAULT = 0.05         # of the light: a lamp that warms up, clouds, a place off by 2 cm
+COPY_FAULT = 0.03           # of the level: one measured copy of a ColorChecker against another
+BENT_FAULT = 0.02           # of the exponent of the light: an error of the black level
+# of white at 440 nm, emitted by a brightener of paper or textiles where they have any UV to absorb
+EMITTED_FAULT, EMITTED_NM, EMITTED_WIDTH_NM = 0.15, 440.0, 28.0
+NAMED_CHANGE = 1.0          # of L* or b* beyond which a verdict names a condition: it can be seen
+FEWEST_GREYS = 4            # patches by which linearity is measured
+# how a condition is known
+MEASURED, STATED, ASSUMED = "measured", "stated", "assumed"
+LIGHTNESS, B_STAR = 0, 2    # of L*a*b*
+
+
+CONDITION_FACTS: tuple[Fact[Finding], ...] = (
+    Fact("code", "of the condition", lambda one: one.code),
+    Fact("name", "what it is called", texts.name, "condition"),
+    Fact("standing", "measured, stated or assumed", lambda one: one.values["standing"], "is"),
+    Fact("error", "standard error that the bands allow for, a share",
+         lambda one: one.values["error"], "error allowed", percent),
+    Fact("known_by", "how it is known", texts.sentence, "known by"),
+    Fact("holds", "how a verdict names it after “if”", lambda one: texts.holds(one) or None),
+    Fact("named", "whether the verdict names it", lambda one: one.values["named"]),
+    Fact("fault", "a fault as it happens", lambda one: texts.fault(one) or None),
+    Fact("lightness", "by how much that fault changes L* of the surface that it changes most",
+         lambda one: one.values["lightness"]),
+    Fact("b_star", "the same of b*, of a fault that changes the colour",
+         lambda one: one.values["b_star"]),
+    Fact("variance_share", "of the spectra's variance that the error allowed makes, mean over "
+         "surfaces", lambda one: one.values["variance_share"]),
+    Fact("cost", "both in words", lambda one: texts.shown(one) or None, "if it fails"),
+    Fact("to_measure", "what would measure it; missing of what is measured",
+         lambda one: None if one.values["standing"] == MEASURED else texts.remedy(one) or None))
+
+
+def condition(code: str, standing: str, known_by: str, *, error: float | None = None,
+              fault: str = "", fault_size: float | None = None, lightness: float | None = None,
+              b_star: float | None = None, variance_share: float | None = None,
+              **more: Any) -> Finding:
+    """Something that a result rests on.
+
+    Parameters
+    ----------
+    code : str
+        Of ``texts.CONDITIONS``.
+    standing : str
+        ``MEASURED``, ``STATED`` or ``ASSUMED``.
+    known_by : str
+        How it is known, of ``texts.KNOWN_BY``.
+    error : float, optional
+        Standard, that the bands allow for, as a share; None: none.
+    fault, fault_size : str, float
+        A fault as it happens, of ``texts.FAULTS``.
+    lightness, b_star : float, optional
+        By how much that changes L* or b* of the surface that it changes most; None: not computed.
+    variance_share : float, optional
+        Of the spectra's variance, by the error allowed.
+    **more
+        Of the way in which it is known.
+    """
+    seen = max((abs(each) for each in (lightness, b_star) if each is not None), default=0.0)
+    return Finding(code, Severity.INFO, values={
+        "standing": standing, "known_by": known_by, "error": error, "fault": fault,
+        "fault_size": fault_size, "lightness": lightness, "b_star": b_star,
+        "variance_share": variance_share,
+        "named": standing == ASSUMED and seen >= NAMED_CHANGE, **more})
+
+
+def named(conditions: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Those that a verdict names after its "if": assumed, and their failing would be seen."""
+    return tuple(one for one in conditions if one.values["named"])
+
+
+def facts(one: Finding) -> dict[str, Any]:
+    """For JSON: `CONDITION_FACTS` that are known of a condition."""
+    return known_facts(CONDITION_FACTS, one)
+
+
+@dataclass(frozen=True)
+class Statements:
+    """What of the conditions a capture states, or measures by the photos that it has."""
+
+    surfaces: tuple[str, ...] = ()      # matt, satin, glossy; none unless stated of every surface
+    chart_stated: bool = True           # somebody said which reflectances the chart has
+    chart_measured: bool = False        # they are those of this very copy
+    curves: str = ""                    # where measured curves of the camera come from
+    chart_in_photo: bool = False        # every photo shows its chart
+    lamp_moved: bool = False            # a further photo shows them with the lamp moved
+    dark_frames: bool = False
+    bracket: bool = False               # of several exposures
+
+
+def statements_of(capture: Capture) -> Statements:
+    """What a capture states of its conditions.
+
+    Parameters
+    ----------
+    capture : Capture
+    """
+    words = {surface.surface for surface in capture.surfaces.values()
+             if surface.given is None and surface.surface is not None}
+    views = capture.views
+    return Statements(
+        surfaces=tuple(sorted(words)) if capture.surfaces_stated else (),
+        chart_stated=capture.chart is None or capture.chart.stated,
+        chart_measured=capture.chart is not None and capture.chart.measured,
+        curves="" if capture.sensitivity.curves is None else capture.sensitivity.source,
+        chart_in_photo=all(view.shows_chart for view in views),
+        lamp_moved=capture.lamp_moved, dark_frames=bool(capture.development.dark_frames),
+        bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
+
+
+def flat_conditions(found: FlatResult) -> tuple[Finding, ...]:
+    """Conditions of flat samples."""
+    return (_flat_light(found), _gloss(found, "condition.gloss"), _plane(found), _shadow(found),
+            _fluorescence(found), _linearity(found), *_chart_copy(found), _camera(found))
+
+
+def scene_conditions(found: SceneResult) -> tuple[Finding, ...]:
+    """Conditions of scenes, in which plane and shadow are the geometry's."""
+    return (_scene_light(found), _light_place(found), _geometry(found),
+            _gloss(found, "condition.scene-gloss"), _fluorescence(found),
+            _linearity(found), *_chart_copy(found), _camera(found))
+
+
+def conditions_text(conditions: Sequence[Finding], title: str = "") -> str:
+    """A row for each, for a person.
+
+    Parameters
+    ----------
+    conditions : sequence of Finding
+    title : str
+        Of the table.
+    """
+    headings, cells = columns(CONDITION_FACTS, conditions)
+    return text_table(headings, cells, text=headings, title=title)
+
+
+# ---- the conditions ------------------------------------------------------------------------------
+
+def _flat_light(found: FlatResult) -> Finding:
+    cards = list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits))
+    every = all(photo.level_misfits for photo in found.photos if photo.light)
+    between = not found.stated.chart_in_photo
+    common: dict[str, Any] = {"error": allowed_error(found.surfaces, LIGHT_CAUSES),
+                              "variance_share": allowed_share(found.surfaces, LIGHT_CAUSES),
+                              "names": cards}
+    if between and not (cards and every):
+        return condition("condition.light", ASSUMED, "chart-apart", fault="dimmer",
+                         fault_size=DIMMER_FAULT,
+                         lightness=darker_by(found.surfaces, DIMMER_FAULT), **common)
+    changes = [darker_by([surface], 2 * (error_by(surface, LIGHT_CAUSES) or 0.0))
+               for surface in found.surfaces]
+    return condition(
+        "condition.light", MEASURED, "known-regions" if cards and every else
+        "flat-field" if found.by_flat_field else "chart-carried-on", fault="dimmer-by-error",
+        lightness=max((each for each in changes if each is not None), key=abs, default=None),
+        **common)
+
+
+def _plane(found: FlatResult) -> Finding:
+    cards = all(photo.level_misfits for photo in found.photos if photo.light)
+    standing, known_by = (MEASURED, "lamp-moved") if found.stated.lamp_moved else \
+        (MEASURED, "known-beside") if cards else (ASSUMED, "no-photo")
+    return condition("condition.plane", standing, known_by,
+                     error=allowed_error(found.surfaces, (SAMPLE_PLANE,)), fault="dimmer",
+                     fault_size=DARKER_FAULT, lightness=darker_by(found.surfaces, DARKER_FAULT),
+                     variance_share=allowed_share(found.surfaces, (SAMPLE_PLANE,)))
+
+
+def _gloss(found: CaptureResult, code: str) -> Finding:
+    stated, surfaces = found.stated, found.surfaces
+    # what is assumed is what the estimate is of: the band reaches to what gloss would make of it
+    standing, known_by = (MEASURED, "lamp-moved") if stated.lamp_moved else \
+        (STATED, "surfaces-stated") if stated.surfaces else (ASSUMED, "taken-as-matt")
+    return condition(
+        code, standing, known_by, error=_mirrored(surfaces), fault="mirrored",
+        fault_size=GLOSS_FAULT,
+        lightness=largest_change(surfaces, lambda nm, mean: mean + GLOSS_FAULT),
+        variance_share=allowed_share(surfaces, (SURFACE_REFLECTION,)),
+        names=list(stated.surfaces), usual=float(USUAL[SURFACE_WORDS[0]]))
+
+
+def _shadow(found: FlatResult) -> Finding:
+    standing, known_by = (MEASURED, "lamp-moved") if found.stated.lamp_moved \
+        else (ASSUMED, "no-photo")
+    return condition("condition.shadow", standing, known_by, fault="dimmer",
+                     fault_size=DARKER_FAULT, lightness=darker_by(found.surfaces, DARKER_FAULT))
+
+
+def _fluorescence(found: CaptureResult) -> Finding:
+    """Brighteners and other emission, which no photo tells from reflectance.
+
+    Exciting light is absorbed on its way in as emitted light is on its way out, so that little
+    comes of what is dark there.
+    """
+    return condition("condition.fluorescence", ASSUMED, "no-photo", fault="emitted",
+                     fault_size=EMITTED_FAULT, fault_nm=EMITTED_NM,
+                     b_star=largest_change(found.surfaces, emitted, B_STAR))
+
+
+def _linearity(found: CaptureResult) -> Finding:
+    greys = None if found.chart is None else exponent_of_greys(found.chart)
+    ways = [way for held, way in ((greys is not None, "greys"),
+                                  (found.stated.bracket, "exposures"),
+                                  (found.stated.dark_frames, "dark-frames")) if held]
+    exponent, spread = greys or (None, None)
+    error = None if exponent is None or spread is None else max(spread, abs(exponent - 1))
+    measured = bool(ways) and not found.processed
+    fault = BENT_FAULT if error is None else 2 * error
+    return condition(
+        "condition.linearity", MEASURED if measured else ASSUMED,
+        "tone-curve" if found.processed else "exponent" if ways else "nothing", error=error,
+        fault="bent", fault_size=fault, lightness=largest_change(
+            found.surfaces, lambda nm, mean: np.maximum(mean, 0) ** (1 + fault)),
+        ways=ways, exponent=exponent, exponent_error=spread)
+
+
+def _chart_copy(found: CaptureResult) -> tuple[Finding, ...]:
+    """Whether the chart is as its reference says; nothing without a chart."""
+    if found.chart is None:
+        return ()
+    copy, error = found.chart.copy, None
+    more: dict[str, Any] = {}
+    if found.stated.chart_measured:
+        standing, known_by = MEASURED, "own-reflectances"
+    elif copy is not None:
+        lightest = int(copy.reflectances.mean(axis=1).argmax())
+        nats = evidence_since(copy)
+        standing, known_by, error = MEASURED, "copies", float(copy.level_error[lightest])
+        more = {"edition": copy.edition, "white": float(copy.level[lightest]), "nats": nats,
+                "told": edition_told(copy), "as_told": nats is not None and (nats > 0) == (
+                    copy.edition == COPIES_SINCE_2014)}
+    elif found.stated.chart_stated:
+        standing, known_by = STATED, "reference"
+    else:
+        standing, known_by = ASSUMED, "published"
+    return (condition("condition.chart", standing, known_by, error=error, fault="other-copy",
+                      fault_size=COPY_FAULT, lightness=darker_by(found.surfaces, COPY_FAULT),
+                      **more),)
+
+
+def _camera(found: CaptureResult) -> Finding:
+    standing, known_by = (STATED, "curves") if found.stated.curves else \
+        (STATED, "curves-of-file") if found.chart is None else (MEASURED, "fitted")
+    return condition("condition.camera", standing, known_by,
+                     error=allowed_error(found.surfaces, CAMERA_CAUSES),
+                     variance_share=allowed_share(found.surfaces, CAMERA_CAUSES),
+                     source=found.stated.curves)
+
+
+def _scene_light(found: SceneResult) -> Finding:
+    causes = (*BETWEEN_PHOTOS, KNOWN_SURFACES)
+    standing, known_by = ASSUMED, "stated-errors"
+    if _tied_to_known(found) or not found.scale_from_chart:
+        standing, known_by = MEASURED, "known-materials"
+    elif found.stated.chart_in_photo:
+        standing, known_by = MEASURED, "chart-in-photo"
+    return condition("condition.scene-light", standing, known_by,
+                     error=_common_error(found, causes), fault="dimmer", fault_size=DIMMER_FAULT,
+                     lightness=darker_by(found.surfaces, DIMMER_FAULT),
+                     variance_share=allowed_share(found.surfaces, causes),
+                     names=_known_materials(found))
+
+
+def _light_place(found: SceneResult) -> Finding:
+    tied = _tied_to_known(found) or not found.scale_from_chart
+    return condition("condition.light-place", MEASURED if tied else ASSUMED,
+                     "known-materials" if tied else "as-stated",
+                     error=_common_error(found, PLACE_CAUSES), fault="dimmer",
+                     fault_size=DIMMER_FAULT, lightness=darker_by(found.surfaces, DIMMER_FAULT),
+                     variance_share=allowed_share(found.surfaces, PLACE_CAUSES),
+                     names=_known_materials(found))
+
+
+def _geometry(found: SceneResult) -> Finding:
+    if found.geometry is None:
+        return condition("condition.geometry", STATED, "scene")
+    return condition("condition.geometry", MEASURED, "estimated",
+                     names=[placement.what for placement in found.geometry.placements])
+
+
+def _tied_to_known(found: SceneResult) -> bool:
+    """Whether surfaces of known spectrum in every photo tie its light."""
+    return all(made.known_light is not None for made in
+               (found.reconstruction, *(view.reconstruction for view in found.views)))
+
+
+def _known_materials(found: SceneResult) -> list[str]:
+    return [surface.name for surface in found.surfaces if surface.known]
+
+
+# ---- what they cost ------------------------------------------------------------------------------
+
+def allowed_error(surfaces: Sequence[SurfaceResult], causes: Sequence[str]) -> float | None:
+    """Relative standard error of the signal by these causes, rms over bands, of the surface where
+    it is largest; None where no surface has any.
+    """
+    errors = [each for each in (error_by(surface, causes) for surface in surfaces)
+              if each is not None]
+    return max(errors, default=None)
+
+
+def error_by(surface: SurfaceResult, causes: Sequence[str]) -> float | None:
+    """The same of one surface; None where none of these causes is in its budget."""
+    parts = [surface.error_budget[cause] for cause in causes if cause in surface.error_budget]
+    if not parts:
+        return None
+    squares = np.sum(np.square(parts), axis=0)
+    shown = squares[np.isfinite(squares)]
+    return float(np.sqrt(shown.mean())) if shown.size else None
+
+
+def share_by(surface: SurfaceResult, causes: Sequence[str]) -> float:
+    """Share of a surface's variance by these causes."""
+    return float(sum(surface.variance_shares.get(cause, 0.0) for cause in causes))
+
+
+def allowed_share(surfaces: Sequence[SurfaceResult], causes: Sequence[str]) -> float | None:
+    """Share of the variance of the spectra by these causes, mean over surfaces; None without any.
+    """
+    shares = [share_by(surface, causes) for surface in surfaces
+              if any(cause in surface.variance_shares for cause in causes)]
+    return float(np.mean(shares)) if shares else None
+
+
+def largest_change(surfaces: Sequence[SurfaceResult],
+                   faulty: Callable[[np.ndarray, np.ndarray], np.ndarray],
+                   of: int = LIGHTNESS) -> float | None:
+    """Change of L* of the estimated surface that a fault changes most; None where all are given.
+
+    Parameters
+    ----------
+    surfaces : sequence of SurfaceResult
+    faulty : callable
+        What the fault makes, at wavelengths (P,), of a mean reflectance (P,).
+    of : int
+        ``LIGHTNESS``, or ``B_STAR`` for the change of b*.
+    """
+    changes = [float(reflectance_to_lab(surface.nm, faulty(surface.nm, surface.mean))[of]
+                     - surface.lab[of]) for surface in surfaces if not surface.known]
+    return max(changes, key=abs, default=None)
+
+
+def darker_by(surfaces: Sequence[SurfaceResult], share: float) -> float | None:
+    """Change of L*, as `largest_change`, by so much less light."""
+    return largest_change(surfaces, lambda nm, mean: max(1 - share, 0.0) * mean)
+
+
+def emitted(nm: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """Radiance factor (P,) of a surface of mean reflectance (P,) with a usual brightener."""
+    peak = np.exp(-0.5 * ((nm - EMITTED_NM) / EMITTED_WIDTH_NM) ** 2)
+    return np.asarray(mean + EMITTED_FAULT * peak * np.maximum(mean, 0) ** 2)
+
+
+def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
+    """Standard error of the share of light that surfaces mirror, of that where it is largest."""
+    # the budget is of the bands that show the surface
+    shares = [float(np.max(surface.error_budget[SURFACE_REFLECTION]
+                           * surface.signal[np.isfinite(surface.signal)]))
+              for surface in surfaces if SURFACE_REFLECTION in surface.error_budget
+              and np.isfinite(surface.signal).any()]
+    return max(shares, default=None)
+
+
+def _common_error(found: SceneResult, causes: Sequence[str]) -> float | None:
+    """Standard error of the light scale by these causes, in the photo where it is largest."""
+    scales = [found.light_scale, *(view.reconstruction.light_scale for view in found.views)]
+    errors = [float(np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
+                                            if error.cause in causes)])) for scale in scales]
+    return max(errors) or None
+
+
+def exponent_of_greys(chart: ChartResult) -> tuple[float, float] | None:
+    """The power of the light that the signals of a chart's grey patches follow, and its standard
+    error; None with too few of them.
+
+    Their logarithms are fitted by a line against those that the calibration predicts, with a level
+    of its own in every band. 1 is linear.
+
+    Parameters
+    ----------
+    chart : ChartResult
+    """
+    greys = [patch for patch in chart.layout.neutrals if not chart.samples.clipped[patch].any()]
+    if len(greys) < FEWEST_GREYS:
+        return None
+    measured, predicted = chart.samples.mean[greys], chart.predicted[greys]
+    if not (np.isfinite(measured) & (measured > 0) & (predicted > 0)).all():
+        return None
+    x, y = np.log(predicted), np.log(measured)
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    exponent = float((x * y).sum() / (x * x).sum())
+    # patches err in all bands alike: they count, and not the bands
+    scatter = ((y - exponent * x).mean(axis=1) ** 2).sum() / (len(greys) - 2)
+    return exponent, float(np.sqrt(scatter / (x.mean(axis=1) ** 2).sum()))
