@@ -48,7 +48,7 @@ from spectrabox.fixtures.near_lamps import (
     rectangles,
 )
 from spectrabox.fixtures.paints import NM, chart_copy
-from spectrabox.measure.advice.advice import ACTIONS
+from spectrabox.measure.advice.advice import TIMES
 from spectrabox.measure.advice.at_hand import usual_at_hand
 from spectrabox.measure.advice.forecast import outlook_of
 from spectrabox.radiometry.appearance import ciede2000
@@ -171,7 +171,7 @@ def of_shoot(photos: Photos) -> list[dict[str, Any]]:
     first = photos.measured()
     before, rows = known(first), []
     listed = {action: [(name, one) for name in before for one in first[name].advice
-                       if one.action == action] for action in ACTIONS}
+                       if one.action == action] for action in TIMES}
     for action, each in listed.items():
         if not each or (action == "matt" and photos.shoot.kind != "matt"):
             continue
@@ -241,7 +241,7 @@ def table_of(rows: Sequence[dict[str, Any]]) -> str:
     """Markdown: a line for every action, and what the first of the lists brought."""
     lines = ["| action | shoots | width left, said | got | within 15 % | colour error left, said "
              "| got | refused |", "|---|---|---|---|---|---|---|---|"]
-    for action in ACTIONS:
+    for action in TIMES:
         each = [row for row in rows if row["action"] == action]
         done = [row for row in each if "got" in row]
         if not done:

@@ -31,7 +31,7 @@ Template = str | Callable[[Mapping[str, Any]], str]
 class Text:
     """How one code reads."""
 
-    name: str                   # of what was looked at: the heading of its row
+    name: Template              # of what was looked at: the heading of its row
     sentence: Template          # what was found, a whole sentence
     remedy: Template = ""       # what to do about it, a whole sentence; shown from NOTE on
     shown: Template = ""        # the value in a table
@@ -953,7 +953,44 @@ def _cost(values: Mapping[str, Any]) -> str:
 
 # ---- what to do next -----------------------------------------------------------------------------
 
+def _action(short: str, says: str, cost: str = "one photo") -> Text:
+    """What can be done: in a few words, in a sentence, and what it takes."""
+    return Text(short, lambda values: _filled_with(says, values) + _exposed(values), shown=cost)
+
+
+def _exposed(values: Mapping[str, Any]) -> str:
+    """Exposure to add to further photos, and the bands that they leave dark."""
+    stops, dark = values.get("stops", ()), values.get("dark", ())
+    return (f" Expose {' and '.join(f'{each:+.1f}' for each in stops)} stops." if stops else "") + (
+        f" Dark: band {', '.join(map(str, dark))} of the further bands." if dark else "")
+
+
+def _reading_at(values: Mapping[str, Any]) -> str:
+    return str(values["subject"]) or "a wavelength of its own"
+
+
 ADVICE: dict[str, Text] = {
+    "advice.white-card": _action(
+        "a white card beside the sample", "Lay a white card of known reflectance beside the "
+        "sample, in its plane, and photograph again."),
+    "advice.chart-nearer": _action("the chart right beside the sample", "Put the chart right "
+                                   "beside the sample and photograph again."),
+    "advice.flat-field": _action("a flat field", "Photograph an evenly lit white card in the "
+                                 "sample's place as flat field."),
+    "advice.lamp-moved": _action("a photo with the lamp moved", "Photograph once more with the "
+                                 "lamp in another place."),
+    "advice.gel": _action("a photo through {subject}", "Photograph once more through {subject}."),
+    "advice.two-gels": _action("a photo each through {subject}",
+                               "Photograph twice more, through {subject}.", "two photos"),
+    "advice.second-lamp": _action("a photo under {subject}",
+                                  "Photograph once more under {subject}."),
+    "advice.reading": Text(
+        lambda values: f"a reading at {_reading_at(values)}", lambda values:
+        f"Read the sample's reflectance at {_reading_at(values)} with an instrument.",
+        shown=lambda values: "one reading" if values["times"] == 1
+        else f"{values['times']} readings"),
+    "advice.matt": _action("stating that it is matt", "State that the sample is matt, if it is.",
+                           "no photo"),
     "extra.failed": Text("{subject}", "No {subject}: {error}.",
                          "Everything else stands, and --debug shows where it failed."),
 }

@@ -8,7 +8,7 @@ import pytest
 from flat_example import rect_of, write_flat
 
 import spectrabox as sb
-from spectrabox.measure.advice.advice import ACTIONS, HOW_TO, advice, advised, ranked
+from spectrabox.measure.advice.advice import HOW_TO, TIMES, advice, advised, ranked
 from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.advice.at_hand import usual_at_hand
 from spectrabox.measure.advice.flat_actions import flat_photos_of, with_level
@@ -65,7 +65,7 @@ def unknown_of(result, name):
 def test_every_action_is_explained_on_its_page():
     page = (ROOT / HOW_TO).read_text(encoding="utf-8")
     anchors = {title.lower().replace(" ", "-") for title in re.findall(r"^## (.+)$", page, re.M)}
-    assert set(ACTIONS) <= anchors
+    assert set(TIMES) <= anchors
 
 
 def test_doing_nothing_brings_nothing(plain):

@@ -1,84 +1,79 @@
 """One thing to do next, with its cost and what is to be expected of it; lists of them, best first.
 
-The one place where actions are named and described. Report, page, JSON, command line and library
-show these records.
+Report, page, JSON, command line and library show these records by the texts of their actions.
 """
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.measure.advice.forecast import Outlook
+from spectrabox.radiometry.findings import Finding, Severity
 
 HOW_TO = "docs/how-to/next.md"
 WHITE_CARD, CHART_NEARER, FLAT_FIELD = "white-card", "chart-nearer", "flat-field"
 LAMP_MOVED, GEL, TWO_GELS = "lamp-moved", "gel", "two-gels"
 SECOND_LAMP, READING, MATT = "second-lamp", "reading", "matt"
+# photos or readings that each takes
+TIMES = {WHITE_CARD: 1, CHART_NEARER: 1, FLAT_FIELD: 1, LAMP_MOVED: 1, GEL: 1, TWO_GELS: 2,
+         SECOND_LAMP: 1, READING: 1, MATT: 1}
 SMALL = 0.02                # of a band's width: what brings less is not listed
-EACH_ITS_OWN = "a wavelength of its own"
-
-
-@dataclass(frozen=True)
-class Action:
-    """What can be done, in words; {} stands for what it is done with."""
-
-    says: str
-    short: str
-    cost: str
-    times: int = 1              # photos or readings
-
-
-ACTIONS = {
-    WHITE_CARD: Action("Lay a white card of known reflectance beside the sample, in its plane, and "
-                       "photograph again.", "a white card beside the sample", "one photo"),
-    CHART_NEARER: Action("Put the chart right beside the sample and photograph again.",
-                         "the chart right beside the sample", "one photo"),
-    FLAT_FIELD: Action("Photograph an evenly lit white card in the sample's place as flat field.",
-                       "a flat field", "one photo"),
-    LAMP_MOVED: Action("Photograph once more with the lamp in another place.",
-                       "a photo with the lamp moved", "one photo"),
-    GEL: Action("Photograph once more through {}.", "a photo through {}", "one photo"),
-    TWO_GELS: Action("Photograph twice more, through {}.", "a photo each through {}",
-                     "two photos", 2),
-    SECOND_LAMP: Action("Photograph once more under {}.", "a photo under {}", "one photo"),
-    READING: Action("Read the sample's reflectance at {} with an instrument.", "a reading at {}",
-                    "one reading"),
-    MATT: Action("State that the sample is matt, if it is.", "stating that it is matt",
-                 "no photo")}
+TOPIC = "advice."           # of the codes of actions among the texts
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One thing to do next of a surface, or of all.
+    """One thing to do next of a surface, or of all; its words are in ``measure.texts``.
 
     ``width_before`` and ``width_after`` are of the band, mean over wavelength, in reflectance;
     ``colour_before`` and ``colour_after`` the root mean square error of the colour under D65,
     CIEDE2000.
     """
 
-    action: str                 # of ACTIONS
+    action: str                 # of TIMES
     subject: str                # what it is done with: "a magenta gel", "450 nm"; mostly empty
-    says: str                   # what to do, in a sentence
-    cost: str                   # in words: one photo, one reading
     width_before: float
     width_after: float
     colour_before: float
     colour_after: float
-    how_to: str                 # page of the documentation, with the place on it
     times: int = 1              # photos or readings that it takes
+    stops: tuple[float, ...] = ()       # of exposure to add to each further photo
+    dark: tuple[int, ...] = ()          # bands that further photos leave dark, counted from 1
 
     @property
-    def facts(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
+    def finding(self) -> Finding:
+        """It as the texts know it."""
+        return Finding(TOPIC + self.action, Severity.INFO, self.subject, {
+            "times": self.times, "stops": list(self.stops), "dark": list(self.dark)})
+
+    @property
+    def says(self) -> str:
+        """What to do, in a sentence."""
+        return texts.sentence(self.finding)
 
     @property
     def short(self) -> str:
         """What it is, in a few words."""
-        return ACTIONS[self.action].short.format(self.subject)
+        return texts.name(self.finding)
+
+    @property
+    def cost(self) -> str:
+        """What it takes, in words: one photo, one reading."""
+        return texts.shown(self.finding)
+
+    @property
+    def how_to(self) -> str:
+        """Page of the documentation, with the place on it."""
+        return f"{HOW_TO}#{self.action}"
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**asdict(self), "says": self.says, "cost": self.cost, "how_to": self.how_to}
 
     @property
     def text(self) -> str:
@@ -113,28 +108,30 @@ class Advised:
 
 def advised_of_facts(facts: Mapping[str, Any]) -> Advised:
     """The lists that were kept as `Advised.facts`."""
-    return Advised(tuple(Advice(**one) for one in facts["overall"]),
-                   {name: tuple(Advice(**one) for one in each)
-                    for name, each in facts["surfaces"].items()})
+    def kept(one: Mapping[str, Any]) -> Advice:
+        values = {each.name: one[each.name] for each in fields(Advice)}
+        return Advice(**values | {"stops": tuple(one["stops"]), "dark": tuple(one["dark"])})
+
+    return Advised(tuple(map(kept, facts["overall"])),
+                   {name: tuple(map(kept, each)) for name, each in facts["surfaces"].items()})
 
 
 def advice(action: str, before: Outlook, after: Outlook, subject: str = "",
-           more: str = "") -> Advice:
+           stops: Sequence[float] = (), dark: Sequence[int] = ()) -> Advice:
     """One thing to do next.
 
     Parameters
     ----------
     action : str
-        Of ACTIONS.
+        Of TIMES.
     before, after : Outlook
     subject : str
         What it is done with.
-    more : str
-        That its sentence has to say besides.
+    stops, dark : sequences
+        As of `Advice`.
     """
-    known = ACTIONS[action]
-    return Advice(action, subject, known.says.format(subject) + more, known.cost, before.width,
-                  after.width, before.colour, after.colour, f"{HOW_TO}#{action}", known.times)
+    return Advice(action, subject, before.width, after.width, before.colour, after.colour,
+                  TIMES[action], tuple(stops), tuple(dark))
 
 
 def ranked(each: Iterable[Advice]) -> tuple[Advice, ...]:
@@ -176,7 +173,5 @@ def advised(by_surface: Mapping[str, Sequence[Advice]], now: Mapping[str, Outloo
         overall.append(replace(one, width_before=width, width_after=width - narrower,
                                colour_before=colour, colour_after=colour - closer))
         if one.action == READING and len(now) > 1:
-            overall[-1] = replace(overall[-1], subject=EACH_ITS_OWN, cost=f"{len(now)} readings",
-                                  times=len(now),
-                                  says=ACTIONS[READING].says.format(EACH_ITS_OWN))
+            overall[-1] = replace(overall[-1], subject="", times=len(now))
     return Advised(ranked(overall), {name: ranked(each) for name, each in by_surface.items()})

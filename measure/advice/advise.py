@@ -28,7 +28,7 @@ from spectrabox.measure.advice.advice import (
     advised,
     ranked,
 )
-from spectrabox.measure.advice.at_hand import exposure_words, usual_at_hand
+from spectrabox.measure.advice.at_hand import exposure, usual_at_hand
 from spectrabox.measure.advice.flat_actions import (
     FlatPhotos,
     flat_photos_of,
@@ -105,11 +105,12 @@ class _Surface:
     stated: str | None          # how much it mirrors
     matt: float                 # probability of that
 
-    def advice(self, action: str, after: Outlook, subject: str = "", more: str = "") -> Advice:
+    def advice(self, action: str, after: Outlook, subject: str = "",
+               stops: Sequence[float] = (), dark: Sequence[int] = ()) -> Advice:
         """One action, as a ratio to what was found."""
         return advice(action, self.found, Outlook(
             self.found.width * after.width / self.solved.width,
-            self.found.colour * after.colour / self.solved.colour), subject, more)
+            self.found.colour * after.colour / self.solved.colour), subject, stops, dark)
 
 
 def advice_on_capture(capture: Capture, records: CaptureRecords,
@@ -303,5 +304,5 @@ def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np
                 else left(surface, some)
             if after is not None:
                 each[name].append(surface.advice(action, after, " and ".join(
-                    photo.name for photo in some), exposure_words(some)))
+                    photo.name for photo in some), *exposure(some)))
     return each

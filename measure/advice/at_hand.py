@@ -29,16 +29,15 @@ def usual_at_hand() -> LampsAtHand:
          for words, values in GELS.items()})
 
 
-def exposure_words(photos: Sequence[FurtherPhoto]) -> str:
-    """Exposure to add to photos, and the bands that they leave dark, as a sentence.
+def exposure(photos: Sequence[FurtherPhoto]) -> tuple[list[float], list[int]]:
+    """Stops to add to the exposure of photos, none where no photo needs any, and numbers of the
+    further bands, from 1, that they leave dark.
 
     Parameters
     ----------
     photos : sequence of FurtherPhoto
     """
-    words = ""
-    if any(abs(photo.stops) >= STOPS for photo in photos):
-        words += f" Expose {' and '.join(f'{photo.stops:+.1f}' for photo in photos)} stops."
-    dark = [str(number * len(photo.white) + int(band) + 1)
+    stops = [float(photo.stops) for photo in photos]
+    dark = [number * len(photo.white) + int(band) + 1
             for number, photo in enumerate(photos) for band in photo.dark]
-    return words + (f" Dark: band {', '.join(dark)} of the further bands." if dark else "")
+    return stops if max(map(abs, stops)) >= STOPS else [], dark

@@ -125,10 +125,14 @@ class CaptureResult(ABC):
                              conditions.named(self.conditions))
 
     @property
+    def notes(self) -> tuple[Finding, ...]:
+        """What is worth knowing beside the verdict."""
+        return tuple(one for one in self.findings if one.severity is Severity.NOTE)
+
+    @property
     def warnings(self) -> list[str]:
-        """What to beware of beside the verdict, in sentences."""
-        return [*dict.fromkeys(texts.says(one) for one in self.findings
-                               if one.severity is Severity.NOTE)]
+        """The same in sentences."""
+        return [*dict.fromkeys(map(texts.says, self.notes))]
 
     @property
     def light_scale(self) -> LightScale | None:
@@ -208,7 +212,7 @@ class CaptureResult(ABC):
         known = known_camera(self.photo.camera)
         if known is not None:
             lines.append(known_camera_words(known))
-        lines += [f"warning: {sentence}" for sentence in self.warnings]
+        lines += [f"note: {sentence}" for sentence in self.warnings]
         lines += [f"note: {texts.says(one)}" for one in self.failed_extras]
         return "\n".join(filter(None, [*lines, self.verdict.line, self.advice.line]))
 

@@ -70,7 +70,7 @@ def result_now(sample: PointedSample,
 
 def described_result(found: FlatResult) -> dict[str, Any]:
     """Verdict and conditions for the page, as the report has them."""
-    return {"status": found.verdict.word, "title": found.verdict.title,
+    return {"status": found.verdict.word, "condition": found.verdict.condition,
             "says": found.verdict.says,
             "findings": [texts.facts(one) for one in found.findings],
             "conditions": [conditions.facts(one) for one in found.conditions]}

@@ -167,7 +167,7 @@ function show() {
   $("add-photo").hidden = !live || !session.role;
   const charts = Object.values(live?.charts ?? {}), bad = charts.some((one) => one.verdict !== "GOOD"), word = verdict ? verdict.status.toUpperCase() : charts.length ? `Chart ${bad ? "RE-SHOOT" : "GOOD"}` : "";
   $("verdict").hidden = !word; $("verdict").className = verdict ? verdict.status : bad ? "fail" : "pass";
-  $("verdict").replaceChildren(make("strong", { text: word }), make("span", { text: verdict ? (verdict.status === "pass" && verdict.title ? verdict.title.slice(4) : ` ${verdict.says}`) : bad ? ` ${charts.find((one) => one.reasons.length)?.reasons[0] ?? ""}` : "" }));
+  $("verdict").replaceChildren(make("strong", { text: word }), make("span", { text: verdict ? (verdict.status === "pass" && verdict.condition ? ` if ${verdict.condition}` : ` ${verdict.says}`) : bad ? ` ${charts.find((one) => one.reasons.length)?.reasons[0] ?? ""}` : "" }));
   const problems = problemsOf(now); $("progress").textContent = stateWords(now); $("progress").title = problems.join("\n"); $("progress").className = problems.length ? "bad" : upToDate(now) ? "good" : "";
   $("undo").disabled = !now.undo; $("stop").hidden = !run.running || Boolean(run.until && !run.waiting);
   $("run").disabled = $("report").hidden && ((run.running && !run.until) || run.waiting || now.problems.length > 0 || (live && !Object.keys(now.marks.regions).length));

@@ -67,13 +67,13 @@ function lampPanel(anchor) {
     labelled("Kind of light", input), make("datalist", { id: "lights" }, ...LIGHT_KINDS.map((value) => make("option", { value })))], "Lamp");
 }
 function conditionPanel(anchor, one, tools) {
-  const unknown = Object.entries(regions()).filter(([, { stated }]) => !stated.known), { name, standing } = one;
+  const unknown = Object.entries(regions()).filter(([, { stated }]) => !stated.known), { code, name, standing } = one;
   const does = [];
-  if (name === "gloss" && session.state.live) does.push(labelled("Finish of all marks", choice([["", "not stated"], ["matt", "matt"], ["satin", "satin"], ["glossy", "glossy"]],
+  if (code === "condition.gloss" && session.state.live) does.push(labelled("Finish of all marks", choice([["", "not stated"], ["matt", "matt"], ["satin", "satin"], ["glossy", "glossy"]],
     [...new Set(unknown.map(([, { stated }]) => stated.surface ?? ""))].join("|"), async (surface) => { for (const [each] of unknown) await state(each, { surface }); })));
   if (standing !== "measured" && session.state.live) {
-    if (["light on the sample", "plane"].includes(name)) does.push(button("Mark a white card", () => { $("panel").hidePopover(); tools.choose("white"); }));
-    if (["gloss", "plane", "shadow"].includes(name)) does.push(button("Add a photo with the lamp moved", () => photoPanel(anchor, "moved")));
+    if (["condition.light", "condition.plane"].includes(code)) does.push(button("Mark a white card", () => { $("panel").hidePopover(); tools.choose("white"); }));
+    if (["condition.gloss", "condition.plane", "condition.shadow"].includes(code)) does.push(button("Add a photo with the lamp moved", () => photoPanel(anchor, "moved")));
   }
   showPanel(anchor, `condition ${name}`, [title(`${capital(name)}: ${STANDINGS[standing][1]}`), ...conditionWords(one).map((text) => make("p", { text })), make("div", { className: "buttons" }, ...does)], capital(name));
 }
