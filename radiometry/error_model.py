@@ -106,6 +106,8 @@ DARK = 1e-12             # of the light's strongest wavelength
 # from which it is light that other bands tell of.
 NEARLY_DARK = 0.25
 LEAST_SIGNAL = 1e-9      # of white: of less there is no share
+# Relative variance of a sum of bands, over the largest of theirs, from which they cancel.
+CANCELLING = 2.0
 
 
 # ---- errors that add light, and errors of white --------------------------------------------------
@@ -164,15 +166,26 @@ class Errors(NamedTuple):
         return Errors(self.relative[index], self.absolute[index])
 
     def of_sums(self, gain: np.ndarray, signals: np.ndarray) -> Errors:
-        """Errors of sums of bands, by a gain (r, K) and the signals (..., K): what multiplies all
-        bands alike does so with the sums, the rest adds to them.
+        """Errors of sums of bands, by a gain (r, K) and the signals (..., K): the logarithm of a
+        sum errs as those of its bands do, each by its share of the sum.
+
+        Shares are those of the measured signals. Where bands cancel, so that a sum errs by more
+        than its bands do, its logarithm says nothing: what multiplies all bands alike does so with
+        the sums, the rest adds to them.
         """
         total = gain @ self.total(signals) @ gain.T
         if not self.relative.any():
             return Errors(np.zeros_like(total), total)
+        sums = signals @ gain.T
+        seen = sums > LEAST_SIGNAL
+        shares = gain * signals[..., None, :] / np.where(seen, sums, 1.0)[..., None]
+        of_each = shares @ self.relative @ np.swapaxes(shares, -1, -2)
+        largest = np.diagonal(self.relative, axis1=-2, axis2=-1).max(axis=-1)
+        kept = seen & (np.diagonal(of_each, axis1=-2, axis2=-1)
+                       <= CANCELLING * largest[..., None])
         common = common_variance(self.relative, np.ones(gain.shape[1]))
-        return Errors.of_total(total, signals @ gain.T,
-                               common[..., None, None] * np.ones((len(gain),) * 2))
+        return Errors.of_total(total, sums, np.where(
+            kept.all(axis=-1)[..., None, None], of_each, common[..., None, None]))
 
 
 def split_errors(signals: np.ndarray, causes: Mapping[str, np.ndarray]) -> Errors:

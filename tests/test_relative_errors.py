@@ -126,6 +126,51 @@ def test_bands_hold_where_many_bands_err_by_a_third(plain, surfaces, bands):
     assert held.mean() > 0.95 - 2.5 * (0.05 * 0.95 / 30)**0.5
 
 
+def test_bands_hold_where_many_bands_that_become_few_err_by_a_third(plain, surfaces):
+    """Three channels under twelve narrow lamps."""
+    rng, nm = np.random.default_rng(5), PRIOR_GRID.nm
+    channels, lamps = (np.exp(-((nm - np.asarray(at)[:, None]) / width)**2 / 2) for at, width in (
+        ((450, 540, 600), 33), (np.linspace(415, 685, 12), 13)))
+    matrix = ((channels + 0.01) * lamps[:, None]).reshape(-1, nm.size)
+    matrix /= matrix.sum(axis=1, keepdims=True)
+    bands, truths = len(matrix), surfaces[:30]
+    of_lamp = np.kron(np.eye(12), np.ones((3, 3)))
+    covariance = 0.03 * (np.ones((bands, bands)) + of_lamp + np.eye(bands))
+    signals = off_by(truths, matrix, covariance, rng)
+    noise, held, away = 0.002, [], []
+    for truth, clean in zip(truths, signals, strict=True):
+        signal = np.maximum(clean + noise * rng.standard_normal(bands), 1e-4)
+        # an estimate about which errors hold, far from the truth
+        about = SurfaceSignals(
+            ("wall",), (False,), PRIOR_GRID, np.full((1, nm.size), signal.mean()),
+            tuple(map(str, range(bands))), np.repeat(np.arange(12), 3), matrix, signal[None],
+            (SignalError(PHOTO_NOISE, noise**2 * np.eye(bands)[None]), SignalError(
+                DISAGREEMENT, proportional_covariance(signal, covariance)[None])))
+        one = measurement(about, 0)
+        assert one.signal.size < bands and one.relative_covariance is not None
+        found = solve_posterior(plain, one)
+        lower, upper = found.band(0.95)
+        held.append(np.mean((lower <= truth) & (truth <= upper)))
+        away.append(np.mean(found.mean - truth))
+    # 2.5 sigma of 30 surfaces; weighted by what was read, sums hold less than half and are dark
+    assert np.mean(held) > 0.95 - 2.5 * (0.05 * 0.95 / 30)**0.5
+    assert abs(np.mean(away)) < 0.05
+
+
+def test_a_sum_of_bands_errs_as_its_bands_do_each_by_its_share():
+    signal, gain = np.array([0.2, 0.3, 0.1]), np.array([[0.5, 0.5, 0.0], [0.0, 0.2, 0.8]])
+    errors = Errors(alike(3, 0.2), 1e-5 * np.eye(3))
+    sums = errors.of_sums(gain, signal)
+    np.testing.assert_allclose(sums.absolute, gain @ errors.absolute @ gain.T, atol=1e-9)
+    shares = np.array([[0.4, 0.6, 0.0], [0.0, 3 / 7, 4 / 7]])
+    np.testing.assert_allclose(sums.relative, shares @ errors.relative @ shares.T, rtol=1e-5)
+    # of a difference of bands only what both share
+    apart = errors.of_sums(np.array([[1.0, -0.6, 0.0]]), signal)
+    assert apart.relative[0, 0] < 0.04
+    total = np.array([[1.0, -0.6, 0.0]]) @ errors.total(signal) @ np.array([[1.0], [-0.6], [0.0]])
+    np.testing.assert_allclose(apart.total(signal[:1] - 0.6 * signal[1:2]), total, rtol=1e-6)
+
+
 @pytest.mark.parametrize("error", [0.01, 0.03])
 def test_small_errors_may_as_well_add(surfaces, error):
     rng, matrix = np.random.default_rng(4), response(3)[1]

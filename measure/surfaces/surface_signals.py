@@ -163,8 +163,13 @@ def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.nd
     different, repeated = different_bands(signals.response[seen])
     if seen.size <= FEW_BANDS and (signals.states or different.size == seen.size):
         return seen, np.arange(seen.size), np.eye(seen.size)
-    total = np.sum(list(with_added(_errors_in_bands(signals, index),
-                                   _states_in_bands(signals, index)).values()), axis=0)
+    causes, signal = _errors_in_bands(signals, index), signals.signal[index][seen]
+    errors = split_errors(signal, causes)
+    # Errors in proportion to what is expected: in proportion to what was read, a reading that is
+    # too dark would count for more, and sums come out dark.
+    expected = np.maximum(signals.response[seen] @ signals.spectra[index], 0)
+    total = np.sum(list(with_added(causes, _states_in_bands(signals, index)).values()), axis=0) \
+        + errors.total(expected) - errors.total(signal)
     if seen.size <= FEW_BANDS:
         return seen, different, gain_of_different(total, repeated)
     return seen, *independent_bands(signals.response[seen], symmetric(total))

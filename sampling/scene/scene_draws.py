@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtrc
 
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import error_patterns, is_covariance
@@ -18,9 +18,7 @@ from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
-from spectrabox.radiometry.response import white_signal
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, logit
-from spectrabox.sampling.prior.mixture_posterior import MISFIT, UNSAID
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.scene.joint_posterior import (
     JointProblem,
     Modes,
@@ -38,8 +36,6 @@ EFFECTIVE = 1000.0      # number of the weighted draws, for a 95 % band
 # Relative errors up to which it makes no difference whether they multiply or add: of one signal the
 # mean then moves by .01 to .04 standard deviations.
 MAY_ADD = 0.03
-# of the search for the errors that a mean needs: steps, the largest and the last in deviations
-STEPS, MAX_STEP, LAST_STEP = 60, 1.0, 1e-4
 
 
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
@@ -97,12 +93,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
         *scene, None, known, families))
     draws_of_all = sample_joint(problem, seed, modes, draws, EFFECTIVE)
     likely = surprise(problem, modes) >= SURPRISING
-    # a mean may miss by so much what all draws give
-    loose = joint_problem(transport, response, signal, np.hypot(standard_error, MISFIT
-                                                                * white_signal(response)),
-                          scene[-1], common, known, families, logs)
-    said = unsaid(loose, draws_of_all.spectra.mean(axis=0)) <= 1
-    outcome = Outcome.THROUGH_TRANSPORT if likely and said else Outcome.DISAGREES
+    outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
     basis = basis_matrix(PRIOR_GRID.nm, coefficients)
 
     def samples_of(spectra: np.ndarray) -> SpectrumSamples:
@@ -208,27 +199,3 @@ def surprise(problem: JointProblem, modes: Modes) -> float:
     residual, *_ = residual_by_logit(problem, logits_of(problem, modes.labels[best], z[None])[0],
                                      problem.errors_of(z))
     return float(chdtrc(len(residual), residual @ residual + z @ z))
-
-
-def unsaid(problem: JointProblem, spectra: np.ndarray) -> float:
-    """How far reflectances (M, P) are from giving the picture: beyond 1 not within the stated
-    errors. It is chi-square of the least errors with which they do, over the limit for its rows;
-    see ``mixture_posterior.unsaid`` of a signal alone.
-
-    Parameters
-    ----------
-    problem : JointProblem
-    spectra : (M, P) array
-        Of the unknown materials.
-    """
-    logits, errors = logit(spectra), np.zeros(len(problem.logs))
-    for _ in range(STEPS):
-        residual, _, by_error = residual_by_logit(problem, logits, errors)
-        step = np.linalg.solve(np.eye(errors.size) + by_error.T @ by_error,
-                               by_error.T @ residual + errors)
-        largest = np.abs(step).max(initial=0)
-        if largest < LAST_STEP:
-            break
-        errors = errors - step * min(1.0, MAX_STEP / largest)
-    needed = residual @ residual + errors @ errors
-    return float(needed / chdtri(len(residual), UNSAID))
