@@ -214,25 +214,30 @@ def _in_order(names: Iterable[str]) -> str:
 
 
 def print_tables(collected: dict[str, list[tuple[list[dict[str, Any]], float]]]) -> None:
-    """One line for each kind of session, then RMSE and coverage by set of test colours."""
+    """Markdown: a line for each kind of session, then RMSE and coverage by set of test colours."""
     one = np.array([np.mean([row["rmse"] for row in rows]) for rows, _ in collected["one photo"]])
-    print(f"{len(one)} scenes; +-: standard errors\n{'':24s} RMSE  +-    in band width dE00  "
-          "to one photo  forecast / width")
+    print(f"{len(one)} scenes\n\n| photos | RMSE | to one photo | 95 % band holds | width | ΔE00 "
+          "| forecast to width |\n|---|---|---|---|---|---|---|")
     for kind, cases in collected.items():
         figures = np.array([[np.mean([row[key] for row in rows]) for key in FIGURES]
                             for rows, _ in cases])
-        by_case, mean = figures[:, 0], figures.mean(axis=0)
-        error = by_case.std(ddof=1) / np.sqrt(len(one))
+        rmse, inside, width, delta_e = figures.mean(axis=0)
+        error = figures[:, 1].std(ddof=1) / np.sqrt(len(one))
         ratio, forecast = (_ratio(*pair) for pair in (
-            (by_case, one), (np.array([expected for _, expected in cases]), figures[:, 2])))
-        print(f"{kind:24s} {mean[0]:.4f} {error:.4f} {mean[1]:.3f} {mean[2]:.3f} {mean[3]:.2f}   "
-              f"{ratio[0]:.3f} +- {ratio[1]:.3f}  {forecast[0]:.3f} +- {forecast[1]:.3f}")
+            (figures[:, 0], one), (np.array([expected for _, expected in cases]), figures[:, 2])))
+        print(f"| {kind} | {rmse:.4f} | {ratio[0]:.2f} ± {ratio[1]:.2f} | {inside:.3f} ± "
+              f"{error:.3f} | {width:.3f} | {delta_e:.2f} | {forecast[0]:.2f} ± "
+              f"{forecast[1]:.2f} |")
+    sets = sorted({row["set"] for cases in collected.values() for rows, _ in cases for row in rows})
+    print(f"\n| RMSE, band holds | {' | '.join(sets)} |\n|---{'|---' * len(sets)}|")
     for kind, cases in collected.items():
-        rows = [row for case, _ in cases for row in case]
-        print(f"{kind:24s}", *(f"{name}: {np.mean([row['rmse'] for row in mine]):.4f} "
-                               f"{np.mean([row['inside'] for row in mine]):.3f} ({len(mine)})"
-                               for name in sorted({row["set"] for row in rows})
-                               for mine in [[row for row in rows if row["set"] == name]]), sep="  ")
+        cells = []
+        for name in sets:
+            rmse, inside = np.transpose([(row["rmse"], row["inside"]) for rows, _ in cases
+                                         for row in rows if row["set"] == name])
+            error = inside.std(ddof=1) / np.sqrt(inside.size)
+            cells.append(f"{rmse.mean():.3f}, {inside.mean():.2f} ± {error:.2f}")
+        print(f"| {kind} | {' | '.join(cells)} |")
 
 
 def _ratio(over: np.ndarray, under: np.ndarray) -> tuple[float, float]:
