@@ -8,6 +8,8 @@ from flat_example import PAINTS, picture, rect_of, write_spectra
 
 import spectrabox as sb
 from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.measure import rules, texts
+from spectrabox.measure.steps.photos import uneven_region
 from spectrabox.radiometry.records.photos import EdgeKind
 from spectrabox.session.page.pointed_answers import described
 
@@ -74,16 +76,17 @@ def test_a_shadow_across_a_region_is_said_by_the_surface_and_the_verdict(tmp_pat
     np.testing.assert_allclose(np.mean(facts["line_px"], axis=0)[0], middle, atol=4)
     assert not any(edges.values())
     assert found.verdict == "warn"
-    assert any("“cube”: an edge runs across it" in reason and "shadow's edge or a fold" in reason
-               and "outline its larger part, rect [" in reason for reason in found.reasons)
+    found, = (one for one in found.facts()["findings"] if one["code"] == "flat.edge")
+    assert (found["subject"], found["values"]["kind"]) == ("cube", "SHADOW")
+    assert found["values"]["larger_part_px"] == facts["larger_part_px"]
 
 
 def test_the_page_says_an_edge_in_place_of_unevenness():
     rng = np.random.default_rng(5)
     edge = edge_of(*region(rng, "grain", 3 * [0.8]))
-    shown = {"scatter": 0.3, "light": (1.0, 0.03)}
-    for found, words in ((edge, "an edge runs across it from ("), (None, "uneven: its pixels")):
+    shown = {"scatter": 0.3, "light": (1.0, 0.03), "signals": SimpleNamespace(names=("wall",))}
+    for found, expected in ((edge, rules.edge_in("wall", edge)), (None, uneven_region("wall", 0.3))):
         told = described(SimpleNamespace(edge=found, **shown), np.zeros(3), np.ones(3),
                          np.zeros((2, 3)), {}, {})
         note, = told["notes"]
-        assert note.startswith(words)
+        assert note == texts.says(expected)
