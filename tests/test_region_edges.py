@@ -85,7 +85,8 @@ def test_the_page_says_an_edge_in_place_of_unevenness():
     rng = np.random.default_rng(5)
     edge = edge_of(*region(rng, "grain", 3 * [0.8]))
     shown = {"scatter": 0.3, "light": (1.0, 0.03), "signals": SimpleNamespace(names=("wall",))}
-    for found, expected in ((edge, rules.edge_in("wall", edge)), (None, uneven_region("wall", 0.3))):
+    for found, expected in ((edge, rules.edge_in("wall", edge)),
+                            (None, uneven_region("wall", 0.3))):
         told = described(SimpleNamespace(edge=found, **shown), np.zeros(3), np.ones(3),
                          np.zeros((2, 3)), {}, {})
         note, = told["notes"]
