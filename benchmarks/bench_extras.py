@@ -47,8 +47,8 @@ from spectrabox.measure.captured import (
     View,
 )
 from spectrabox.measure.chart_edition import edition_in_photo
-from spectrabox.measure.options import Sampling
 from spectrabox.measure.records import KeptRecord
+from spectrabox.measure.shoot.options import Sampling
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart, chart_reflectances
 from spectrabox.radiometry.charts.layouts import chart_layout

@@ -6,7 +6,7 @@ scenes and layouts are read by then; photos are files, or open already.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
@@ -16,7 +16,7 @@ import numpy as np
 from spectrabox.calibrate.geometry.colmap_model import ModelImage
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.measure.options import (
+from spectrabox.measure.shoot.options import (
     Inversion,
     PictureOptions,
     Repeatability,
@@ -39,6 +39,12 @@ ONE_PHOTO = ""              # the band under which the files of a colour camera'
 FIRST_PHOTO = "photo"       # title of the first view, whose name is ""; in session.toml too
 
 Outline = tuple[tuple[float, float], ...]       # corners (x, y) in pixels of a photo, going round
+
+
+def rectangle(rect: Sequence[float]) -> Outline:
+    """The outline of [x0, y0, x1, y1], two opposite corners."""
+    x0, y0, x1, y1 = rect
+    return (x0, y0), (x1, y0), (x1, y1), (x0, y1)
 
 
 @dataclass(frozen=True)

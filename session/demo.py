@@ -6,7 +6,7 @@ from pathlib import Path
 from spectrabox.fixtures.demos.demo_session import write_demo_session
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.fixtures.demos.painted_box import write_picture_demo
-from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.config.session_file import FILE_NAME
 from spectrabox.session.config.template import write_schema
 from spectrabox.session.terminal.progress_display import progress_display
 

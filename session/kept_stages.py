@@ -10,8 +10,7 @@ from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.steps.declared_steps import needed_steps
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.session.config.captured_session import capture_of
-from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.config.session_file import FILE_NAME, SessionConfig
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.input_roles import input_files
 from spectrabox.session.store.keys import step_keys
@@ -79,7 +78,7 @@ def stage_states(config: SessionConfig) -> list[StageState]:
     list of StageState
         Of all stages, in order.
     """
-    keys = step_keys(capture_of(config), InputFiles(config))
+    keys = step_keys(config.capture(), InputFiles(config))
     states = [] if "chart" in keys else [StageState("chart", "not needed", (), None)]
     for name, key in keys.items():
         stored = load_stage(config.results_folder, name)
@@ -137,7 +136,7 @@ def kept_run(config: SessionConfig, progress: StageProgress) -> FinishedRun | No
     progress : function of a stage, a share and a message
         Told that each is up to date.
     """
-    capture = capture_of(config)
+    capture = config.capture()
     stored = {}
     for name, key in step_keys(capture, InputFiles(config)).items():
         stage = load_stage(config.results_folder, name)
@@ -157,7 +156,7 @@ def load_finished(config: SessionConfig) -> FinishedRun:
     InputError
         If a stage has none, or damaged ones.
     """
-    capture = capture_of(config)
+    capture = config.capture()
     stored = {name: load_stage(config.results_folder, name) for name in stage_names(config)}
     missing = [name for name, stage in stored.items() if stage is None]
     if missing:

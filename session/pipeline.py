@@ -12,8 +12,7 @@ from spectrabox.measure.steps.measurement import measure
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.shaped import Record
-from spectrabox.session.config.captured_session import capture_of
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.keys import step_keys
@@ -69,7 +68,7 @@ class FolderKeeper:
     def __init__(self, config: SessionConfig, *, only: str | None, force: bool,
                  progress: StageProgress, shared: Path | None) -> None:
         self._config, self._inputs = config, InputFiles(config)
-        capture = capture_of(config)
+        capture = config.capture()
         self._keys = step_keys(capture, self._inputs)
         if only is not None and only not in self._keys:
             raise InputError(f"there is no stage {only!r} in this session; it has "

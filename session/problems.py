@@ -16,6 +16,7 @@ from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure.captured import Capture, PhotoFiles, View, files_of, require_scene
 from spectrabox.measure.opened_photos import develop, require_curves_of_bands, require_exposed
 from spectrabox.measure.scene.box_camera import scene_of
+from spectrabox.measure.shoot.captures import capture_with_faults
 from spectrabox.measure.steps.charts import stated_corners
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.measure.steps.inversion import require_invertible, require_materials
@@ -26,9 +27,7 @@ from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.kept_cameras import known_camera
 from spectrabox.radiometry.system.free_memory import free_memory
 from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape
-from spectrabox.session.config.captured_session import capture_with_faults
-from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig, try_read_session
 from spectrabox.session.kept_stages import stage_names, stage_states
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.store.store import load_stage
@@ -97,7 +96,7 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
             problems.extend(one for one in raised if one not in problems)
             return None
 
-    capture, faults = capture_with_faults(config)
+    capture, faults = capture_with_faults(config, config.inputs)
     for fault in faults:
         attempt(_refuse, fault)
     _attempt_together(capture, attempt)

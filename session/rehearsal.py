@@ -10,8 +10,7 @@ from spectrabox.measure.steps.inversion import settings_of, stated_errors, views
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.session.config.captured_session import capture_of
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import load_finished, stage_states
 
 NO_SCENE = ("a rehearsal traces the light of a scene, and this session has flat samples and no "
@@ -71,7 +70,7 @@ def replays_of(config: SessionConfig, times: int, seed: int, device: str,
 
 def _replayable(config: SessionConfig) -> tuple[SceneCapture, CaptureRecords]:
     """A finished session that a rehearsal can follow."""
-    capture = require_scene(capture_of(config), NO_SCENE)
+    capture = require_scene(config.capture(), NO_SCENE)
     waiting = [state.name for state in stage_states(config) if state.state in ("stale", "missing")]
     if waiting:
         raise InputError(f"stage {waiting[0]!r} is not up to date: run 'spectrabox run' first")

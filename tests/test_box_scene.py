@@ -8,15 +8,14 @@ import pytest
 
 from spectrabox.fixtures.demos.demo_scenes import box_scene, chart_scene_xml
 from spectrabox.measure.scene.box_camera import box_camera, scene_of
+from spectrabox.measure.shoot.captures import box_photo, stated_scene
+from spectrabox.measure.shoot.shoot import Shoot
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.reconstruct.scene.box_scene import box_edges, box_xml, chart_xml
 from spectrabox.reconstruct.scene.box_tables import WALLS, BoxTable
 from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
 from spectrabox.session.box.box_overlay import corners_in_photo
-from spectrabox.session.box.scenes import box_photo, stated_scene
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session, try_read_session
-from spectrabox.session.config.session_schema import SessionTables
 from spectrabox.session.config.template import TEMPLATES, template_names
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.keys import step_keys
@@ -24,6 +23,10 @@ from spectrabox.session.store.keys import step_keys
 SIZE = (312, 208)
 # the eight inner corners are in view from here
 FAR = {"at_mm": [30.0, 180.0, 1100.0], "look_at_mm": [10.0, 150.0, -200.0], "fov_deg": 32.0}
+
+
+def stated_photo(config, view=None):
+    return box_photo(config, config.inputs, view)
 
 
 def template_tables(name):
@@ -153,7 +156,7 @@ def test_eight_marked_corners_place_the_camera(captured, seed):
     scale = 6000 / 312                                      # one pixel of a photo of 24 megapixels
     marked = {name: (np.array(px) + rng.normal(0, 1 / scale, 2)).tolist()
               for name, px in inner.items()}
-    camera = box_camera(box_photo(rewritten(captured, corners_px=marked)))
+    camera = box_camera(stated_photo(rewritten(captured, corners_px=marked)))
     distance = np.linalg.norm(np.subtract(FAR["at_mm"], FAR["look_at_mm"]))
     assert np.linalg.norm(np.subtract(camera.at_mm, FAR["at_mm"])) < 0.005 * distance
     assert camera.fov_deg == pytest.approx(FAR["fov_deg"], abs=0.2)
@@ -167,7 +170,7 @@ def test_the_camera_found_from_exact_corners_sees_what_the_measured_one_sees(cap
     stated = rewritten(captured, **FAR)
     measured = hits(box_xml(stated.box, SIZE), 1.0)
     corners = {name: list(px) for name, px in corners_in_photo(stated).items()}
-    camera = box_camera(box_photo(rewritten(captured, corners_px=corners)))
+    camera = box_camera(stated_photo(rewritten(captured, corners_px=corners)))
     again = hits(box_xml(stated.box, SIZE, camera.sensor), 1.0)
     assert np.mean(measured[1] == again[1]) > 0.995
     same = measured[1] == again[1]
@@ -262,7 +265,7 @@ def test_measures_that_make_no_box_are_said_in_a_sentence(change, message):
     tables = template_tables("box")
     tables["scene"]["box"] |= change
     with pytest.raises(InputError, match=message):
-        checked(SessionTables, tables, "session.toml")
+        checked(Shoot, tables, "session.toml")
 
 
 def test_corners_of_another_box_are_refused(captured):
@@ -270,7 +273,7 @@ def test_corners_of_another_box_are_refused(captured):
     wrong = {name: list(px) for name, px in corners_in_photo(stated).items()}
     wrong["front top left"] = [wrong["front top left"][0] + 20, wrong["front top left"][1]]
     with pytest.raises(SpectraboxError, match=r"corners_px: no pose.*'front top left'"):
-        box_camera(box_photo(rewritten(captured, corners_px=wrong)))
+        box_camera(stated_photo(rewritten(captured, corners_px=wrong)))
 
 
 def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(captured):
@@ -283,7 +286,8 @@ def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(ca
     names = [name.rsplit("/", 1)[-1] for name in json.loads(answer.output)["files"]]
     assert names == ["scene.xml", "chart-scene.xml", "box.png"]
     shutil.copy(captured / "scene.xml", captured / "scene" / "mine.xml")
-    taken, drawn = read_scene(captured / "scene" / "mine.xml"), scene_of(stated_scene(config))
+    taken = read_scene(captured / "scene" / "mine.xml")
+    drawn = scene_of(stated_scene(config, config.inputs))
     assert taken.surfaces == drawn.surfaces and set(drawn.surfaces) == {*WALLS, "block",
                                                                            "grey_card"}
     assert (taken.width, taken.height) == (312, 208)
@@ -292,7 +296,7 @@ def test_the_scene_that_a_session_is_made_of_is_written_and_can_be_taken_over(ca
 def test_only_what_a_measure_changes_is_stale(captured):
     """The chart's place is nothing to the photo's scene, and the other way round."""
     def keys_of(config):
-        return step_keys(capture_of(config), InputFiles(config))
+        return step_keys(config.capture(), InputFiles(config))
 
     one = keys_of(rewritten(captured, **FAR))
     text = (captured / "session.toml").read_text(encoding="utf-8")
@@ -317,7 +321,7 @@ def test_a_lamp_that_was_moved_for_a_view_stands_there_in_its_scene(captured):
     path.write_text(path.read_text(encoding="utf-8") + '\n[views.second]\n'
                     'photo = "photos/second.dng"\nlamp_at_mm = [-140, 220, 340]\n',
                     encoding="utf-8")
-    first, second = (scene_of(view.scene) for view in capture_of(read_session(captured)).views)
+    first, second = (scene_of(view.scene) for view in read_session(captured).capture().views)
     assert first.lamps != second.lamps
     assert "-140" in second.lamps and "-140" not in first.lamps
     assert first.surfaces == second.surfaces

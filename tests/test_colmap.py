@@ -13,12 +13,11 @@ from spectrabox.calibrate.geometry.colmap_model import for_photo, read_colmap
 from spectrabox.calibrate.geometry.lens import camera_position
 from spectrabox.calibrate.geometry.model_in_scene import model_in_scene, pose_in_scene
 from spectrabox.measure.scene.box_camera import box_camera, box_text, lens_of, scene_of
+from spectrabox.measure.shoot.captures import box_photo, stated_scene
 from spectrabox.measure.steps import scene_picture
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.box.box_overlay import corners_in_photo
-from spectrabox.session.box.scenes import box_photo, stated_scene
 from spectrabox.session.cli import app
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.template import TEMPLATES
 from spectrabox.session.store.input_files import InputFiles
@@ -27,6 +26,10 @@ from spectrabox.session.store.keys import step_keys
 CORNERS = template_box().corner_positions()
 TIES = ("back bottom left", "back bottom right", "back top left", "back top right",
         "block front top left", "block front bottom left", "block front top right")
+
+
+def stated_photo(config, view=None):
+    return box_photo(config, config.inputs, view)
 
 
 def marks(model="OPENCV", rng=None, noise_px=0.0, pictures=PLACES):
@@ -166,7 +169,7 @@ def test_a_plane_marked_as_in_a_mirror_would_put_the_camera_behind_the_wall(capt
             name.replace("left", "*").replace("right", "left").replace("*", "right")]])[0].tolist())
         for name in swapped}}
     with pytest.raises(CheckError, match="behind the back wall"):
-        box_camera(box_photo(read_session(with_model(captured, ties=ties))))
+        box_camera(stated_photo(read_session(with_model(captured, ties=ties))))
 
 
 # ---- in a session --------------------------------------------------------------------------------
@@ -190,15 +193,15 @@ def with_model(folder, view="", camera='image = "box.jpg"', ties=None):
 
 def test_a_session_takes_its_camera_from_the_model(captured):
     config = read_session(with_model(captured))
-    camera = box_camera(box_photo(config))
+    camera = box_camera(stated_photo(config))
     assert camera.how == "COLMAP"
     np.testing.assert_allclose(camera.at_mm, PLACES["box.jpg"][0], atol=1e-3)
     seen = corners_in_photo(config)
     for name, px in marks()["box.jpg"].items():
         np.testing.assert_allclose(seen[name], px, atol=1e-4)
-    lens = lens_of(capture_of(config).views[0])
+    lens = lens_of(config.capture().views[0])
     np.testing.assert_allclose(lens.matrix, as_opencv("OPENCV")[0], atol=1e-9)
-    assert "<sensor" in box_text(box_photo(config))
+    assert "<sensor" in box_text(stated_photo(config))
 
 
 def test_a_picture_is_undistorted_by_the_lens_of_the_model(captured, monkeypatch):
@@ -208,7 +211,7 @@ def test_a_picture_is_undistorted_by_the_lens_of_the_model(captured, monkeypatch
     def undistorted(_, lens):
         raise Undistorted(lens.matrix.tolist())
     monkeypatch.setattr(scene_picture, "undistorted", undistorted)
-    capture = capture_of(read_session(with_model(captured, view="[picture]\n")))
+    capture = read_session(with_model(captured, view="[picture]\n")).capture()
     with pytest.raises(Undistorted) as ended:
         scene_picture.traced_photo(capture, records_of(), work(capture))
     np.testing.assert_allclose(ended.value.args[0], as_opencv("OPENCV")[0], atol=1e-9)
@@ -231,7 +234,7 @@ def test_every_view_may_have_a_camera_of_its_own(captured):
         assert max(facts["views"][name]["residuals_px"].values()) < 1e-3
     assert facts["views"]["left"]["colmap"]["mm_per_unit"] == pytest.approx(137, rel=1e-5)
     config = read_session(captured)
-    texts = {each.name: box_text(box_photo(config, each)) for each in config.all_views}
+    texts = {each.name: box_text(stated_photo(config, each)) for each in config.all_views}
     assert texts["warm"] == texts[""] != texts["left"]
     plain = CliRunner().invoke(app, ["geometry", "box", str(captured)])
     assert "COLMAP model: 137" in plain.output.replace("\n", " ")
@@ -246,14 +249,14 @@ def test_a_view_may_have_a_measured_camera_or_one_from_corners(captured):
             "look_at_mm = [0, 100, -100]\nfov_deg = 40\n")
     config = read_session(with_model(captured, view))
     _, left, up = config.all_views
-    camera = box_camera(box_photo(config, left))
+    camera = box_camera(stated_photo(config, left))
     assert camera.how == "corners"
     np.testing.assert_allclose(camera.at_mm, PLACES["left.jpg"][0], rtol=0.02)
-    assert box_camera(box_photo(config, up)).how == "measured"
-    np.testing.assert_allclose(box_camera(box_photo(config, up)).at_mm, (0, 300, 600), atol=1e-9)
-    scenes = [scene_of(stated_scene(config, each)) for each in config.all_views]
+    assert box_camera(stated_photo(config, up)).how == "measured"
+    np.testing.assert_allclose(box_camera(stated_photo(config, up)).at_mm, (0, 300, 600), atol=1e-9)
+    scenes = [scene_of(stated_scene(config, config.inputs, each)) for each in config.all_views]
     assert len({scene.surfaces == scenes[0].surfaces for scene in scenes}) == 1
-    assert 'origin="0, 300, 600"' in box_text(box_photo(config, up))
+    assert 'origin="0, 300, 600"' in box_text(stated_photo(config, up))
 
 
 @pytest.mark.parametrize(("view", "change", "message"), [
@@ -293,7 +296,7 @@ def test_check_says_what_is_wrong_with_the_model(captured, spoil, message):
 def test_another_model_makes_photo_and_reconstruction_stale_and_a_comment_nothing(captured):
     def keys_now():
         config = read_session(captured)
-        return step_keys(capture_of(config), InputFiles(config))
+        return step_keys(config.capture(), InputFiles(config))
 
     def changed(one, other):
         return {name for name in one if {**one[name], "stages": {}} != {**other[name],

@@ -31,7 +31,6 @@ from spectrabox.radiometry.records.spectra import SurfaceSignals
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.session.cli import app
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.page.marks import Mark, marked
 
@@ -142,7 +141,7 @@ def test_the_command_takes_a_photo_with_the_lamp_moved(shoot, tmp_path):
     assert [place["photo"] for place in region["lamp_places"]] == ["photo", "b"]
     assert region["gloss"] == region["lamp_places"][0]["gloss"]
     assert answer["photos"][1]["says"].startswith("light: the lamp of 'photo' in another place")
-    capture = capture_of(read_session(tmp_path / "a-flat"))
+    capture = read_session(tmp_path / "a-flat").capture()
     assert capture.lamp_moved and len({view.place for view in capture.views}) == 2
     # the picture of spectra is made of what stands in one light
     assert capture.picture_views == capture.views[:1]

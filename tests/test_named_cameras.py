@@ -13,6 +13,7 @@ from spectrabox.calibrate.prior.camera_prior import shipped_prior
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.fixtures.spectral_files import NM
+from spectrabox.measure.shoot.captures import read_sensitivities
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, visible_grid
 from spectrabox.radiometry.published.make_tables import tables_of_rawtoaces
@@ -30,7 +31,6 @@ from spectrabox.radiometry.spectra.named_spectra import (
     spectrum_of_name,
 )
 from spectrabox.radiometry.system.known_names import known_name, nearest_names
-from spectrabox.session.config.captured_session import capture_of, read_sensitivities
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.keys import step_keys
@@ -190,7 +190,7 @@ def with_camera(captured, name):
 def test_a_session_names_a_published_camera(captured):
     config = with_camera(captured, "Nikon 5100 (NPL)")
     assert not config.sensitivity.from_chart
-    names, curves = read_sensitivities(config)
+    names, curves = read_sensitivities(config, config.inputs)
     published = sensitivities("Nikon 5100 (NPL)", FINE_GRID)
     assert names == ()              # no file names them: they are called as the photo's
     np.testing.assert_allclose(curves, np.maximum(published, 0) / published.max())
@@ -204,7 +204,7 @@ def test_a_session_names_a_camera_of_ones_own_and_notices_another(captured, tmp_
     config = with_camera(captured, kept)
 
     def key():
-        return step_keys(capture_of(config), InputFiles(config))["calibrate"]
+        return step_keys(config.capture(), InputFiles(config))["calibrate"]
     before = key()
     path = kept_cameras.own_cameras()[kept]
     text = path.read_text(encoding="utf-8")
@@ -218,7 +218,7 @@ def test_a_session_names_a_camera_of_ones_own_and_notices_another(captured, tmp_
 def test_a_session_that_names_no_camera_is_told_the_nearest(captured):
     config = with_camera(captured, "Nikon 5100 NPL")
     with pytest.raises(InputError, match=r"Nikon 5100 \(NPL\)"):
-        read_sensitivities(config)
+        read_sensitivities(config, config.inputs)
 
 
 @pytest.mark.parametrize("written, meant", [

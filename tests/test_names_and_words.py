@@ -1,8 +1,9 @@
 import pytest
 
+from spectrabox.measure.captured import View
+from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.radiometry.system.words import name_fault
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import ViewInputs
 
 from tests.test_session_file import GOOD
 
@@ -45,5 +46,5 @@ def test_two_names_that_share_a_file_are_refused(tmp_path, table, pair):
 
 
 def test_no_name_of_a_view_replaces_the_record_of_another():
-    first, named = (ViewInputs(name, {}, {}, None, "", {}) for name in ("", " "))
+    first, named = (View(name, {}, {}, UnknownLight(), "unknown") for name in ("", " "))
     assert first.label("preview") != named.label("preview")

@@ -16,7 +16,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.sampling.spectral_measurement import response_on, without_states
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished, stage_states
 
@@ -63,7 +62,7 @@ def test_only_what_a_change_touches_becomes_stale(finished, change, stale):
 
 def test_the_family_that_was_stated_is_what_the_fit_expects(captured):
     edit(captured, 'bsdf = "cube"', 'bsdf = "cube"\nfamily = ["skin", "leaf"]')
-    capture = capture_of(read_session(captured))
+    capture = read_session(captured).capture()
     materials = {each.name: each for each in materials_of(capture, capture.views[0].scene)}
     assert materials["white"].learnt is None
     expected = materials["cube"].learnt
@@ -72,7 +71,7 @@ def test_the_family_that_was_stated_is_what_the_fit_expects(captured):
     np.testing.assert_array_equal(expected.covariance, covariance)
     assert not np.allclose(expected.mean, settings_of(capture).learnt.mean, rtol=0.1)
     edit(captured, "[reconstruct]", '[reconstruct]\nspectrum_prior = "smooth"')
-    capture = capture_of(read_session(captured))
+    capture = read_session(captured).capture()
     plain = materials_of(capture, capture.views[0].scene)
     assert all(each.learnt is None for each in plain)
 
@@ -173,7 +172,7 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
     from spectrabox.fixtures.dng import write_dng
     frame = read_raw(captured / "photos" / "box.dng")
     name = "photos/box.dng"
-    single, _ = develop(capture_of(read_session(captured)),
+    single, _ = develop(read_session(captured).capture(),
                         {"": (InputFile(name, captured / name),)})
     black = frame.black_level[[0, 0, 1, 1], [0, 1, 0, 1]]
     base = Fraction(frame.exposure_s).limit_denominator(100000)
@@ -194,7 +193,7 @@ def test_a_bracket_with_dark_frames_gives_the_same_signal(captured):
                   **settings)
     edit(captured, 'object = "photos/box.dng"', 'object = ["photos/short.dng", "photos/long.dng"]\n'
          'dark = ["photos/short_dark.dng", "photos/long_dark.dng"]')
-    capture = capture_of(read_session(captured))
+    capture = read_session(captured).capture()
     merged, notes = develop(capture, capture.views[0].photo)
     ratio = (merged.signal.sum(axis=(0, 1)) / single.signal.sum(axis=(0, 1))
              * single.exposure_s / merged.exposure_s)

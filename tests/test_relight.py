@@ -13,7 +13,6 @@ from spectrabox.measure.scene.relight import colour_spread
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.relight import OBSERVER
 from spectrabox.session.store.locks import outputs_writer
@@ -34,7 +33,7 @@ def test_the_spread_of_the_draws_holds_the_true_colour_under_another_light(finis
                    "cpu", "--json")
     assert outcome.exit_code == 0, outcome.output
     facts = json.loads(outcome.stdout)
-    materials = capture_of(read_session(finished)).materials
+    materials = read_session(finished).capture().materials
     for found in facts["colours"]:
         truth = spectrum_on_grid(materials[found["name"]].truth, FINE_GRID)
         apart = colour.delta_E(np.array(found["lab"]), lab_of(truth, name), method="CIE 2000")

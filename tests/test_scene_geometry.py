@@ -21,7 +21,6 @@ from spectrabox.reconstruct.scene.edit_scene import (
 from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
 from spectrabox.session.box.box_overlay import corners_in_photo
 from spectrabox.session.cli import app
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.report.page import render_report, write_report
 from spectrabox.session.store.record_files import pack, unpack
@@ -100,7 +99,7 @@ def session_with_corners(captured):
 
 
 def test_a_box_says_where_camera_and_lamp_were_stated_and_found(captured):
-    geometry = scene_geometry(capture_of(session_with_corners(captured)))
+    geometry = scene_geometry(session_with_corners(captured).capture())
     lamp, camera = geometry.placements
     assert lamp.what == "lamp" and camera.what == "camera" and camera.stated is None
     np.testing.assert_array_equal(lamp.stated, [50, 270, 380])
@@ -120,12 +119,12 @@ def test_a_box_says_where_camera_and_lamp_were_stated_and_found(captured):
 
 
 def test_a_measured_box_has_nothing_that_moved(captured):
-    assert scene_geometry(capture_of(rewritten(captured, **FAR))).placements == ()
+    assert scene_geometry(rewritten(captured, **FAR).capture()).placements == ()
 
 
 def test_cameras_of_a_model_are_said_for_every_view(captured):
     view = ('[views.left]\nphoto = "photos/box.dng"\n[views.left.camera]\nimage = "left.jpg"\n')
-    geometry = scene_geometry(capture_of(read_session(with_model(captured, view))))
+    geometry = scene_geometry(read_session(with_model(captured, view)).capture())
     assert [one.what for one in geometry.placements] == ["camera", "camera of “left”"]
     assert all("from COLMAP, tied to the box by 21 marks" in one.how for one in geometry.placements)
     assert [one.name for one in geometry.views] == ["", "left"]
@@ -139,7 +138,7 @@ def test_a_scene_in_a_file_says_what_its_comments_say(captured):
     path = captured / config.scene.file
     path.write_text(scene_with_light_moved(path, 0, np.array([1.0, -2.0, 0.5]), path.parent,
                                            moved("light")), encoding="utf-8")
-    light, = scene_geometry(capture_of(config)).placements
+    light, = scene_geometry(config.capture()).placements
     assert light.what == f"light 'light' of {config.scene.file}" and light.stated is None
     np.testing.assert_array_equal(light.moved, [1, -2, 0.5])
 

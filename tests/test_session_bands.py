@@ -10,7 +10,6 @@ from spectrabox.capture.photo.image_writers import write_linear_exr
 from spectrabox.measure.captured import InputFile
 from spectrabox.measure.opened_photos import OpenPhotos, develop
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.keys import step_keys
@@ -44,9 +43,9 @@ def one_file(folder, name):
 
 
 def test_bands_are_stacked_at_one_exposure(captured):
-    whole, _ = develop(capture_of(read_session(captured)), one_file(captured, "photos/box.dng"))
-    capture = capture_of(split_into_bands(captured, {"object": "box", "chart": "chart",
-                                                     "flat": "flat"}))
+    whole, _ = develop(read_session(captured).capture(), one_file(captured, "photos/box.dng"))
+    capture = split_into_bands(captured, {"object": "box", "chart": "chart",
+                                                     "flat": "flat"}).capture()
     stacked, _ = develop(capture, capture.views[0].photo)
     assert stacked.exposure_s == pytest.approx(whole.exposure_s * min(EXPOSED))
     np.testing.assert_allclose(stacked.signal / min(EXPOSED), whole.signal, rtol=1e-3, atol=1e-6)
@@ -58,7 +57,7 @@ def test_measured_curves_choose_the_channels_of_bands_anew(captured, banded, sta
     """One curve for each photo, where a chart is fitted in every channel that is not dark."""
     def keys():
         config = read_session(captured)
-        return step_keys(capture_of(config), InputFiles(config))
+        return step_keys(config.capture(), InputFiles(config))
     if banded:
         split_into_bands(captured, {"object": "box", "chart": "chart", "flat": "flat"})
     before = keys()
@@ -85,7 +84,7 @@ def test_every_channel_of_every_photo_is_a_band_unless_it_is_dark(captured):
         text = re.sub(rf"(?m)^{key} = .*$", f'{key} = {{ lamp = "photos/{stem} lamp.exr", '
                       f'"blue filter" = "photos/{stem} blue filter.exr" }}', text)
     (captured / "session.toml").write_text(text, encoding="utf-8")
-    capture = capture_of(read_session(captured))
+    capture = read_session(captured).capture()
     photos = OpenPhotos(capture)
     image, _ = photos.developed(capture.views[0].photo)
     assert photos.bands(image) == ("lamp R", "lamp G", "lamp B", "blue filter G",

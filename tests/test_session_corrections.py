@@ -17,7 +17,6 @@ from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.steps.inversion import scale_of_view
 from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.reconstruct.scene.scene_file import read_scene
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.pipeline import run_stages
@@ -108,7 +107,7 @@ def test_a_chart_in_the_object_photo_itself_has_seen_the_same_light(captured, fi
     calibration, = records.calibrations(made.capture.views)
     path = captured / "session.toml"
     path.write_text(path.read_text().replace("photos/box.dng", "photos/chart.dng"))
-    capture = capture_of(read_session(captured))
+    capture = read_session(captured).capture()
     scale = scale_of_view(capture, capture.views[0], records.chart.charts[""].thumbnail,
                           calibration, records)
     assert REPEATABILITY not in [error.cause for error in scale.common_errors]

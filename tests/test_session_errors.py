@@ -22,13 +22,13 @@ from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure import rules
 from spectrabox.measure.held_out_spectra import patches_without
-from spectrabox.measure.options import Repeatability, StrayLight
 from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.pictures.spectra_files import PictureLayout
 from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.regions.white import PhotoWhite
+from spectrabox.measure.shoot.options import Repeatability, StrayLight
 from spectrabox.measure.steps import inversion
 from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL

@@ -185,7 +185,7 @@ FILTERED = 'filter = "orange.csv"'
 def test_photos_are_under_one_lamp_by_statement_and_never_by_a_word(tmp_path, first, b, c, lamps):
     text = FLAT.format(first=f'"{first}"', b=b, c=c)
     (tmp_path / "session.toml").write_text(text, encoding="utf-8")
-    assert [view.lamp for view in read_session(tmp_path).all_views] == lamps
+    assert [view.lamp_of for view in read_session(tmp_path).all_views] == lamps
 
 
 @pytest.mark.parametrize("b, c, moved", [
@@ -196,8 +196,8 @@ def test_a_lamp_that_was_moved_is_the_same_lamp_elsewhere(tmp_path, b, c, moved)
     text = FLAT.format(first='"unknown"', b=b, c=c)
     (tmp_path / "session.toml").write_text(text, encoding="utf-8")
     views = read_session(tmp_path).all_views
-    assert [view.lamp for view in views] == ["photo"] * 3
-    assert [view.moved for view in views] == moved
+    assert [view.lamp_of for view in views] == ["photo"] * 3
+    assert [view.moved_for for view in views] == moved
     assert views[1].chart_files == ("photos/b.dng",)        # whose field of light is its own
 
 
@@ -216,7 +216,7 @@ def test_a_filter_changes_the_light_and_needs_a_chart_of_its_own(tmp_path):
     text = FLAT.format(first='"unknown"', b=FILTERED, c='same_light_as = "b"\nfilter = "unknown"')
     (tmp_path / "session.toml").write_text(text, encoding="utf-8")
     first, b, c = read_session(tmp_path).all_views
-    assert first.lamp == b.lamp == c.lamp and first.filter is None
+    assert first.lamp_of == b.lamp_of == c.lamp_of and first.filter is None
     assert b.filter.file == "orange.csv" and c.filter is not None and c.filter.file is None
     assert [view.chart_files for view in (b, c)] == [("photos/b.dng",), ("photos/c.dng",)]
     assert not b.same_light(first) and not b.same_light(c) and b.same_light(b)

@@ -12,7 +12,6 @@ from spectrabox.measure import opened_photos
 from spectrabox.measure.captured import FlatCapture, InputFile, Sensitivity, View
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import UnknownLight
-from spectrabox.session.config.captured_session import capture_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.store import keys as keys_module
@@ -25,7 +24,7 @@ from tests.session_runs import call, run
 
 def keys_of(config, files=None):
     """Keys of a session's records."""
-    return step_keys(capture_of(config), files or InputFiles(config))
+    return step_keys(config.capture(), files or InputFiles(config))
 
 
 @pytest.mark.parametrize("put_back", [False, True], ids=["replaced", "replaced and put back"])
@@ -68,7 +67,7 @@ def test_every_file_that_a_run_opens_is_an_input_of_the_session(captured):
     read = {path for path in seen if path.split("/")[0] in ("photos", "spectra", "scene")}
     assert "spectra/light.csv" in read
     compared = {material.truth.file for material in config.materials.values() if material.truth}
-    assert read <= {*input_files(config, capture_of(config)), *compared}
+    assert read <= {*input_files(config, config.capture()), *compared}
 
 
 def test_both_files_of_a_spectral_library_are_inputs(captured):

@@ -9,10 +9,10 @@ import pytest
 
 from spectrabox.calibrate.sensitivity import METHODS as SENSITIVITY_METHODS
 from spectrabox.fixtures.demos.demo_session import SESSION_TOML
+from spectrabox.measure.shoot.shoot import Shoot
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.sampling.draw_methods import METHODS as SAMPLING_METHODS
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.config.session_schema import SessionTables
 from spectrabox.session.config.template import (
     SCHEMA_NAME,
     SESSION_TEMPLATE,
@@ -74,7 +74,7 @@ def test_the_template_comes_with_the_schema_that_it_names(tmp_path):
 
 
 def every_key():
-    for table, section in SessionTables.model_fields.items():
+    for table, section in Shoot.model_fields.items():
         of_names, alone = table in ("materials", "regions", "views"), section.annotation
         model = alone.__args__[1] if of_names else next(
             (part for part in getattr(alone, "__args__", ()) if part is not type(None)), alone)
@@ -105,7 +105,7 @@ def test_the_choices_are_those_of_the_stages():
 
 
 def test_the_defaults_are_those_of_the_stages():
-    tables = SessionTables.model_fields
+    tables = Shoot.model_fields
     reconstruct = tables["reconstruct"].default.settings()
     settings = InversionSettings()
     assert {name: getattr(settings, name) for name in reconstruct} == reconstruct

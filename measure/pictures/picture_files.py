@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
-from spectrabox.measure.options import PictureOptions
 from spectrabox.measure.pictures.lit_photo import LitPhoto, PhotoSpectra, photo_spectra
 from spectrabox.measure.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
 from spectrabox.measure.pictures.pixel_flags import HIGHLIGHT, SEEN
@@ -21,6 +20,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
 )
 from spectrabox.measure.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
 from spectrabox.measure.records import PictureRecords
+from spectrabox.measure.shoot.options import PictureOptions
 from spectrabox.sampling.prior.local_posteriors import MAX_CENTRES
 
 PIXELS_A_POINT = 500        # a point of the table takes as long as how many pixels looked up

@@ -15,8 +15,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.files import sha256_of, write_text_whole
 from spectrabox.radiometry.spectra.kept_cameras import own_cameras
-from spectrabox.session.config.captured_session import capture_of
-from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig
+from spectrabox.session.config.session_file import FILE_NAME, SessionConfig
 from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import STAGE
 from spectrabox.session.store.input_roles import input_files
@@ -70,7 +69,7 @@ def input_states(config: SessionConfig) -> dict[str, tuple[int, int]]:
     dict
         Names as seen from the session folder, to bytes and nanoseconds.
     """
-    names = {FILE_NAME, *input_files(config, capture_of(config))}
+    names = {FILE_NAME, *input_files(config, config.capture())}
     for stage in (*stage_names(config), STAGE):
         stored = load_stage(config.results_folder, stage)
         if stored is not None:

@@ -17,8 +17,7 @@ from spectrabox.radiometry.errors import (
     interrupt_behind,
 )
 from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
-from spectrabox.session.config.session_file import read_session
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig, read_session
 from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.pipeline import run_stages
@@ -128,7 +127,7 @@ def _run(task: Task) -> Outcome:
         facts = outputs.facts
         files = input_states(config)
         photo = photo_metadata(config.path(config.all_views[0].photo_files[0]))
-        preview = config.results_folder / "photo" / f"{config.all_views[0].label('preview')}.png"
+        preview = config.results_folder / "photo" / "preview.png"
         thumbnail, fault = attempt("picture of the photo", lambda: picture_data_uri(
             preview, THUMBNAIL_PX), "")
     return Outcome(str(task.folder), "done", config.session.name, facts["verdict"],

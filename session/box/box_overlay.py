@@ -10,14 +10,16 @@ from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.capture.photo.preview import signal_rgb8
 from spectrabox.measure.scene.box_camera import box_camera, box_text, visible_corners
+from spectrabox.measure.shoot.captures import box_photo
+from spectrabox.measure.shoot.shoot import CompleteView
 from spectrabox.reconstruct.scene.box_scene import box_edges
-from spectrabox.session.box.scenes import box_photo, named_after
-from spectrabox.session.config.session_schema import SessionConfig, ViewInputs
+from spectrabox.session.box.scenes import named_after
+from spectrabox.session.config.session_file import SessionConfig
 
 OVERLAY_NAME = "box.png"
 
 
-def box_views(config: SessionConfig) -> list[ViewInputs]:
+def box_views(config: SessionConfig) -> list[CompleteView]:
     """The first photo of a measured box, and those that another camera took or that show it
     turned.
     """
@@ -34,17 +36,18 @@ def box_texts(config: SessionConfig) -> dict[str, str]:
     InputError, CheckError
         As ``box_text``.
     """
-    return {view.name: box_text(box_photo(config, view)) for view in box_views(config)}
+    return {view.name: box_text(box_photo(config, config.inputs, view))
+            for view in box_views(config)}
 
 
 def corners_in_photo(config: SessionConfig,
-                     view: ViewInputs | None = None) -> dict[str, tuple[float, float]]:
+                     view: CompleteView | None = None) -> dict[str, tuple[float, float]]:
     """Pixels of the photo, by name, at which the camera sees corners of the box and of boxes in it.
 
     Parameters
     ----------
     config : SessionConfig
-    view : ViewInputs, optional
+    view : CompleteView, optional
         The first by default.
 
     Raises
@@ -52,7 +55,7 @@ def corners_in_photo(config: SessionConfig,
     InputError, CheckError
         As ``box_camera``.
     """
-    stated = box_photo(config, view)
+    stated = box_photo(config, config.inputs, view)
     return visible_corners(box_camera(stated), stated.box.corner_positions())
 
 
@@ -71,13 +74,13 @@ def write_overlays(config: SessionConfig) -> list[Path]:
     return paths
 
 
-def overlay(config: SessionConfig, view: ViewInputs) -> np.ndarray:
+def overlay(config: SessionConfig, view: CompleteView) -> np.ndarray:
     """A photo (H, W, 3) uint8 with the box's edges and the marked corners drawn over it.
 
     Edges are drawn straight, through ends that the lens bends.
     """
     assert config.box is not None
-    seen, stated = corners_in_photo(config, view), box_photo(config, view)
+    seen, stated = corners_in_photo(config, view), box_photo(config, config.inputs, view)
     # a turned view without its own camera has no marks: its camera is the first photo's
     marked = box_camera(stated).marks if stated.camera_view == view.name else {}
     image = open_any(config.path(view.photo_files[0]), not_linear=True)

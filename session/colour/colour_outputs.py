@@ -35,7 +35,7 @@ from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.profile_files import SPACES, write_profile
 from spectrabox.radiometry.response import relative_response
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
 

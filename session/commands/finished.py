@@ -20,7 +20,7 @@ from spectrabox.session.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.session.config.session_schema import SessionConfig
+    from spectrabox.session.config.session_file import SessionConfig
     from spectrabox.session.kept_stages import FinishedRun
 
 
@@ -54,13 +54,13 @@ def relight(
     check_ending(out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
     from spectrabox.capture.photo.image_writers import write_exr, write_png
     from spectrabox.measure.scene.box_camera import scene_of
-    from spectrabox.session.box.scenes import stated_scene
+    from spectrabox.measure.shoot.captures import stated_scene
     from spectrabox.session.outputs.run_outputs import require_results
     from spectrabox.session.relight import OBSERVER
     from spectrabox.session.relight import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
     config, finished, stale = finished_session(folder, allow_outside)
-    scene = scene_of(stated_scene(config))
+    scene = scene_of(stated_scene(config, config.inputs))
     size = (width, max(round(width * scene.height / scene.width), 1))
     relit, notes = render_under(finished, light=light,
                                 observer=observer or OBSERVER, size=size, spp=spp,

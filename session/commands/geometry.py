@@ -193,16 +193,17 @@ def box(folder: Folder, allow_outside: Outside = False) -> Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
     from spectrabox.measure.captured import FIRST_PHOTO
     from spectrabox.measure.scene.box_camera import box_camera
+    from spectrabox.measure.shoot.captures import box_photo
     from spectrabox.session.box.box_overlay import box_texts, box_views, write_overlays
     from spectrabox.session.box.camera_facts import camera_facts, camera_text
-    from spectrabox.session.box.scenes import box_photo, write_box_scenes
+    from spectrabox.session.box.scenes import write_box_scenes
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.store.locks import outputs_writer
     config = read_session(folder, allow_outside)
     if config.box is None:
         raise InputError(f"{folder} has no [scene.box]: 'spectrabox new --template box' "
                          "writes a session that has one")
-    cameras = {view.title: box_camera(box_photo(config, view))
+    cameras = {view.title: box_camera(box_photo(config, config.inputs, view))
                for view in box_views(config)}
     with outputs_writer(config.folder):
         written = [*write_box_scenes(config, box_texts(config)), *write_overlays(config)]

@@ -21,7 +21,7 @@ from spectrabox.session.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
-    from spectrabox.session.config.session_schema import SessionConfig
+    from spectrabox.session.config.session_file import SessionConfig
     from spectrabox.session.kept_stages import FinishedRun
     from spectrabox.session.terminal.progress_display import StageProgress
 
@@ -68,7 +68,7 @@ def new(
 ) -> Answer:
     """Start a session folder with a commented session.toml."""
     from spectrabox.radiometry.files import writable
-    from spectrabox.session.config.session_schema import FILE_NAME
+    from spectrabox.session.config.session_file import FILE_NAME
     from spectrabox.session.config.template import template_names, write_template
     if template is not None and template not in template_names():
         raise InputError(f"there is no template {template!r}; take one of "
@@ -194,7 +194,7 @@ def open_page(
 
 def _folder_to_open(paths: tuple[Path, ...]) -> Path:
     """The session folder that is named, or that of photos, made where it is missing."""
-    from spectrabox.session.config.session_schema import FILE_NAME
+    from spectrabox.session.config.session_file import FILE_NAME
     from spectrabox.session.flat.new_session import (
         folder_beside,
         new_session,

@@ -9,6 +9,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from spectrabox.measure.captured import FlatCapture, SceneCapture
+from spectrabox.measure.shoot import shoot
+from spectrabox.measure.shoot.captures import capture_of
+from spectrabox.measure.shoot.inputs import Inputs
+from spectrabox.measure.shoot.rules import faults_of
 from spectrabox.radiometry.checked_tables import (
     MAX_TOML_BYTES,
     fault_sentences,
@@ -16,10 +21,34 @@ from spectrabox.radiometry.checked_tables import (
 )
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_bytes_of_text
-from spectrabox.session.config.flat_session import FlatSession
-from spectrabox.session.config.scene_session import SceneSession
-from spectrabox.session.config.session_rules import inconsistencies
-from spectrabox.session.config.session_schema import FILE_NAME, SessionConfig, SessionTables
+
+FILE_NAME = shoot.FILE_NAME
+
+
+class SessionConfig(shoot.Shoot):
+    """One session as its operator described it; file names are relative to ``folder``."""
+
+    folder: Path
+    allow_outside: bool
+    toml_sha256: str = ""       # of the file as it was read
+
+    @property
+    def inputs(self) -> Inputs:
+        """Its files."""
+        return Inputs(self.folder, self.allow_outside)
+
+    def capture(self) -> FlatCapture | SceneCapture:
+        """What it measures, with everything read but its photos; raises as ``capture_of``."""
+        return capture_of(self, self.inputs)
+
+    @property
+    def results_folder(self) -> Path:
+        """Where the stages keep their results."""
+        return self.folder / "results"
+
+    def path(self, name: str) -> Path:
+        """Where a file of the session lies, as of ``Inputs``."""
+        return self.inputs.path(name)
 
 
 def read_session(folder: Path, allow_outside: bool = False) -> SessionConfig:
@@ -119,6 +148,11 @@ def session_of_text(text: str, folder: Path,
     return (None, problems) if problems else (config, [])
 
 
+def inconsistencies(config: SessionConfig) -> list[str]:
+    """A sentence for every pair of keys that do not go together."""
+    return [f"{FILE_NAME}: {fault}" for fault in faults_of(config, config.inputs)]
+
+
 def tables_of_text(text: str, folder: Path,
                    allow_outside: bool = False) -> tuple[SessionConfig | None, list[str]]:
     """As ``session_of_text``, where keys that are each well written need not go together.
@@ -130,19 +164,10 @@ def tables_of_text(text: str, folder: Path,
     """
     try:
         written = toml_of(text)
-        tables = SessionTables.model_validate(written)
+        shoot.Shoot.model_validate(written)
     except InputError as error:
         return None, [str(error)]
     except ValidationError as error:
         return None, [f"{FILE_NAME}: {sentence}"
-                      for sentence in fault_sentences(error, SessionTables)]
-    kind = FlatSession if _of_flat_samples(tables) else SceneSession
-    return kind(folder=folder, allow_outside=allow_outside, **written), []
-
-
-def _of_flat_samples(tables: SessionTables) -> bool:
-    """Whether regions of flat samples are measured; an empty [regions] says so before one is
-    outlined.
-    """
-    scene_stated = tables.scene is not None or tables.materials
-    return "regions" in tables.model_fields_set and (bool(tables.regions) or not scene_stated)
+                      for sentence in fault_sentences(error, shoot.Shoot)]
+    return SessionConfig(folder=folder, allow_outside=allow_outside, **written), []

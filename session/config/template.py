@@ -7,17 +7,9 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
+from spectrabox.measure.shoot.options import Inversion, Repeatability, Sampling, StrayLight
+from spectrabox.measure.shoot.shoot import FILE_NAME, ChartSection, SessionSection, Shoot
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.session.config.session_schema import (
-    FILE_NAME,
-    ChartSection,
-    Inversion,
-    Repeatability,
-    Sampling,
-    SessionSection,
-    SessionTables,
-    StrayLight,
-)
 
 SCHEMA_NAME = "session.schema.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -120,7 +112,7 @@ class TomlSchema(GenerateJsonSchema):
 
 def session_schema() -> str:
     """The JSON Schema of session.toml, by which editors complete and check it."""
-    return json.dumps(SessionTables.model_json_schema(schema_generator=TomlSchema), indent=1) + "\n"
+    return json.dumps(Shoot.model_json_schema(schema_generator=TomlSchema), indent=1) + "\n"
 
 
 def write_schema(folder: Path) -> None:

@@ -32,7 +32,7 @@ from spectrabox.radiometry.files import (
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.words import file_stem
-from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.config.session_file import FILE_NAME
 from spectrabox.session.config.template import SCHEMA_NAME, write_schema
 
 MARK = "# as 'spectrabox flat' wrote it: "

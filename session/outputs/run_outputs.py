@@ -12,7 +12,7 @@ from typing import Any
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.radiometry.findings import Finding
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.keys import digest_of_parts

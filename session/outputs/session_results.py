@@ -16,7 +16,7 @@ from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.store.input_files import InputFiles
 from spectrabox.session.store.input_roles import input_roles

@@ -13,7 +13,7 @@ from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.findings import Finding
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.box.scenes import write_box_scenes
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.session_results import session_results
 from spectrabox.session.report.page import NUMBERS_NAME, rendered_report, store_report

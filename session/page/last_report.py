@@ -8,7 +8,7 @@ from typing import Any
 
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.files import read_text
-from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.config.session_file import FILE_NAME
 
 REPORT, NUMBERS = "report.html", "report.json"
 

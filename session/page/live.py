@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure import texts
-from spectrabox.measure.captured import FlatCapture, Region
+from spectrabox.measure.captured import FlatCapture, Region, rectangle
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
 from spectrabox.measure.results.flat_result import FlatResult
+from spectrabox.measure.shoot.captures import flat_capture_of
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
 from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -30,8 +31,7 @@ from spectrabox.radiometry.records.spectra import Quantity, SurfaceSpectrum
 from spectrabox.radiometry.spectra.formats.csvw import plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened
-from spectrabox.session.config.captured_session import capture_of
-from spectrabox.session.config.flat_session import FlatSession
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.page.live_result import described_result, result_now
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.pointed_answers import (
@@ -66,7 +66,7 @@ class LiveSample:
 
     def __init__(self, run: RunControl, views: PhotoViews) -> None:
         self._run, self._views = run, views
-        self._config: FlatSession | None = None
+        self._config: SessionConfig | None = None
         self._sample: PointedSample | None = None
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
@@ -95,12 +95,12 @@ class LiveSample:
         self._ended = True
         self._wanted.set()
 
-    def follow(self, config: FlatSession | None) -> None:
+    def follow(self, config: SessionConfig | None) -> None:
         """Look at a session as it is now; returns at once.
 
         Parameters
         ----------
-        config : FlatSession or None
+        config : SessionConfig or None
             None of a session of a scene, or with faults.
         """
         written = None if config is None else config.model_dump_json()
@@ -296,11 +296,11 @@ class LiveSample:
         found = result_now(sample, lambda name: self._drawn_region(sample, name)[1])
         return found, described_result(found)
 
-    def _update(self, config: FlatSession | None) -> None:
+    def _update(self, config: SessionConfig | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""
         if config is None:
             return              # a fault that is being mended: what was known stays
-        capture = capture_of(config)
+        capture = flat_capture_of(config, config.inputs)
         keys = step_keys(capture, InputFiles(config))
         done = {}
         for name in (CHART, CALIBRATE):
@@ -346,7 +346,7 @@ class LiveSample:
         """Take what is stated of regions by now, where photos and calibration are the same."""
         if self._config is None or self._sample is None:
             return
-        capture = capture_of(self._config)
+        capture = flat_capture_of(self._config, self._config.inputs)
         if calibration_digest(capture) == self._calibrated_as:
             self._sample = PointedSample(capture, self._sample.calibrated)
 
@@ -403,7 +403,4 @@ def part_of(capture: FlatCapture, role: str, rect: Sequence[float]) -> Region:
     titles = [view.title for view in capture.views]
     if role not in titles:
         raise InputError("a photo of the samples is needed")
-    x0, y0, x1, y1 = rect
-    left, right, top, bottom = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
-    return Region(outline=((left, top), (right, top), (right, bottom), (left, bottom)),
-                  photos=(role,) if len(titles) > 1 else ())
+    return Region(outline=rectangle(rect), photos=(role,) if len(titles) > 1 else ())

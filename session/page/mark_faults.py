@@ -7,15 +7,14 @@ from spectrabox.capture.photo.linear import photo_size
 from spectrabox.capture.photo.regions import region_pixels
 from spectrabox.measure.opened_photos import develop
 from spectrabox.measure.scene.box_camera import scene_of
-from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.session.box.scenes import stated_scene
-from spectrabox.session.config.captured_session import (
-    capture_of,
+from spectrabox.measure.shoot.captures import (
     read_filter,
     read_light,
     read_reflectance,
+    stated_scene,
 )
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.problems import readable, require_chart
 
@@ -40,17 +39,17 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
         elif kind == "stated" and name in config.regions:
             for stated in (config.regions[name].known, config.regions[name].truth):
                 if stated is not None:
-                    read_reflectance(config, stated)
+                    read_reflectance(config.inputs, stated)
         elif kind in ("session", "view"):
             for view in config.all_views:
-                read_light(config, view.light)
+                read_light(config.inputs, view.light)
                 if view.filter is not None:
-                    read_filter(config, view.filter)
+                    read_filter(config.inputs, view.filter)
                 photo_size(config.path(view.photo_files[0]))
         elif kind == "chart corners":
             _chart(config)
         elif kind == "box corners":
-            scene_of(stated_scene(config))
+            scene_of(stated_scene(config, config.inputs))
     except SpectraboxError as error:
         return str(error).splitlines()
     return []
@@ -72,7 +71,7 @@ def _region(config: SessionConfig, name: str, photos: PhotoViews) -> None:
 
 
 def _chart(config: SessionConfig) -> None:
-    capture = readable(capture_of, config)
+    capture = readable(config.capture)
     if config.chart.corners_px is None or capture is None or not capture.views[0].chart:
         return
     view = capture.views[0]

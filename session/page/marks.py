@@ -18,13 +18,13 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.session_file import (
+    FILE_NAME,
+    inconsistencies,
     session_content,
     tables_of_text,
     text_of,
     toml_of,
 )
-from spectrabox.session.config.session_rules import inconsistencies
-from spectrabox.session.config.session_schema import FILE_NAME
 from spectrabox.session.flat.new_session import known_file
 from spectrabox.session.page.mark_faults import mark_faults
 from spectrabox.session.page.photo_views import PhotoViews

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import IO, Any
 
 from spectrabox.capture.photo.orientation import photo_orientation
+from spectrabox.measure.shoot.inputs import chart_of
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import plain, shortened
-from spectrabox.session.config.flat_session import FlatSession
-from spectrabox.session.config.session_chart import session_chart
-from spectrabox.session.config.session_file import session_of_text
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig, session_of_text
 from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.meters.page_meter import PageMeter
 from spectrabox.session.page.last_report import LastReport
@@ -99,7 +97,7 @@ class SessionPage:
         else:
             config, problems = session_of_text(text, self.folder, self._allow_outside)
         # spectra while one points are of flat samples alone
-        self.live.follow(config if isinstance(config, FlatSession) else None)
+        self.live.follow(config if config is not None and config.flat else None)
         live = self.live.state()
         tables = shown_tables(text)
         marks = marks_of(tables)
@@ -182,7 +180,7 @@ class SessionPage:
     def _chart(self) -> Chart:
         config, _ = session_of_text(self.marks.read()[0], self.folder)
         try:
-            return CLASSIC if config is None else session_chart(config)
+            return CLASSIC if config is None else chart_of(config, config.inputs)
         except SpectraboxError:
             return CLASSIC
 

@@ -13,7 +13,7 @@ from spectrabox.capture.photo.linear import photo_size
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import plain, shortened
-from spectrabox.session.config.session_schema import FILE_NAME
+from spectrabox.session.config.session_file import FILE_NAME
 from spectrabox.session.flat.new_session import (
     folder_beside,
     new_session,

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError
 
 from spectrabox.measure.captured import FIRST_PHOTO
+from spectrabox.measure.shoot.shoot import RegionSection, Shoot, by_band
 from spectrabox.radiometry.checked_tables import ListOf
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import toml_of
-from spectrabox.session.config.session_schema import RegionSection, SessionTables, by_band
 
 MAX_PX = 1e6            # no photo is as large
 Coordinate = Annotated[float, Field(ge=-MAX_PX, le=MAX_PX, strict=True)]
@@ -18,7 +18,7 @@ Pixel = Annotated[ListOf[Coordinate], Field(min_length=2, max_length=2)]
 ANY_CAMERA = {"at_mm": (0.0, 0.0, 1.0), "look_at_mm": (0.0, 0.0, 0.0), "fov_deg": 40.0}
 
 
-def shown_tables(text: str) -> SessionTables | None:
+def shown_tables(text: str) -> Shoot | None:
     """The tables of a session.toml; None where they are not well written.
 
     The camera of a box may be missing or half measured: marks are what it lacks.
@@ -34,13 +34,13 @@ def shown_tables(text: str) -> SessionTables | None:
         candidates.append(written | {"scene": {"box": box | {"camera": ANY_CAMERA}}})
     for candidate in candidates:
         try:
-            return SessionTables.model_validate(candidate)
+            return Shoot.model_validate(candidate)
         except ValidationError:
             continue
     return None
 
 
-def facts_of(tables: SessionTables | None) -> dict[str, Any]:
+def facts_of(tables: Shoot | None) -> dict[str, Any]:
     """What is said of light, picture and further photos."""
     light = None if tables is None else tables.light.spectrum
     return {"light": "" if light is None else light.word or light.file or "",
@@ -48,7 +48,7 @@ def facts_of(tables: SessionTables | None) -> dict[str, Any]:
             "views": [] if tables is None else list(tables.views)}
 
 
-def photos_of(tables: SessionTables | None) -> dict[str, str]:
+def photos_of(tables: Shoot | None) -> dict[str, str]:
     """The first file of every photo that is named, by what it is: "photo", "chart", "NAME",
     "NAME chart".
     """
@@ -61,7 +61,7 @@ def photos_of(tables: SessionTables | None) -> dict[str, str]:
             if photo is not None}
 
 
-def corner_names(tables: SessionTables | None) -> list[str]:
+def corner_names(tables: Shoot | None) -> list[str]:
     """Names of the corners that can be marked, of the box and of boxes in it; none without a
     box.
     """
@@ -71,7 +71,7 @@ def corner_names(tables: SessionTables | None) -> list[str]:
     return sorted(tables.scene.box.corner_positions(), key=lambda name: name.startswith("front "))
 
 
-def marks_of(tables: SessionTables | None) -> dict[str, Any]:
+def marks_of(tables: Shoot | None) -> dict[str, Any]:
     """What can be drawn on photos: outlines of regions, and corners."""
     if tables is None:
         return {"regions": {}, "chart_corners": None, "box_corners": None}

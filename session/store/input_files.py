@@ -7,7 +7,7 @@ from pathlib import Path
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import FileState, file_state
 from spectrabox.radiometry.spectra.formats.csvw import envi_partner, metadata_path
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 
 
 class InputFiles:

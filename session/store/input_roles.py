@@ -5,8 +5,8 @@ import os
 
 from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
 from spectrabox.measure.captured import Capture
-from spectrabox.session.config.session_chart import chart_files
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.measure.shoot.inputs import chart_files
+from spectrabox.session.config.session_file import SessionConfig
 
 
 def input_files(config: SessionConfig, capture: Capture) -> list[str]:
@@ -18,7 +18,9 @@ def input_files(config: SessionConfig, capture: Capture) -> list[str]:
     capture : Capture
         Of the session.
     """
-    files = [*input_roles(config), *(chart_files(config) if config.views_with_chart else ())]
+    files = [*input_roles(config)]
+    if config.views_with_chart:
+        files += chart_files(config, config.inputs)
     files += [name for name in (config.camera.lens, config.sensitivity.prior) if name is not None]
     if config.box is not None and config.box.colmap is not None:
         folder = config.box.colmap.folder.rstrip("/")

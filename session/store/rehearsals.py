@@ -7,7 +7,7 @@ from pathlib import Path
 
 from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.session.config.session_schema import SessionConfig
+from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.store.store import fingerprint, load_stage
 
 FILE = "rehearsal.json"

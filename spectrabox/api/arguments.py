@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from spectrabox.api.array_arguments import as_samples
 from spectrabox.api.known_camera import KnownCamera
 from spectrabox.measure.captured import LitChart
-from spectrabox.measure.options import Sampling
+from spectrabox.measure.shoot.options import Sampling
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_file, reference_reflectances

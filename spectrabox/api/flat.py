@@ -45,10 +45,11 @@ from spectrabox.measure.captured import (
     Region,
     Sensitivity,
     View,
+    rectangle,
 )
-from spectrabox.measure.options import PictureOptions
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.flat_result import flat_result
+from spectrabox.measure.shoot.options import PictureOptions
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
@@ -323,6 +324,5 @@ def _outline(region: OutlineLike, name: str) -> Outline:
         raise InputError(f"region {name!r} is (x0, y0, x1, y1), or three corners [(x, y), ...] or "
                          f"more, in pixels of the photo; {region} was given")
     if points.shape == (4,):
-        x0, y0, x1, y1 = points.tolist()
-        return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+        return rectangle(points.tolist())
     return tuple((x, y) for x, y in points.tolist())

@@ -45,10 +45,10 @@ from spectrabox.measure.captured import (
     SceneCapture,
     SceneView,
 )
-from spectrabox.measure.options import Inversion, PictureOptions, Repeatability
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.shoot.options import Inversion, PictureOptions, Repeatability
 from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error

@@ -1,20 +1,30 @@
-"""What session.toml may say: a model for each table, with defaults, limits and meanings.
+"""What is stated of a measurement: ``Shoot``, a model with a table for each part of it.
 
-The meanings are what editors show; ``docs/reference/session.md`` says more. Tables of errors and
-options are those of ``measure.options``.
+Each key stands here once, with its unit, limits, default and meaning. ``session.toml``, the
+arguments of the library and the options of commands state it; editors show the meanings. Curves are
+in ``curves.py``, errors and options in ``options.py``; ``rules.py`` says which keys do not go
+together, and ``captures.py`` reads the files that are named.
 """
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from spectrabox.measure.captured import FIRST_PHOTO, ONE_PHOTO
-from spectrabox.measure.options import (
+from spectrabox.measure.captured import FIRST_PHOTO, ONE_PHOTO, Outline, rectangle
+from spectrabox.measure.shoot.curves import (
+    FROM_CHART,
+    CurvesRef,
+    FilterRef,
+    LightRef,
+    LightTable,
+    SourceRef,
+    SourceTable,
+    SpectrumRef,
+    SpectrumTable,
+)
+from spectrabox.measure.shoot.options import (
     SURFACE_FIELD,
     Inversion,
     PictureOptions,
@@ -23,23 +33,10 @@ from spectrabox.measure.options import (
     StrayLight,
     Surface,
 )
-from spectrabox.measure.steps.declared_steps import Step
+from spectrabox.measure.steps.declared_steps import FLAT_STEPS, SCENE_STEPS, Step
 from spectrabox.radiometry.charts.layouts import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
-from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable, Point
-from spectrabox.session.config.curve_sources import (
-    FROM_CHART,
-    CurvesRef,
-    FilterRef,
-    FilterTable,
-    LightRef,
-    LightTable,
-    SourceRef,
-    SourceTable,
-    SpectrumRef,
-    SpectrumTable,
-)
 
 FILE_NAME = "session.toml"
 
@@ -227,12 +224,11 @@ class RegionSection(SurfaceSection):
         """Names of the photos that show it; none stands for all."""
         return (self.photo,) if isinstance(self.photo, str) else tuple(self.photo or ())
 
-    def outline(self) -> tuple[tuple[float, ...], ...]:
-        """Its corners [x, y], going round."""
-        if self.rect is None:
-            return self.polygon or ()
-        x0, y0, x1, y1 = self.rect
-        return (x0, y0), (x1, y0), (x1, y1), (x0, y1)
+    def outline(self) -> Outline:
+        """Its corners (x, y), going round."""
+        if self.rect is not None:
+            return rectangle(self.rect)
+        return tuple((x, y) for x, y in self.polygon or ())
 
 
 class ViewSection(Table):
@@ -258,8 +254,60 @@ class ViewSection(Table):
                                 "materials in common with other photos tell its strength")
 
 
-class SessionTables(Table):
-    """The tables of session.toml."""
+class CompleteView(ViewSection):
+    """One photo of the surfaces with what its table leaves out: its light, chart and scene. The
+    first, of [photos], has no name.
+    """
+
+    name: str
+    light: LightTable
+    lights_by_id: dict[str, LightTable]
+    lamp_of: str = FIRST_PHOTO          # title of the first photo that its lamp is stated to light
+    moved_for: str = ""                 # title of the photo for which its lamp was put elsewhere
+
+    @property
+    def title(self) -> str:
+        """What it is called in sentences and in a region's ``photo``."""
+        return self.name or FIRST_PHOTO
+
+    @property
+    def photo_by_band(self) -> dict[str, tuple[str, ...]]:
+        return by_band(self.photo)
+
+    @property
+    def photo_files(self) -> tuple[str, ...]:
+        return all_files(self.photo_by_band)
+
+    @property
+    def chart_files(self) -> tuple[str, ...]:
+        return all_files(self.chart_by_band)
+
+    @property
+    def chart_by_band(self) -> dict[str, tuple[str, ...]]:
+        """Empty where no chart is needed."""
+        return by_band(self.chart)
+
+    @property
+    def light_files(self) -> tuple[str, ...]:
+        """Of the spectra of its lights and its filter."""
+        of_filter = () if self.filter is None or self.filter.file is None else (self.filter.file,)
+        lights = (self.light, *self.lights_by_id.values())
+        return (*(name for light in lights for name in light.files), *of_filter)
+
+    @property
+    def spectrum_stated(self) -> bool:
+        """Whether the spectrum of what lights it, filter included, is stated."""
+        return self.light.stated and (self.filter is None or self.filter.file is not None)
+
+    def same_light(self, other: CompleteView) -> bool:
+        """Whether both are stated to be under one lamp, through one filter if any."""
+        return self.lamp_of == other.lamp_of and self.filter == other.filter
+
+
+class Shoot(Table):
+    """What is stated of photos, lights, chart, surfaces and scene, with the options of the
+    measurement. Files are named as seen from one folder.
+    """
 
     session: SessionSection = SessionSection()
     photos: PhotosSection
@@ -278,105 +326,28 @@ class SessionTables(Table):
     sampling: Sampling = Sampling()
     picture: PictureOptions | None = None
 
-
-@dataclass(frozen=True)
-class ViewInputs:
-    """One photo of the materials and what it was taken in; the first, of [photos], has no name."""
-
-    name: str
-    photo: dict[str, tuple[str, ...]]   # files by band
-    chart: dict[str, tuple[str, ...]]   # under the same light; empty where no chart is needed
-    light: LightTable
-    scene: str | None                   # None: made from [scene.box]
-    lights_by_id: dict[str, LightTable]
-    turn_deg: float = 0.0               # of the turntable
-    camera: CameraTable | None = None   # of a box's photo, where it is not that of [scene.box]
-    lamp_at_mm: Point | None = None     # of a box's lamp, where it was moved
-    lamp: str = FIRST_PHOTO             # title of the first photo that this lamp is stated to light
-    moved: str = ""                     # title of the photo for which its lamp was put elsewhere
-    filter: FilterTable | None = None   # before its lens or lamp
+    @property
+    def flat(self) -> bool:
+        """Whether regions of flat samples are measured and no scene; an empty [regions] says so
+        before one is outlined.
+        """
+        scene_stated = self.scene is not None or self.materials
+        return "regions" in self.model_fields_set and (bool(self.regions) or not scene_stated)
 
     @property
-    def title(self) -> str:
-        """What it is called in sentences and in a region's ``photo``."""
-        return self.name or FIRST_PHOTO
+    def steps(self) -> tuple[Step, ...]:
+        """Of its measurement."""
+        return FLAT_STEPS if self.flat else SCENE_STEPS
 
     @property
-    def photo_files(self) -> tuple[str, ...]:
-        return all_files(self.photo)
-
-    @property
-    def chart_files(self) -> tuple[str, ...]:
-        return all_files(self.chart)
-
-    @property
-    def spectrum_stated(self) -> bool:
-        """Whether the spectrum of what lights it, filter included, is stated."""
-        return self.light.stated and (self.filter is None or self.filter.file is not None)
-
-    def same_light(self, other: ViewInputs) -> bool:
-        """Whether both are stated to be under one lamp, through one filter if any."""
-        return self.lamp == other.lamp and self.filter == other.filter
-
-    @property
-    def light_files(self) -> tuple[str, ...]:
-        """Of the spectra of its lights and its filter."""
-        of_filter = () if self.filter is None or self.filter.file is None else (self.filter.file,)
-        return (*(name for light in self.all_lights for name in light.files), *of_filter)
-
-    @property
-    def all_lights(self) -> tuple[LightTable, ...]:
-        return (self.light, *self.lights_by_id.values())
-
-    def label(self, kind: str) -> str:
-        """The name of a picture of this view among a stage's results."""
-        return f"{kind} {self.name}" if self.name else kind
-
-
-class SessionConfig(SessionTables, ABC):
-    """One session as its operator described it; file names are relative to ``folder``."""
-
-    folder: Path
-    allow_outside: bool
-    toml_sha256: str = ""       # of the file as it was read
-
-    steps: ClassVar[tuple[Step, ...]]     # of a capture of its kind
-
-    @property
-    @abstractmethod
     def surfaces(self) -> Mapping[str, SurfaceSection]:
         """What is measured, by name."""
+        return self.regions if self.flat else self.materials
 
     @property
-    @abstractmethod
-    def camera_from_chart(self) -> bool:
-        """Whether the camera is fitted to a chart photo."""
-
-    @property
-    @abstractmethod
-    def needs_chart(self) -> bool:
-        """Whether the first view's calibration is to come from its chart photo."""
-
-    @property
-    @abstractmethod
-    def first_chart(self) -> dict[str, tuple[str, ...]]:
-        """Files by band of the photo that shows the chart under the first light."""
-
-    @abstractmethod
-    def chart_of(self, view: ViewSection, lamp: str) -> dict[str, tuple[str, ...]]:
-        """Files by band of the photo that shows the chart under a further view's light; empty where
-        none is needed.
-
-        Parameters
-        ----------
-        view : ViewSection
-        lamp : str
-            Title of the first photo under its lamp.
-        """
-
-    @abstractmethod
-    def faults(self) -> Iterator[str]:
-        """A sentence for every pair of keys that do not go together in a session of its kind."""
+    def bsdfs(self) -> dict[str, str]:
+        """Id of the BSDF of every material."""
+        return {name: material.bsdf or name for name, material in self.materials.items()}
 
     @property
     def box(self) -> BoxTable | None:
@@ -384,20 +355,50 @@ class SessionConfig(SessionTables, ABC):
         return None if self.scene is None else self.scene.box
 
     @property
-    def all_views(self) -> tuple[ViewInputs, ...]:
-        """The photos of the surfaces, that of [photos] first."""
-        first = ViewInputs("", by_band(self.photos.object), self.first_chart, self.light.spectrum,
-                           self.scene.file if self.scene else None, self.light.by_id or {})
-        return (first, *(self._further_view(name, view, first) for name, view
-                         in self.views.items()))
+    def camera_from_chart(self) -> bool:
+        """Whether the camera is fitted to a chart photo."""
+        return self.flat or self.sensitivity.from_chart
 
-    def _further_view(self, name: str, view: ViewSection, first: ViewInputs) -> ViewInputs:
-        lamp = self._lamp_of(name)
-        light = None if lamp not in self.views else self.views[lamp].light
-        return ViewInputs(name, by_band(view.photo), self.chart_of(view, lamp),
-                          light or first.light, view.scene or first.scene,
-                          {} if light else first.lights_by_id, view.turn_deg or 0.0, view.camera,
-                          view.lamp_at_mm, lamp, self._moved_for(name), view.filter)
+    @property
+    def needs_chart(self) -> bool:
+        """Whether the first view's calibration is to come from its chart photo."""
+        return self.camera_from_chart or self.scale.source == "chart"
+
+    @property
+    def chart_pose_known(self) -> bool:
+        """Whether it is stated where light and chart stood for the chart photo."""
+        return self.chart.scene is not None or (self.box is not None
+                                                and self.box.chart is not None)
+
+    @property
+    def all_views(self) -> tuple[CompleteView, ...]:
+        """The photos of the surfaces, that of [photos] first."""
+        scene, by_id = self.scene.file if self.scene else None, self.light.by_id or {}
+        photo, chart = self.photos.object, self.photos.chart
+        if chart is None and self.flat:     # the photo of the samples shows the chart itself
+            chart = photo
+        views = [CompleteView(
+            name="", photo=photo, light=self.light.spectrum, scene=scene, lights_by_id=by_id,
+            chart=chart if self.needs_chart else None)]
+        for name, view in self.views.items():
+            lamp = self._lamp_of(name)
+            own = None if lamp not in self.views else self.views[lamp].light
+            views.append(CompleteView(**{
+                **dict(view), "name": name, "light": own or self.light.spectrum,
+                "scene": view.scene or scene, "lights_by_id": {} if own else by_id,
+                "chart": self._chart_of(view, lamp), "lamp_of": lamp,
+                "moved_for": self._moved_for(name)}))
+        return tuple(views)
+
+    def _chart_of(self, view: ViewSection, lamp: str) -> Photo | None:
+        """The photo that shows the chart under a further view's light; None where none is needed.
+
+        Without one of its own, the photo of flat samples shows the chart where its light is
+        another, elsewhere or through a filter, or where the first photo shows it.
+        """
+        shows_chart = self.flat and (lamp != FIRST_PHOTO or view.filter is not None
+                                     or view.lamp is not None or self.photos.chart is None)
+        return view.photo if view.chart is None and shows_chart else view.chart
 
     def _moved_for(self, name: str) -> str:
         """Title of the photo for which the lamp of a view was put where it stands; empty where it
@@ -432,35 +433,11 @@ class SessionConfig(SessionTables, ABC):
         return alike[0] if light.stated else name
 
     @property
-    def views_with_chart(self) -> tuple[ViewInputs, ...]:
+    def views_with_chart(self) -> tuple[CompleteView, ...]:
         """Views that have a chart photo under their light."""
         return tuple(view for view in self.all_views if view.chart)
 
-    def regions_in(self, view: ViewInputs) -> dict[str, RegionSection]:
+    def regions_in(self, view: CompleteView) -> dict[str, RegionSection]:
         """The regions that the photo of a view shows."""
         return {name: region for name, region in self.regions.items()
                 if not region.photos or view.title in region.photos}
-
-    @property
-    def results_folder(self) -> Path:
-        """Where the stages keep their results."""
-        return self.folder / "results"
-
-    def path(self, name: str) -> Path:
-        """Where a file of the session lies.
-
-        Raises
-        ------
-        InputError
-            If it would leave the session folder without having been asked to, or no file can have
-            such a name.
-        """
-        try:
-            path = (self.folder / name).resolve()
-        except (OSError, ValueError, RuntimeError) as error:    # a zero byte, a link to itself
-            raise InputError(f"{name!r} cannot be the name of a file ({error}); correct it"
-                             ) from None
-        if not self.allow_outside and not path.is_relative_to(self.folder.resolve()):
-            raise InputError(f"{name!r} lies outside the session folder; copy it in, "
-                             "or allow it with --allow-outside")
-        return path

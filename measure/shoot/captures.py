@@ -1,0 +1,406 @@
+"""The capture that a shoot describes: its files read, but for the photos.
+
+Every file that cannot be used is named at once.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from spectrabox.calibrate.geometry.colmap_model import ModelImage, read_colmap
+from spectrabox.calibrate.geometry.lens import read_lens
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.measure.captured import (
+    BoxPhoto,
+    Development,
+    FlatCapture,
+    InputFile,
+    LitChart,
+    Material,
+    PhotoFiles,
+    Region,
+    SceneCapture,
+    SceneView,
+    Sensitivity,
+    View,
+)
+from spectrabox.measure.shoot.curves import FilterTable, LightTable, SpectrumTable
+from spectrabox.measure.shoot.inputs import Inputs, chart_files, chart_of
+from spectrabox.measure.shoot.shoot import FILE_NAME, CompleteView, Shoot, SurfaceSection
+from spectrabox.radiometry.chart import Chart, excluded_patches
+from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
+from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra.filters import read_filter as read_filter_file
+from spectrabox.radiometry.spectra.filters import unknown_filter
+from spectrabox.radiometry.spectra.named_spectra import sensitivities, spectrum_of_name, vague_light
+from spectrabox.radiometry.spectra.spectrum_files import (
+    on_grid,
+    read_curves,
+    read_spectrum,
+    spectrum_on_grid,
+)
+from spectrabox.reconstruct.scene.box_scene import chart_xml
+from spectrabox.reconstruct.scene.edit_scene import refinements
+from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene, scene_of_text
+
+BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
+COLMAP = f"{FILE_NAME}: scene.box.colmap"
+SHOWN = 12              # names of pictures in an error
+Kind = TypeVar("Kind")
+
+
+def capture_of(shoot: Shoot, inputs: Inputs) -> FlatCapture | SceneCapture:
+    """What is measured, with everything read but its photos.
+
+    Parameters
+    ----------
+    shoot : Shoot
+    inputs : Inputs
+        Its files.
+
+    Raises
+    ------
+    SpectraboxError
+        If files cannot be read or used; it names them all, a sentence a line.
+    """
+    capture, faults = capture_with_faults(shoot, inputs)
+    if faults:
+        sentences = dict.fromkeys(line for fault in faults for line in str(fault).splitlines())
+        raise type(faults[0])("\n".join(sentences))
+    return capture
+
+
+def flat_capture_of(shoot: Shoot, inputs: Inputs) -> FlatCapture:
+    """As ``capture_of``, of flat samples."""
+    capture = capture_of(shoot, inputs)
+    assert isinstance(capture, FlatCapture)
+    return capture
+
+
+def capture_with_faults(shoot: Shoot, inputs: Inputs
+                        ) -> tuple[FlatCapture | SceneCapture, list[SpectraboxError]]:
+    """As ``capture_of``, with every fault; what could not be read is None in the capture then."""
+    reader = _Reader(shoot, inputs)
+    return reader.flat_capture() if shoot.flat else reader.scene_capture(), reader.faults
+
+
+class _Reader:
+    """Reads the files of a shoot one after the other, and notes what cannot be used."""
+
+    def __init__(self, shoot: Shoot, inputs: Inputs) -> None:
+        self.shoot, self.inputs = shoot, inputs
+        self.faults: list[SpectraboxError] = []
+
+    def read(self, read: Callable[..., Kind], *arguments: Any) -> Kind:
+        """What a function reads.
+
+        Returns
+        -------
+        its result
+            Not used where there is a fault: the capture is refused then.
+        """
+        try:
+            return read(*arguments)
+        except SpectraboxError as fault:
+            self.faults.append(fault)
+            return None  # type: ignore[return-value]  # nothing is made of it
+
+    def file(self, name: str) -> InputFile:
+        """A file by the name that the shoot has for it."""
+        return self.inputs.given.get(name) or InputFile(name, self.read(self.inputs.path, name))
+
+    def photo(self, files: dict[str, tuple[str, ...]]) -> PhotoFiles:
+        """A photo's files by band."""
+        return {band: tuple(self.file(name) for name in names) for band, names in files.items()}
+
+    def flat_capture(self) -> FlatCapture:
+        views = tuple(View(**self._view(view)) for view in self.shoot.all_views)
+        regions = {name: Region(**self._surface(section), outline=section.outline(),
+                                photos=section.photos)
+                   for name, section in self.shoot.regions.items()}
+        return FlatCapture(views=views, regions=regions, **self._common())
+
+    def scene_capture(self) -> SceneCapture:
+        shoot, inputs = self.shoot, self.inputs
+        chart_scene = self.read(read_chart_scene, shoot, inputs) if shoot.views_with_chart else None
+        lens = None if shoot.camera.lens is None else self.read(
+            lambda name: read_lens(inputs.path(name)), shoot.camera.lens)
+        views = tuple(
+            SceneView(**self._view(view), lens=lens, scene_name=view.scene,
+                      scene=self.read(stated_scene, shoot, inputs, view),
+                      lights_by_id={name: self.read(read_known_light, inputs, light)
+                                    for name, light in view.lights_by_id.items()})
+            for view in shoot.all_views)
+        materials = {name: Material(**self._surface(section), bsdf=section.bsdf or name)
+                     for name, section in shoot.materials.items()}
+        files = dict.fromkeys(view.scene for view in shoot.all_views if view.scene is not None)
+        return SceneCapture(views=views, materials=materials, chart_scene=chart_scene,
+                            inversion=shoot.reconstruct,
+                            scale_from_chart=shoot.scale.source == "chart",
+                            refinements={} if self.faults else {
+                                file: refinements(inputs.path(file)) for file in files},
+                            **self._common())
+
+    def _common(self) -> dict[str, Any]:
+        """What is stated of both kinds beside photos and surfaces, by the fields of a capture."""
+        shoot, photos = self.shoot, self.shoot.photos
+        return {
+            "name": shoot.session.name, "seed": shoot.session.seed,
+            "chart": self.read(_lit_chart, shoot, self.inputs) if shoot.views_with_chart else None,
+            "development": Development(
+                tuple(self.file(name) for name in photos.dark_files),
+                {band: self.file(name) for band, name in photos.flats.items()},
+                photos.not_linear, photos.orientation),
+            "sensitivity": self.read(_sensitivity, shoot, self.inputs),
+            "repeatability": shoot.repeatability, "stray_light": shoot.stray_light,
+            "sampling": shoot.sampling, "picture": shoot.picture}
+
+    def _view(self, view: CompleteView) -> dict[str, Any]:
+        """What is stated of a photo, by the fields of a view."""
+        table, known = view.filter, view.filter is None or view.filter.file is not None
+        return {"name": view.name, "photo": self.photo(view.photo_by_band),
+                "chart": self.photo(view.chart_by_band),
+                "light": self.read(read_light, self.inputs, view.light),
+                "light_words": _words(view.light), "lamp": view.lamp_of, "moved": view.moved_for,
+                "filter": None if table is None else self.read(read_filter, self.inputs, table),
+                "filter_words": "" if table is None else _words_of_filter(table),
+                "filter_known": known}
+
+    def _surface(self, section: SurfaceSection) -> dict[str, Any]:
+        """What is stated of a surface, by the fields of one."""
+        known, truth = (None if table is None else self.read(read_reflectance, self.inputs, table)
+                        for table in (section.known, section.truth))
+        return {"families": section.families, "surface": section.surface,
+                "known": None if known is None else spectrum_on_grid(known, FINE_GRID),
+                "truth": truth}
+
+
+def _words(light: LightTable) -> str:
+    """How a light is stated."""
+    return light.file or light.word or f"unknown light of {light.cct:g} K"
+
+
+def _words_of_filter(table: FilterTable) -> str:
+    """How a filter is stated."""
+    if table.file is None:
+        return "an unknown filter"
+    column = "" if table.column is None else f", column {table.column}"
+    return f"{table.file}{column}"
+
+
+def _lit_chart(shoot: Shoot, inputs: Inputs) -> LitChart:
+    """The session's chart, with its reflectances, published or measured."""
+    layout = chart_of(shoot, inputs)
+    corners = shoot.chart.corners_px
+    return LitChart(layout, read_chart_reference(shoot, inputs, layout),
+                    excluded_patches(shoot.chart.leave_out, layout, "chart.leave_out"),
+                    None if corners is None else np.array(corners),
+                    stated=shoot.chart.reference is not None or layout.reference_file is not None,
+                    measured=reference_file(shoot.chart.reference, layout) is not None)
+
+
+def read_chart_reference(shoot: Shoot, inputs: Inputs, layout: Chart) -> np.ndarray:
+    """Reflectances (I, P) of the chart, published or measured.
+
+    Raises
+    ------
+    InputError, CheckError
+        If a file cannot be read, or lists the patches in another order.
+    """
+    for name in chart_files(shoot, inputs):
+        inputs.path(name)      # refuses what lies outside the session
+    return reference_reflectances(shoot.chart.reference, layout, FINE_GRID, inputs.folder)
+
+
+def _sensitivity(shoot: Shoot, inputs: Inputs) -> Sensitivity:
+    """Where the camera's sensitivities come from."""
+    chosen = shoot.sensitivity
+    prior = None if chosen.prior is None else load_camera_prior(inputs.path(chosen.prior))
+    names, curves = ((), None) if chosen.from_chart else read_sensitivities(shoot, inputs)
+    return Sensitivity(curves, names, chosen.source.words, chosen.method, prior,
+                       chosen.relative_error)
+
+
+def read_sensitivities(shoot: Shoot, inputs: Inputs) -> tuple[tuple[str, ...], np.ndarray]:
+    """Measured curves (K, P) on the working grid, scaled to a largest value of 1, and their names,
+    where their file names them.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three curves, or they are negative.
+    """
+    source = shoot.sensitivity.source
+    names: tuple[str, ...] = ()
+    if source.file is None:
+        on = sensitivities(source.words, FINE_GRID)
+    else:
+        nm, names, curves = read_curves(inputs.path(source.file), source.columns)
+        on = on_grid(nm, curves, FINE_GRID, source.file)
+    if len(on) < 3:
+        raise InputError(f"{source.words} holds {len(on)} curves; three or more bands are "
+                         "needed")
+    if on.max() <= 0 or on.min() < -0.05 * on.max():
+        raise InputError(f"{source.words}: sensitivities must be positive; "
+                         f"they run from {on.min():.3g} to {on.max():.3g}")
+    return names, np.maximum(on, 0.0) / on.max()
+
+
+def read_light(inputs: Inputs, table: LightTable) -> Spectrum | UnknownLight:
+    """Light spectrum as its file gives it, or what is known of it.
+
+    Raises
+    ------
+    InputError
+        If its file cannot be read, does not cover 400-700 nm or is negative there, or no light has
+        its name.
+    """
+    if table.cct is not None:
+        return UnknownLight(cct=table.cct)
+    if table.word is not None:
+        return vague_light(table.word) or spectrum_of_name(table.word, FINE_GRID)
+    assert table.file is not None
+    if table.file in inputs.given:
+        return inputs.given[table.file]
+    light = read_spectrum(inputs.path(table.file), role=Quantity.RELATIVE, column=table.column)
+    values = spectrum_on_grid(light, FINE_GRID)
+    if values.max() <= 0 or values.min() < -0.01 * values.max():
+        raise InputError(f"{table.file}: a light spectrum must be positive; "
+                         f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
+    return light
+
+
+def read_known_light(inputs: Inputs, table: LightTable) -> Spectrum:
+    """The same where a spectrum is needed.
+
+    Raises
+    ------
+    InputError
+        As ``read_light``, and if the light is not known.
+    """
+    light = read_light(inputs, table)
+    if isinstance(light, UnknownLight):
+        raise InputError(f"this needs the spectrum of a light and has an {light.words}; measure "
+                         "it, or name a CIE illuminant")
+    return light
+
+
+def read_filter(inputs: Inputs, table: FilterTable) -> Filter:
+    """A filter of the session, with its error.
+
+    Raises
+    ------
+    InputError
+        If its file cannot be read, does not cover 400-700 nm, or is no transmittance.
+    """
+    if table.file is None:
+        return unknown_filter()
+    if table.file in inputs.given:
+        return inputs.given[table.file]
+    return read_filter_file(inputs.path(table.file), table.column)
+
+
+def read_reflectance(inputs: Inputs, table: SpectrumTable) -> Spectrum:
+    """Reflectance that covers 400-700 nm.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not cover 400-700 nm.
+    """
+    if table.file in inputs.given:
+        return inputs.given[table.file]
+    spectrum = read_spectrum(inputs.path(table.file), role=Quantity.REFLECTANCE,
+                             column=table.column)
+    spectrum_on_grid(spectrum, FINE_GRID)
+    return spectrum
+
+
+def stated_scene(shoot: Shoot, inputs: Inputs,
+                 view: CompleteView | None = None) -> SceneFile | BoxPhoto:
+    """The scene of a photo: a file, which lies within the session folder, or a measured box.
+
+    Parameters
+    ----------
+    shoot : Shoot
+    inputs : Inputs
+    view : CompleteView, optional
+        The first by default.
+
+    Raises
+    ------
+    InputError
+        If the session has no scene, or it cannot be read.
+    """
+    if shoot.scene is None:
+        raise InputError(f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
+                         "a session with [scene]")
+    view = view or shoot.all_views[0]
+    if view.scene is None:
+        return box_photo(shoot, inputs, view)
+    return read_scene(inputs.path(view.scene), inputs.bounds)
+
+
+def box_photo(shoot: Shoot, inputs: Inputs, view: CompleteView | None = None) -> BoxPhoto:
+    """What a session with [scene.box] states of one of its photos.
+
+    Parameters
+    ----------
+    shoot : Shoot
+    inputs : Inputs
+    view : CompleteView, optional
+        The first by default.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or lies outside the session.
+    """
+    box, first = shoot.box, shoot.all_views[0]
+    view = view or first
+    assert box is not None
+    box = box.model_copy(update={"chart": None})        # which stands in a scene of its own
+    turned = box.turned(view.turn_deg or 0.0).lit_from(view.lamp_at_mm)
+    # a view without a camera of its own was taken by the first photo's, which marked its corners
+    if view.camera is None:
+        camera, marked, taken = box.camera, box, first.photo_files[0]
+        camera_view, table = first.name, "scene.box.camera"
+    else:
+        camera, marked, taken = view.camera, turned, view.photo_files[0]
+        camera_view, table = view.name, f"views.{view.name}.camera"
+    lens, beam = shoot.camera.lens, box.lamp.beam
+    return BoxPhoto(
+        box=turned, camera=camera, marked=marked, taken=InputFile(taken, inputs.path(taken)),
+        lens=None if lens is None else read_lens(inputs.path(lens)),
+        path=inputs.folder / BOX_SCENE_NAME,
+        beam=None if beam is None else InputFile(beam, inputs.path(beam)),
+        model={} if camera.image is None else _pictures(shoot, inputs, camera.image),
+        camera_view=camera_view, camera_place=f"{FILE_NAME}: {table}", model_place=COLMAP)
+
+
+def _pictures(shoot: Shoot, inputs: Inputs, image: str) -> dict[str, ModelImage]:
+    """The picture of the session's COLMAP model that is a photo, and those that tie it to the box.
+    """
+    assert shoot.box is not None and shoot.box.colmap is not None
+    images = read_colmap(inputs.path(shoot.box.colmap.folder))
+    needed = (image, *shoot.box.colmap.corners_px)
+    for name in needed:
+        if name not in images:
+            some = ", ".join([*images][:SHOWN]) + (", ..." if len(images) > SHOWN else "")
+            raise InputError(f"{COLMAP}: the model has no picture {name!r}; it has {some}")
+    return {name: images[name] for name in needed}
+
+
+def read_chart_scene(shoot: Shoot, inputs: Inputs) -> SceneFile | None:
+    """The scene of the chart photo, where there is one."""
+    if shoot.chart.scene is not None:
+        return read_scene(inputs.path(shoot.chart.scene), inputs.bounds)
+    if shoot.box is None or shoot.box.chart is None:
+        return None
+    return scene_of_text(chart_xml(shoot.box, shoot.box.chart),
+                         inputs.folder / CHART_SCENE_NAME, inputs.bounds)
