@@ -37,6 +37,7 @@ from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.filters import read_filter as read_filter_file
 from spectrabox.radiometry.spectra.filters import unknown_filter
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, spectrum_of_name, vague_light
 from spectrabox.radiometry.spectra.spectrum_files import (
     on_grid,
@@ -162,14 +163,15 @@ class _Reader:
 
     def _view(self, view: CompleteView) -> dict[str, Any]:
         """What is stated of a photo, by the fields of a view."""
-        table, known = view.filter, view.filter is None or view.filter.file is not None
+        table = view.filter
+        through = None if table is None else self.read(read_filter, self.inputs, table)
         return {"name": view.name, "photo": self.photo(view.photo_by_band),
                 "chart": self.photo(view.chart_by_band),
                 "light": self.read(read_light, self.inputs, view.light),
                 "light_words": _words(view.light), "lamp": view.lamp_of, "moved": view.moved_for,
-                "filter": None if table is None else self.read(read_filter, self.inputs, table),
+                "filter": through,
                 "filter_words": "" if table is None else _words_of_filter(table),
-                "filter_known": known}
+                "filter_known": through is None or through.name != UNKNOWN}
 
     def _surface(self, section: SurfaceSection) -> dict[str, Any]:
         """What is stated of a surface, by the fields of one."""
@@ -220,7 +222,8 @@ def read_chart_reference(shoot: Shoot, inputs: Inputs, layout: Chart) -> np.ndar
 def _sensitivity(shoot: Shoot, inputs: Inputs) -> Sensitivity:
     """Where the camera's sensitivities come from."""
     chosen = shoot.sensitivity
-    prior = None if chosen.prior is None else load_camera_prior(inputs.path(chosen.prior))
+    prior = None if chosen.prior is None else inputs.given.get(chosen.prior) \
+        or load_camera_prior(inputs.path(chosen.prior))
     names, curves = ((), None) if chosen.from_chart else read_sensitivities(shoot, inputs)
     return Sensitivity(curves, names, chosen.source.words, chosen.method, prior,
                        chosen.relative_error)

@@ -85,7 +85,8 @@ def chart_files(shoot: Shoot, inputs: Inputs) -> list[str]:
     folder, file, named = inputs.folder.resolve(), shoot.chart.layout_file, shoot.chart.reference
     reference: Path | None
     if file is None:        # of a chart that is sold, no file says anything but one that is named
-        layout_name(shoot.chart.layout)
+        if shoot.chart.layout not in inputs.given:
+            layout_name(shoot.chart.layout)
         reference = folder / named if named is not None and names_a_file(named) else None
     else:
         reference = reference_file(named, chart_of(shoot, inputs), folder)

@@ -10,11 +10,9 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.array_arguments import as_samples
 from spectrabox.api.known_camera import KnownCamera
-from spectrabox.measure.captured import LitChart
 from spectrabox.measure.shoot.options import Sampling
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
-from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
 from spectrabox.radiometry.checked_tables import checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, faults
@@ -295,18 +293,6 @@ def as_chart(layout: str | Path | Chart | None) -> Chart:
     if isinstance(layout, Chart):
         return layout
     return CLASSIC if layout is None else chart_layout(str(layout))
-
-
-def as_lit_chart(layout: str | Path | Chart | None, reference: str | None,
-                 corners: ArrayLike | None = None) -> LitChart:
-    """A chart with its reflectances, published or of a file, and its corners where they are given.
-    """
-    chart = as_chart(layout)
-    return LitChart(chart, reference_reflectances(reference, chart, FINE_GRID),
-                    np.zeros(len(chart.names), bool),
-                    as_corners(corners),
-                    stated=reference is not None or chart.reference_file is not None,
-                    measured=reference_file(reference, chart) is not None)
 
 
 def as_corners(corners: ArrayLike | None) -> np.ndarray | None:

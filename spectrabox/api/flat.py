@@ -1,22 +1,17 @@
 """Spectra of regions of a flat sample, from one photo with a colour chart in it or beside it."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.arguments import (
     FilterLike,
     KnownSpectrum,
     LightLike,
-    as_filter,
-    as_light,
-    as_lit_chart,
-    as_reflectance,
     families_of,
     folder_for_pictures,
     sampling_of,
@@ -31,32 +26,16 @@ from spectrabox.api.estimates.measured_spectra import (
     prior_of,
     surface_estimate,
 )
-from spectrabox.api.photo import Photo, as_input_file
+from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.api.shoot_arguments import Arguments
 from spectrabox.capture.photo.orientation import photo_orientation
-from spectrabox.measure.captured import (
-    FIRST_PHOTO,
-    ONE_PHOTO,
-    Development,
-    FlatCapture,
-    Outline,
-    PhotoFiles,
-    Region,
-    Sensitivity,
-    View,
-    rectangle,
-)
+from spectrabox.measure.captured import FIRST_PHOTO, FlatCapture
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.flat_result import flat_result
-from spectrabox.measure.shoot.options import PictureOptions
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records.calibration import Filter
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum
-from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.system.threads import one_blas_thread
 
 SAME_LAMP, MOVED_LAMP = "same", "moved"
@@ -224,20 +203,24 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
     for name in (*(families or {}), *(known or {}), *(truth or {})):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
-    first = _photo_files(photo)
-    capture = FlatCapture(
-        views=_views(first, as_light(light), str(light), chart_photo, filtered or {}, also or {}),
-        regions=_regions(regions, surfaces_of(surface, regions, "region"), families or {},
-                         known or {}, truth or {}),
-        chart=as_lit_chart(layout, reference, corners),
-        development=Development(
-            flat_fields={} if flat_field is None else {ONE_PHOTO: as_input_file(flat_field)},
-            orientation=photo.orientation if isinstance(photo, Photo)
-            else photo_orientation(first[ONE_PHOTO][0].path)),
-        sensitivity=Sensitivity(prior=None if camera_prior is None
-                                else load_camera_prior(Path(camera_prior))),
-        sampling=sampling_of(draws=draws, level=level),
-        picture=None if picture is None else PictureOptions(), seed=seed)
+    surfaces = surfaces_of(surface, regions, "region")
+    stated = Arguments()
+    capture = stated.capture({
+        "session": {"name": "", "seed": seed},
+        "photos": {"object": stated.photo(photo), "chart": stated.photo(chart_photo),
+                   "flat": stated.photo(flat_field),
+                   "orientation": photo.orientation if isinstance(photo, Photo)
+                   else photo_orientation(Path(photo))},
+        "light": {"spectrum": stated.light(light)},
+        "views": _views(stated, filtered or {}, also or {}),
+        "regions": {name: stated.outline(outline, name) | stated.surface(
+            name, families, surfaces, known or {}, truth or {})
+            for name, outline in regions.items()},
+        "chart": stated.chart(layout, reference, corners),
+        "sensitivity": stated.camera_prior(camera_prior),
+        "sampling": sampling_of(draws=draws, level=level),
+        "picture": None if picture is None else {}})
+    assert isinstance(capture, FlatCapture)
     with progress_steps(progress, "flat") as show:
         keeper = MemoryKeeper(lambda step, share, message: show(_share(step, share), message),
                               pictures=None if picture is None else folder_for_pictures(picture))
@@ -252,77 +235,25 @@ def _share(step: str, share: float) -> float:
     return BEGIN[step] + share * (after - BEGIN[step])
 
 
-def _photo_files(photo: str | Path | Photo) -> PhotoFiles:
-    return {ONE_PHOTO: (as_input_file(photo),)}
-
-
-def _views(first: PhotoFiles, light: Any, light_words: str, chart_photo: str | Path | Photo | None,
-           filtered: Mapping[str | Path, FilterLike], also: Mapping[str | Path, LightLike]
-           ) -> tuple[View, ...]:
-    """The first photo, those through filters, and those under the same or other lamps."""
-    chart = first if chart_photo is None else _photo_files(chart_photo)
-    views = [View("", first, chart, light, light_words)]
+def _views(stated: Arguments, filtered: Mapping[str | Path, FilterLike],
+           also: Mapping[str | Path, LightLike]) -> dict[str, dict[str, Any]]:
+    """Photos through filters, and those under the same or other lamps."""
+    views: dict[str, dict[str, Any]] = {}
     for file, through in filtered.items():
-        own = _photo_files(file)
-        views.append(View(_name(file, views), own, own, light, light_words,
-                          filter=as_filter(through), filter_words=f"{_words(through)}, {file}",
-                          filter_known=isinstance(through, Filter) or through != UNKNOWN))
+        views[_name(file, views)] = {"photo": stated.photo(file), "same_light_as": FIRST_PHOTO,
+                                     "filter": stated.filter(through, file)}
     for file, lamp in also.items():
-        own = _photo_files(file)
-        name = _name(file, views)
+        said: dict[str, Any] = {"same_light_as": FIRST_PHOTO}
         if isinstance(lamp, str) and lamp == MOVED_LAMP:
-            views.append(View(name, own, own, light, light_words, moved=name))
-        elif lamp == SAME_LAMP or (isinstance(lamp, str | Path) and views[0].light_stated
-                                 and str(lamp) == light_words):
-            views.append(View(name, own, own if chart_photo is None else {}, light, light_words))
-        else:
-            views.append(View(name, own, own, as_light(lamp), str(lamp), lamp=name))
-    return tuple(views)
+            said["lamp"] = "moved"
+        elif not (isinstance(lamp, str) and lamp == SAME_LAMP):
+            said = {"light": stated.light(lamp)}
+        views[_name(file, views)] = {"photo": stated.photo(file), **said}
+    return views
 
 
-def _name(file: str | Path, views: Sequence[View]) -> str:
+def _name(file: str | Path, views: Collection[str]) -> str:
     """What a further photo is called: as its file, numbered where there are two of the name."""
     stem = Path(file).stem
-    taken = {view.title for view in views} | {FIRST_PHOTO}
     return next(name for name in (stem, *(f"{stem} {number}" for number in range(2, 1000)))
-                if name not in taken)
-
-
-def _words(through: FilterLike) -> str:
-    """How a filter is stated."""
-    if isinstance(through, Filter):
-        return through.name
-    return str(through) if isinstance(through, str | Path) else "given"
-
-
-def _regions(outlines: Mapping[str, OutlineLike], surfaces: Mapping[str, str],
-             families: Mapping[str, str | Sequence[str]], known: Mapping[str, KnownSpectrum],
-             truth: Mapping[str, KnownSpectrum]) -> dict[str, Region]:
-    """Every region with what is stated of it."""
-    def reflectance(given: Mapping[str, KnownSpectrum], name: str) -> np.ndarray | None:
-        return as_reflectance(given[name], name) if name in given else None
-
-    regions = {}
-    for name, outline in outlines.items():
-        measured = reflectance(truth, name)
-        regions[name] = Region(
-            families_of(families.get(name)), surfaces.get(name), reflectance(known, name),
-            None if measured is None else Spectrum(FINE_GRID, measured, Quantity.REFLECTANCE,
-                                                   "given"),
-            _outline(outline, name))
-    return regions
-
-
-def _outline(region: OutlineLike, name: str) -> Outline:
-    """Corners (x, y) of a region, going round."""
-    try:
-        points = np.asarray(region, dtype=float)
-    except (TypeError, ValueError):         # text, or points of several lengths
-        points = np.empty(0)
-    if (points.shape != (4,) and (points.ndim != 2 or points.shape[1] != 2 or len(points) < 3)) \
-            or not np.isfinite(points).all():
-        raise InputError(f"region {name!r} is (x0, y0, x1, y1), or three corners [(x, y), ...] or "
-                         f"more, in pixels of the photo; {region} was given")
-    if points.shape == (4,):
-        return rectangle(points.tolist())
-    return tuple((x, y) for x, y in points.tolist())
+                if name not in views and name != FIRST_PHOTO)

@@ -14,10 +14,7 @@ from spectrabox.api.arguments import (
     KnownSpectrum,
     LightLike,
     as_curves,
-    as_lit_chart,
-    as_reflectance,
     as_spectrum,
-    families_of,
     folder_for_pictures,
     require_sensitivities,
     sampling_of,
@@ -31,24 +28,18 @@ from spectrabox.api.estimates.measured_spectra import (
     surface_estimate,
 )
 from spectrabox.api.notebook import axes_for
-from spectrabox.api.photo import Photo, as_input_file, open_photo
+from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
+from spectrabox.api.shoot_arguments import Arguments
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.photo.orientation import AS_READ
 from spectrabox.measure import texts
-from spectrabox.measure.captured import (
-    ONE_PHOTO,
-    Development,
-    Material,
-    PhotoFiles,
-    SceneCapture,
-    SceneView,
-)
+from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
-from spectrabox.measure.shoot.options import Inversion, PictureOptions, Repeatability
+from spectrabox.measure.shoot.options import Repeatability
 from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
@@ -60,7 +51,7 @@ from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.system.threads import one_blas_thread
-from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene, scene_of_text
+from spectrabox.reconstruct.scene.scene_file import SceneFile, scene_of_text
 from spectrabox.reconstruct.scene.scene_xml import recovered_xml
 
 if TYPE_CHECKING:
@@ -252,39 +243,34 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
     ...                "card": "mybox/spectra/card.csv"}, width=48)
     """
     spectrum = as_spectrum(light)
-    known = dict.fromkeys(materials) if not isinstance(materials, Mapping) else {
-        name: None if given is None else as_reflectance(given, name)
-        for name, given in materials.items()}
-    stated = {name: families_of(one) for name, one in (families or {}).items()}
-    for name in stated:
+    known = dict(materials) if isinstance(materials, Mapping) else dict.fromkeys(materials)
+    for name in families or {}:
         if name not in known:
             raise InputError(f"there is no material {name!r}; there are {', '.join(known)}")
     surfaces = surfaces_of(surface, known, "material")
-    chosen = Repeatability()
     opened = photo if isinstance(photo, Photo) else open_photo(photo, orientation=AS_READ,
                                                                flat=flat_field)
     if (camera is None) == (chart_photo is None):
         raise InputError("the camera is needed: give camera= or the photo of a chart, chart_photo=")
+    stated = Arguments()
+    capture = stated.capture({
+        "session": {"name": "", "seed": seed},
+        "photos": {"object": stated.photo(opened), "chart": stated.photo(chart_photo),
+                   "flat": stated.photo(flat_field)},
+        "light": {"spectrum": stated.light(light)},
+        "chart": stated.chart(layout, reference) | {
+            "scene": None if chart_scene is None else str(chart_scene)},
+        "scene": {"file": str(scene)},
+        "materials": {name: {"bsdf": name} | stated.surface(name, families, surfaces, known, {})
+                      for name in known},
+        "reconstruct": {"width": width}, "sampling": sampling_of(draws=draws),
+        "picture": None if picture is None else {}})
+    assert isinstance(capture, SceneCapture)
     kept: dict[str, KeptRecord] = {}
-    scale, chart = None, None
-    chart_files: PhotoFiles = {}
     if camera is not None:
-        calibration, fit, scale = _calibration(camera, spectrum, opened, chosen)
+        calibration, fit, scale = _calibration(camera, spectrum, opened, capture.repeatability)
         kept["calibrate"] = InMemory(CalibrationRecords({"": calibration}, {}, fit, {}, ()))
-    elif chart_photo is not None:
-        chart_files = {ONE_PHOTO: (as_input_file(chart_photo),)}
-        chart = as_lit_chart(layout, reference)
-    capture = SceneCapture(
-        views=(SceneView(name="", photo={ONE_PHOTO: (as_input_file(opened),)}, chart=chart_files,
-                         light=spectrum, light_words=str(light), scene=read_scene(Path(scene)),
-                         scale=scale),),
-        chart=chart, chart_scene=None if chart_scene is None else read_scene(Path(chart_scene)),
-        development=Development(flat_fields={} if flat_field is None
-                                else {ONE_PHOTO: as_input_file(flat_field)}),
-        materials={name: Material(stated.get(name, ()), surfaces.get(name), reflectance,
-                                  bsdf=name) for name, reflectance in known.items()},
-        inversion=Inversion(width=width), sampling=sampling_of(draws=draws), repeatability=chosen,
-        picture=None if picture is None else PictureOptions(), seed=seed)
+        capture = replace(capture, views=(replace(capture.views[0], scale=scale),))
     with progress_steps(progress, "scene") as show:
         keeper = MemoryKeeper(
             lambda step, share, message: show(share, message),

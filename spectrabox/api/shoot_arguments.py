@@ -1,0 +1,135 @@
+"""The arguments of a function as a shoot: tables of what they state, and the records among them."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spectrabox.api.arguments import (
+    FilterLike,
+    KnownSpectrum,
+    LightLike,
+    as_chart,
+    as_corners,
+    as_filter,
+    as_light,
+    as_reflectance,
+    families_of,
+)
+from spectrabox.api.photo import Photo, as_input_file
+from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.measure.captured import FlatCapture, SceneCapture
+from spectrabox.measure.shoot.captures import capture_of
+from spectrabox.measure.shoot.inputs import Inputs
+from spectrabox.measure.shoot.shoot import Shoot
+from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.checked_tables import checked
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra.light_words import UNKNOWN
+
+Table = dict[str, Any]
+
+
+class Arguments:
+    """Tables of a shoot, made from what a function accepts: each method gives a table, or a name
+    that stands in one, and keeps the record that it stands for.
+    """
+
+    def __init__(self) -> None:
+        self._given: dict[str, Any] = {}
+
+    def capture(self, tables: Table) -> FlatCapture | SceneCapture:
+        """What the tables describe.
+
+        Raises
+        ------
+        InputError
+            If a value is out of its range, or a file cannot be read.
+        """
+        shoot = checked(Shoot, {"session": {"name": ""}, **tables}, "arguments")
+        return capture_of(shoot, Inputs(Path(), True, self._given))
+
+    def _named(self, name: str, record: Any) -> str:
+        """The name under which a record is kept: numbered where another has it."""
+        free, number = name, 2
+        while free in self._given:
+            free, number = f"{name} {number}", number + 1
+        self._given[free] = record
+        return free
+
+    def photo(self, photo: str | Path | Photo | None) -> str | None:
+        """A photo's file, or one that is open."""
+        if photo is None:
+            return None
+        file = as_input_file(photo)
+        return file.name if self._given.get(file.name) == file else self._named(file.name, file)
+
+    def light(self, light: LightLike) -> Table:
+        """A light. Two that are named alike by a word or file are one."""
+        record = as_light(light)
+        if isinstance(light, str | Path):
+            words = str(light)
+            if isinstance(record, UnknownLight):
+                return {"word": words}
+            self._given.setdefault(words, record)
+            return {"file": words}
+        if isinstance(record, UnknownLight):
+            return {"cct": record.cct} if record.cct else {"word": record.kind or UNKNOWN}
+        return {"file": self._named(record.source, record)}
+
+    def filter(self, through: FilterLike, photo: str | Path) -> Table:
+        """A filter before the lens or the lamp of a photo."""
+        words = through.name if isinstance(through, Filter) else \
+            str(through) if isinstance(through, str | Path) else "given"
+        return {"file": self._named(f"{words}, {photo}", as_filter(through))}
+
+    def chart(self, layout: str | Path | Chart | None, reference: str | None,
+              corners: ArrayLike | None = None) -> Table:
+        """The chart and where it lies."""
+        record, points = as_chart(layout), as_corners(corners)
+        return {"layout": self._named(record.name, record), "reference": reference,
+                "corners_px": None if points is None else points.tolist()}
+
+    def camera_prior(self, prior: str | Path | None) -> Table:
+        """Where the camera's sensitivities come from."""
+        return {} if prior is None else {
+            "prior": self._named(str(prior), load_camera_prior(Path(prior)))}
+
+    def surface(self, name: str, families: Mapping[str, str | Sequence[str]] | None,
+                surfaces: Mapping[str, str], known: Mapping[str, KnownSpectrum | None],
+                truth: Mapping[str, KnownSpectrum]) -> Table:
+        """What is stated of a surface, each argument by its name."""
+        return {"family": list(families_of((families or {}).get(name))) or None,
+                "surface": surfaces.get(name),
+                "known": self._reflectance(known.get(name), name),
+                "truth": self._reflectance(truth.get(name), name)}
+
+    def _reflectance(self, given: KnownSpectrum | None, name: str) -> Table | None:
+        if given is None:
+            return None
+        record = Spectrum(FINE_GRID, as_reflectance(given, name), Quantity.REFLECTANCE, "given")
+        return {"file": self._named(f"reflectance of {name}", record)}
+
+    def outline(self, region: Sequence[float] | Sequence[Sequence[float]], name: str) -> Table:
+        """A rectangle, or the corners of a region going round.
+
+        Raises
+        ------
+        InputError
+            If it is neither.
+        """
+        try:
+            points = np.asarray(region, dtype=float)
+        except (TypeError, ValueError):         # text, or points of several lengths
+            points = np.empty(0)
+        polygon = points.ndim == 2 and points.shape[1] == 2 and len(points) > 2
+        if not (polygon or points.shape == (4,)) or not np.isfinite(points).all():
+            raise InputError(f"region {name!r} is (x0, y0, x1, y1), or three corners [(x, y), ...] "
+                             f"or more, in pixels of the photo; {region} was given")
+        return {"rect" if points.ndim == 1 else "polygon": points.tolist()}
