@@ -1,17 +1,20 @@
 """The schema that editors read, the template and the documentation say what the models say."""
 import json
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
 import jsonschema
 import pytest
+from typer.testing import CliRunner
 
 from spectrabox.calibrate.sensitivity import METHODS as SENSITIVITY_METHODS
 from spectrabox.fixtures.demos.demo_session import SESSION_TOML
-from spectrabox.measure.shoot.shoot import Shoot
+from spectrabox.measure.shoot.shoot import Shoot, meaning
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.sampling.draw_methods import METHODS as SAMPLING_METHODS
+from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.config.template import (
     SCHEMA_NAME,
@@ -22,7 +25,8 @@ from spectrabox.session.config.template import (
 
 SCHEMA = json.loads(session_schema())
 DEMO = SESSION_TOML.format(seed=1, materials='[materials.white]\nbsdf = "white"\n')
-DOCS = (Path(__file__).parent.parent / "docs/reference/session.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parent.parent
+DOCS = (ROOT / "docs/reference/session.md").read_text(encoding="utf-8")
 
 
 def complaints(text):
@@ -93,6 +97,21 @@ def test_every_key_has_a_meaning_and_a_line_in_the_documentation(table, key, fie
         shown = json.dumps(field.default) if isinstance(field.default, bool) else \
             f"{field.default:g}" if isinstance(field.default, float) else str(field.default)
         assert shown in rows[0].split("|")[2], f"the default of {table}.{key} is {shown}"
+
+
+def test_the_reference_is_written_from_the_model():
+    made = runpy.run_path(str(ROOT / "docs" / "make_session_reference.py"))
+    assert made["reference_page"](DOCS) == DOCS, "run python docs/make_session_reference.py"
+    named = {key for key, _, _ in made["keys"](SCHEMA)}
+    assert {*made["REMARKS"], *made["DEFAULTS"]} <= named
+
+
+def test_options_say_what_their_keys_mean():
+    shown = " ".join(CliRunner().invoke(app, ["flat", "--help"]).output.split())
+    for key in ("regions.family", "chart.reference", "light.spectrum"):
+        assert meaning(key) in shown
+    for key in (f"{table}.{key}" for table, key, _ in every_key()):
+        assert meaning(key)
 
 
 def test_the_choices_are_those_of_the_stages():

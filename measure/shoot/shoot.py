@@ -8,7 +8,7 @@ together, and ``captures.py`` reads the files that are named.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -441,3 +441,20 @@ class Shoot(Table):
         """The regions that the photo of a view shows."""
         return {name: region for name, region in self.regions.items()
                 if not region.photos or view.title in region.photos}
+
+
+def meaning(key: str) -> str:
+    """What a key means, as a sentence.
+
+    Parameters
+    ----------
+    key : str
+        Its table and name, such as "regions.family".
+    """
+    table, _, name = key.partition(".")
+    kind = Shoot.model_fields[table].annotation
+    model = next(each for each in (kind, *get_args(kind))
+                 if isinstance(each, type) and issubclass(each, Table))
+    said = next(field.description or "" for named, field in model.model_fields.items()
+                if name in (named, field.validation_alias))
+    return f"{said[0].upper()}{said[1:].rstrip('.')}."

@@ -38,9 +38,8 @@ def register(app: typer.Typer) -> None:
 @Command
 def fit(
     light: Annotated[tuple[str, ...], typer.Option(
-        metavar="FILE|NAME", show_default=False, help="CSV of the light's spectrum, a CIE name "
-        "(D65, A, LED-B3), unknown, 3200K, or a kind: daylight, halogen, led, fluorescent. Once "
-        "for each photo, or once for all.")],
+        metavar="FILE|NAME", show_default=False, help="{light.spectrum} Here 3200K is a "
+        "temperature. Once for each photo, or once for all.")],
     photos: Annotated[tuple[Path, ...], typer.Argument(
         metavar="[PHOTO...]", show_default=False, help="Photos of a colour chart, as --chart gives "
         "them.")] = (),
@@ -51,7 +50,8 @@ def fit(
         metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
         "standard_error... hold their errors.")] = (),
     method: Annotated[str, typer.Option(
-        metavar="|".join(METHODS), help="How the curves are fitted.")] = "prior",
+        metavar="|".join(METHODS),
+        help="{sensitivity.method}")] = "prior",
     curves: Annotated[Path | None, typer.Option(
         metavar="CSV", help="Measured curves, with method file.")] = None,
     out: Annotated[Path | None, typer.Option(
@@ -59,15 +59,13 @@ def fit(
     draws_file: Annotated[Path | None, typer.Option(
         metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
     reference: Annotated[tuple[str, ...], typer.Option(
-        metavar="NAME|FILE", help="Chart reflectances: a published average, or a file you "
-        "measured; by default the layout's own.")] = (),
+        metavar="NAME|FILE", help="{chart.reference}")] = (),
     layout: ChartLayout = "",
     corners: Annotated[tuple[str, ...], typer.Option(
-        metavar=CORNERS, help=f"{CORNERS_HELP} Once for each photo, or once for all; may be "
+        metavar=CORNERS, help=CORNERS_HELP + " Once for each photo, or once for all; may be "
         "repeated.")] = (),
     leave_out: Annotated[str, typer.Option(
-        metavar="N,N...", show_default=False, help="Patches that no fit uses, by number from "
-        "1.")] = "",
+        metavar="N,N...", show_default=False, help="{chart.leave_out}")] = "",
     prior_file: PriorFile = None,
     keep: Annotated[str | None, typer.Option(
         metavar="NAME", help="Keep the curves under this name, for --sensitivity NAME.")] = None,

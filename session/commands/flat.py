@@ -59,35 +59,31 @@ def flat(
         "of each: for the photos of a day. All are turned as the first states.")] = False,
     light: Annotated[str, typer.Option(
         metavar="FILE|NAME",
-        help="Of the first photo: unknown, a CIE name, a kind of lamp, 3200K, or the file of its "
-        "spectrum.")] = "unknown",
+        help="{light.spectrum} Here 3200K is a temperature. Of the first photo.")] = "unknown",
     chart: Annotated[Path | None, typer.Option(
         "--chart", metavar="PHOTO",
-        help="Photo of the chart in the samples' place, where they do not show "
-        "it.")] = None,
+        help="{photos.chart} In the samples' place, where they do not show it.")] = None,
     corners: Annotated[str | None, typer.Option(
         metavar=CORNERS, help=CORNERS_HELP)] = None,
     layout: ChartLayout = "",
     reference: Annotated[str | None, typer.Option(
-        metavar="NAME|FILE", show_default=False, help="Chart reflectances: a published average, or "
-        "a file you measured; by default the layout's own.")] = None,
+        metavar="NAME|FILE", show_default=False, help="{chart.reference}")] = None,
     white_card: Annotated[str | None, typer.Option(
         metavar=f"{RECTANGLE}=FILE|NUMBER", help="A region of known reflectance, such as "
         "986,462,1073,537=0.94 or =card.csv.")] = None,
     flat_field: Annotated[Path | None, typer.Option(
-        metavar="PHOTO", help="Photo of a white card that fills the samples' place.")] = None,
+        metavar="PHOTO", help="{photos.flat} It fills the samples' place.")] = None,
     family: Annotated[tuple[str, ...], typer.Option(
-        "--family", metavar="NAME=KIND", help="What a region's surface is: paint, textile, leaves, "
-        "skin, white, earth or animal. May be repeated.")] = (),
+        "--family", metavar="NAME=KIND",
+        help="{regions.family} May be repeated.")] = (),
     surface: Annotated[tuple[str, ...], typer.Option(
-        "--surface", metavar="[NAME=]matt|satin|glossy", help="How much the surfaces mirror: of "
-        "all regions, or of the named one. May be repeated.")] = (),
+        "--surface", metavar="[NAME=]matt|satin|glossy", help="{regions.surface} Of all "
+        "regions, or of the named one. May be repeated.")] = (),
     truth: Annotated[tuple[str, ...], typer.Option(
-        "--truth", metavar="NAME=FILE", help="Measured reflectance of a region, to compare "
-        "with.")] = (),
+        "--truth", metavar="NAME=FILE", help="{regions.truth}")] = (),
     not_linear: Annotated[bool, typer.Option(
-        "--not-linear", help="Take JPEG and PNG, decoded as sRGB: for a first look, since nobody "
-        "knows the errors of what the camera has processed; never a PASS.")] = False,
+        "--not-linear", help="{photos.not_linear} For a first look, since nobody knows the errors "
+        "of what the camera has processed; never a PASS.")] = False,
     picture: Annotated[bool, typer.Option(
         "--picture", help="Also the spectrum of every pixel, with maps, in "
         "results/picture.")] = False,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import UnionType
@@ -31,6 +32,7 @@ SUBJECTS = {"A session": ("flat", "new", "open", "check", "run", "status", "repo
             "The spectra behind a signal": ("sample", "uplift", "match"),
             "Trying it out": ("demo", "doctor")}
 ALL = "spectrabox.help_all"     # in the context: every command is listed
+KEY = re.compile(r"\{([a-z_]+\.[a-z_]+)\}")      # of a shoot, in what is said of an option
 TYPE_WORDS = {str: "TEXT", Path: "FILE", int: "NUMBER", float: "NUMBER"}    # of a value
 
 
@@ -104,7 +106,7 @@ class ExplainedCommand(TyperCommand):
         records = [(each.param_type_name, record) for each in self.get_params(ctx)
                    if (record := each.get_help_record(ctx)) is not None]
         for heading in ("argument", "option"):
-            rows = [(name.split(" <")[0], said) for kind, (name, said) in records
+            rows = [(name.split(" <")[0], _with_meanings(said)) for kind, (name, said) in records
                     if kind == heading]
             if rows:
                 with formatter.section(f"{heading.capitalize()}s"):
@@ -154,6 +156,15 @@ class CommandGroup(TyperGroup):
             more = len(names) - len(USUAL)
             formatter.write(f"\nAll by subject ({more} more): spectrabox help all. Of one: "
                             "spectrabox help flat\n")
+
+
+def _with_meanings(said: str) -> str:
+    """What is said of an option, in which {TABLE.KEY} stands for the meaning of a key of a shoot.
+    """
+    if not KEY.search(said):
+        return said
+    from spectrabox.measure.shoot.shoot import meaning
+    return KEY.sub(lambda found: meaning(found[1]), said)
 
 
 def _first_paragraph(text: str | None) -> str:

@@ -37,13 +37,10 @@ Json = Annotated[bool, typer.Option("--json",
                                     help="One machine-readable object on standard output.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 ChartLayout = Annotated[str, typer.Option("--chart-layout", metavar="NAME|FILE", show_default=False,
-                                          help="The chart: \"Digital SG\", NGT, APT, a "
-                                          "layout of your own, ...; a ColorChecker Classic by "
-                                          "default.")]
+                                          help="{chart.layout} \"Digital SG\", NGT or "
+                                          "APT, say; a ColorChecker Classic by default.")]
 CORNERS = "X,Y,X,Y,X,Y,X,Y"     # pixels of the photo
-CORNERS_HELP = ("Corners of the chart in pixels, where it is not found: of a ColorChecker the "
-"outer "
-                "corners of the patches dark skin, bluish green, black and white.")
+CORNERS_HELP = "{chart.corners_px} Needed where it is not found."
 RECTANGLE = "X0,Y0,X1,Y1"       # two opposite corners in pixels
 Outside = Annotated[bool, typer.Option("--allow-outside",
                                        help="Let the session name files outside its folder.")]

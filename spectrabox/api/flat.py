@@ -28,7 +28,7 @@ from spectrabox.api.estimates.measured_spectra import (
 )
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.api.shoot_arguments import Arguments
+from spectrabox.api.shoot_arguments import SAMPLING, SESSION, Arguments
 from spectrabox.capture.photo.orientation import photo_orientation
 from spectrabox.measure.captured import FIRST_PHOTO, FlatCapture
 from spectrabox.measure.records import CaptureRecords, PictureRecords
@@ -117,8 +117,9 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
          chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
          reference: str | None = None, corners: ArrayLike | None = None,
          camera_prior: str | Path | None = None, flat_field: str | Path | None = None,
-         picture: str | Path | None = None, draws: int = 4000, level: float = 0.95,
-         seed: int = 1, progress: ProgressLike = None) -> FlatSpectra:
+         picture: str | Path | None = None, draws: int = SAMPLING.draws,
+         level: float = SAMPLING.level, seed: int = SESSION.seed,
+         progress: ProgressLike = None) -> FlatSpectra:
     """Spectra of regions of a flat sample: a painting, a print, a leaf.
 
     Camera, light and its fall-off are estimated from the colour chart; no scene, no renderer and

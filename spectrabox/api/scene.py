@@ -30,7 +30,7 @@ from spectrabox.api.estimates.measured_spectra import (
 from spectrabox.api.notebook import axes_for
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.api.shoot_arguments import Arguments
+from spectrabox.api.shoot_arguments import INVERSION, SAMPLING, SESSION, Arguments
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.photo.orientation import AS_READ
@@ -169,8 +169,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
                       flat_field: str | Path | None = None,
                       families: Mapping[str, str | Sequence[str]] | None = None,
                       surface: str | Mapping[str, str] | None = None,
-                      picture: str | Path | None = None, width: int = 96, draws: int = 4000,
-                      seed: int = 1, device: str = "auto",
+                      picture: str | Path | None = None, width: int = INVERSION.width,
+                      draws: int = SAMPLING.draws, seed: int = SESSION.seed, device: str = "auto",
                       progress: ProgressLike = None) -> SceneSpectra:
     """Spectra of the materials of a scene from one photo, by inverse rendering in Mitsuba 3.
 

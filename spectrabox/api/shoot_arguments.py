@@ -24,7 +24,8 @@ from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.shoot.captures import capture_of
 from spectrabox.measure.shoot.inputs import Inputs
-from spectrabox.measure.shoot.shoot import Shoot
+from spectrabox.measure.shoot.options import Inversion, Sampling
+from spectrabox.measure.shoot.shoot import SessionSection, Shoot
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.checked_tables import checked
 from spectrabox.radiometry.errors import InputError
@@ -33,6 +34,7 @@ from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 
+SESSION, SAMPLING, INVERSION = SessionSection(), Sampling(), Inversion()     # their defaults
 Table = dict[str, Any]
 
 
