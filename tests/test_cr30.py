@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import spectrabox as sb
-from spectrabox.api.arguments import as_reflectance
 from spectrabox.capture.meter.instruments.cr30 import display_lab, is_packet, request
 from spectrabox.capture.meter.instruments.instrument_errors import (
     InstrumentError,
@@ -32,6 +31,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
+from spectrabox.radiometry.spectra.given_spectra import as_reflectance
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 
 from tests.cr30_player import FOLDER, cr30_player, steps_of

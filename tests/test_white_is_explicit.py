@@ -14,7 +14,7 @@ from flat_example import picture
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.api.arguments import as_reflectance, relative_response
+from spectrabox.api.arguments import relative_response
 from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.measure.pictures.photo_white import chart_residual, white_of_chart
@@ -24,6 +24,7 @@ from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.spectra.given_spectra import as_reflectance
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.cli import app
 

@@ -3,12 +3,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar, Union
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.array_arguments import as_samples
 from spectrabox.api.known_camera import KnownCamera
 from spectrabox.measure.shoot.options import Sampling
 from spectrabox.radiometry.chart import CLASSIC, Chart
@@ -23,6 +22,7 @@ from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, 
 from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.curve_errors import relative_curve_error, stated_curve_error
 from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
+from spectrabox.radiometry.spectra.given_spectra import Curves, as_samples
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.named_spectra import (
     checked_curves,
@@ -32,11 +32,8 @@ from spectrabox.radiometry.spectra.named_spectra import (
     stated_light,
 )
 from spectrabox.radiometry.spectra.spectrum_files import (
-    check_reflectance,
     on_grid,
-    read_spectrum,
     refuse_products,
-    require_fraction,
     spectrum_on_grid,
 )
 from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
@@ -49,24 +46,8 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-class ColourScienceSpectra(Protocol):
-    """A SpectralDistribution of colour-science, or several of one grid (MultiSpectralDistributions)
-    """
-
-    @property
-    def wavelengths(self) -> Any:
-        """(Q,) in nm."""
-
-    @property
-    def values(self) -> Any:
-        """(Q,), or (Q, K) of several."""
-
-
-# wavelengths (Q,) in nm and values (Q,) or (K, Q), or a spectrum of colour-science
-Curves = tuple[ArrayLike, ArrayLike] | ColourScienceSpectra
 LightLike = str | Path | Spectrum | UnknownLight | Curves
 FilterLike = str | Path | Filter | Curves
-KnownSpectrum = str | Path | float | Spectrum | Curves
 CameraLike = Union[str, Path, KnownCamera, "CameraEstimate", Calibration, Curves]
 
 
@@ -213,63 +194,6 @@ def require_sensitivities(camera: Calibration | CameraEstimate) -> None:
     calibration = camera if isinstance(camera, Calibration) else camera.calibration
     if calibration.products:
         refuse_products(PRODUCTS, "the camera")
-
-
-def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
-    """A known reflectance (P,) on the working grid: a number, a file, a spectrum, or (nm, values).
-
-    Parameters
-    ----------
-    known : float, str, Path, Spectrum or (nm, values)
-    name : str
-        Of the surface, for messages.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, the values do not cover the grid, a spectrum is no reflectance,
-        or a number is no fraction of 1.
-    """
-    if isinstance(known, Spectrum):
-        if known.quantity is not Quantity.REFLECTANCE:
-            raise InputError(f"{name} is given as {known.quantity.name.lower()}; a reflectance is "
-                             "needed")
-        return spectrum_on_grid(known, FINE_GRID)
-    if isinstance(known, int | float):
-        require_fraction(known, name)
-        return np.full(FINE_GRID.nm.size, float(known))
-    if isinstance(known, str | Path):
-        return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), FINE_GRID)
-    nm, values = as_samples(known, name)
-    on_working_grid = on_grid(nm, values, FINE_GRID, "reflectance")
-    check_reflectance(on_working_grid, FINE_GRID.nm, name)
-    return on_working_grid
-
-
-def as_reflectance_at(nm: np.ndarray, given: KnownSpectrum | ArrayLike, name: str) -> np.ndarray:
-    """A reflectance at wavelengths (P,): as ``as_reflectance``, or an array (P,) of them.
-
-    Parameters
-    ----------
-    nm : (P,) array
-    given : as of ``as_reflectance``, or (P,) array
-    name : str
-        Of the surface, for messages.
-
-    Raises
-    ------
-    InputError
-        As ``as_reflectance``, or if an array has another number of values.
-    """
-    if isinstance(given, np.ndarray | list):
-        values = np.asarray(given, dtype=float)
-        if values.shape != nm.shape:
-            raise InputError(f"{name}: {values.shape} values were given for the {nm.size} "
-                             f"wavelengths from {nm[0]:g} to {nm[-1]:g} nm; give one for each, or "
-                             "(nm, values)")
-        check_reflectance(values, nm, name)
-        return values
-    return np.interp(nm, FINE_GRID.nm, as_reflectance(given, name))   # type: ignore[arg-type]
 
 
 def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:

@@ -2,42 +2,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.radiometry.errors import InputError
-
-
-def as_samples(given: object, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths (Q,) and values (Q,) or (K, Q) of arrays, or of a spectrum of colour-science.
-
-    Parameters
-    ----------
-    given : (nm, values), SpectralDistribution or MultiSpectralDistributions
-    name : str
-        What it is of, for the message.
-
-    Raises
-    ------
-    InputError
-        If it is none of these, or its shapes do not go together.
-    """
-    if hasattr(given, "wavelengths") and hasattr(given, "values"):
-        parts: Any = (given.wavelengths, np.asarray(given.values).T)
-    else:
-        parts = given
-    try:
-        nm, values = (np.asarray(part, dtype=float) for part in parts)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: {type(given).__name__} is no spectrum; give a file, "
-                         "wavelengths and values (nm, values), or a SpectralDistribution of "
-                         "colour-science") from None
-    if nm.ndim != 1 or values.shape[-1:] != nm.shape or nm.size < 2 or np.any(np.diff(nm) <= 0):
-        raise InputError(f"{name}: wavelengths of shape {nm.shape} and values of shape "
-                         f"{values.shape} were given; wavelengths rise, and each has one value")
-    return nm, values
 
 
 def as_numbers(given: ArrayLike, name: str) -> np.ndarray:

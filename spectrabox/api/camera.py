@@ -18,12 +18,12 @@ from spectrabox.api.arguments import (
 )
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
-from spectrabox.api.notebook import axes_for, camera_html
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
+from spectrabox.measure.notebook import axes_for, curves_html
 from spectrabox.measure.plots import plot_sensitivities
 from spectrabox.measure.profiles.matrix_comparison import compare_matrices
 from spectrabox.radiometry.chart import Chart, excluded_patches
@@ -234,7 +234,8 @@ class CameraEstimate:
         return f"<CameraEstimate {self.verdict}: {self.says}>"
 
     def _repr_html_(self) -> str:
-        return camera_html(self)
+        return curves_html(self.nm, self.curves, self.bands,
+                           (self.fit.line, *self.checks))
 
 
 @one_blas_thread()

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.arguments import (
     FilterLike,
-    KnownSpectrum,
     LightLike,
     families_of,
     folder_for_pictures,
@@ -36,6 +35,7 @@ from spectrabox.measure.results.flat_result import flat_result
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum
 from spectrabox.radiometry.system.threads import one_blas_thread
 
 SAME_LAMP, MOVED_LAMP = "same", "moved"

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.arguments import as_chart, as_corners
-from spectrabox.api.notebook import axes_for
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.image_files import image_of_array
@@ -26,6 +25,7 @@ from spectrabox.measure.chart_patches import (
     patch_columns,
     table_of_columns,
 )
+from spectrabox.measure.notebook import axes_for
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole

@@ -11,7 +11,6 @@ import numpy as np
 
 from spectrabox.api.arguments import (
     CameraLike,
-    KnownSpectrum,
     LightLike,
     as_curves,
     as_spectrum,
@@ -35,7 +34,11 @@ from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.photo.orientation import AS_READ
 from spectrabox.measure import texts
-from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.captured import (
+    SceneCapture,
+)
+from spectrabox.measure.notebook import axes_for
+from spectrabox.measure.options import Repeatability
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed
@@ -50,6 +53,7 @@ from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Spectrum
+from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.reconstruct.scene.scene_file import SceneFile, scene_of_text
 from spectrabox.reconstruct.scene.scene_xml import recovered_xml

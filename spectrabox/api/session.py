@@ -6,10 +6,10 @@ from pathlib import Path
 
 from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.flat import FlatSpectra
-from spectrabox.api.notebook import spectrum_html
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.scene import SceneSpectra
 from spectrabox.measure.captured import FlatCapture
+from spectrabox.measure.notebook import spectrum_html
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished

@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.arguments import (
     CameraLike,
-    KnownSpectrum,
     LightLike,
     as_prior,
-    as_reflectance,
     curve_error,
     families_of,
     relative_response,
@@ -35,6 +33,7 @@ from spectrabox.measure.signals.signal_estimate import (
 from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectrumSummary
+from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture

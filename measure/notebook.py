@@ -14,8 +14,7 @@ from spectrabox.radiometry.appearance import reflectance_to_srgb
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from spectrabox.api.camera import CameraEstimate
-    from spectrabox.api.estimates.estimate import SpectrumEstimate
+    from spectrabox.measure.estimate import Estimate
 
 WIDTH, HEIGHT = 150, 36     # of the small plot, in pixels
 
@@ -25,7 +24,7 @@ def axes_for(axes: Axes | None, inches: tuple[float, float] | None = None) -> Ax
     return plt.subplots(figsize=inches, layout="constrained")[1] if axes is None else axes
 
 
-def spectrum_html(estimates: Sequence[SpectrumEstimate]) -> str:
+def spectrum_html(estimates: Sequence[Estimate]) -> str:
     """A table with one row a surface, and below it what was not stated of their signals."""
     rows = Markup("").join(_row(estimate) for estimate in estimates)
     table = Markup("<table><thead><tr><th>surface</th><th>colour</th><th>400 to 700 nm, 0 to 1</th>"
@@ -35,7 +34,7 @@ def spectrum_html(estimates: Sequence[SpectrumEstimate]) -> str:
                                                     for caveat in caveats))
 
 
-def _row(estimate: SpectrumEstimate) -> Markup:
+def _row(estimate: Estimate) -> Markup:
     nm = estimate.nm
     red, green, blue = (round(255 * float(value)) for value
                         in reflectance_to_srgb(nm, np.clip(estimate.mean, 0, 1)))
@@ -45,7 +44,7 @@ def _row(estimate: SpectrumEstimate) -> Markup:
                       estimate.name, red, green, blue, _small_plot(estimate), width)
 
 
-def _small_plot(estimate: SpectrumEstimate) -> Markup:
+def _small_plot(estimate: Estimate) -> Markup:
     nm = estimate.nm
     x = (nm - nm[0]) / (nm[-1] - nm[0]) * WIDTH
     lower, upper = estimate.band()
@@ -61,12 +60,6 @@ def _small_plot(estimate: SpectrumEstimate) -> Markup:
                   'points="{}" fill="none" stroke="#1f4e8c" stroke-width="1.5"/></svg>').format(
                       WIDTH, HEIGHT, estimate.name, points(upper, forward),
                       points(lower, backward), points(estimate.mean, forward))
-
-
-def camera_html(camera: CameraEstimate) -> str:
-    """A small plot of the curves, the verdict, and what was checked."""
-    return curves_html(camera.nm, camera.curves, camera.bands,
-                       (camera.fit.line, *camera.checks))
 
 
 def curves_html(nm: np.ndarray, curves: np.ndarray, bands: Sequence[str],
