@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 
 from spectrabox.api.arguments import as_light
-from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.flat import FlatSpectra
 from spectrabox.api.scene import SceneSpectra
 from spectrabox.api.signals import sample
@@ -47,6 +46,7 @@ from spectrabox.measure.captured import (
     View,
 )
 from spectrabox.measure.chart_edition import edition_in_photo
+from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.records import KeptRecord
 from spectrabox.measure.shoot.options import Sampling
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
@@ -289,7 +289,7 @@ def scene_answer(finished: FinishedRun, seed: int) -> tuple[str, SceneSpectra]:
     return words, SceneSpectra(capture, measure(capture, keeper))
 
 
-def signal_answer(seed: int) -> tuple[str, SpectrumEstimate]:
+def signal_answer(seed: int) -> tuple[str, Estimate]:
     """The estimate of a signal that is given as numbers."""
     rng = np.random.default_rng(seed)
     bands = int(rng.choice((1, 2, 3, 3, 4, 6, 8, 12, 31)))
@@ -303,7 +303,7 @@ def signal_answer(seed: int) -> tuple[str, SpectrumEstimate]:
     estimate = sample(signal, camera=(FINE_GRID.nm, curves), light=(FINE_GRID.nm, lamp),
                       noise=noise, draws=1000, seed=seed,
                       families=(str(rng.choice(FAMILIES)),) if rng.random() < 0.3 else ())
-    assert isinstance(estimate, SpectrumEstimate)
+    assert isinstance(estimate, Estimate)
     return f"signal {seed}; {bands} bands, {kind}, noise {noise}", estimate
 
 

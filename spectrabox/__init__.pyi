@@ -5,9 +5,9 @@ from .api.camera import fit_camera as fit_camera
 from .api.chart_check import ChartCheck as ChartCheck
 from .api.colour_profile import ColourProfile as ColourProfile
 from .api.colour_profile import MatrixComparison as MatrixComparison
-from .api.estimates.estimate import SpectrumEstimate as SpectrumEstimate
-from .api.estimates.measured_spectra import MeasuredSpectra as MeasuredSpectra
-from .api.estimates.spectrum_estimates import SpectrumEstimates as SpectrumEstimates
+from .api.estimates import MeasuredSpectra as MeasuredSpectra
+from .api.estimates import SpectrumEstimate as SpectrumEstimate
+from .api.estimates import SpectrumEstimates as SpectrumEstimates
 from .api.flat import FlatSpectra as FlatSpectra
 from .api.flat import flat as flat
 from .api.known_camera import KnownCamera as KnownCamera

@@ -55,6 +55,7 @@ from spectrabox.measure.advice.further import (
     with_reading,
 )
 from spectrabox.measure.captured import Capture, FlatCapture
+from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.more_bands.further_photos import (
     FurtherPhoto,
     LampsAtHand,
@@ -63,7 +64,6 @@ from spectrabox.measure.more_bands.further_photos import (
     white_of_bands,
 )
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.signals.signal_estimate import SignalEstimate
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.error_model import PHOTO_NOISE
 from spectrabox.radiometry.errors import CheckError
@@ -243,28 +243,29 @@ def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: 
     return ranked([_of_reading(surface), *each.get("", [])])
 
 
-def advice_on_estimate(estimate: SignalEstimate, prior: LogitMixture) -> tuple[Advice, ...]:
-    """What to do next of a surface whose spectrum was estimated from a signal.
+def advice_on_estimate(estimate: Estimate) -> tuple[Advice, ...]:
+    """What to do next of a surface whose spectrum was estimated from a signal; nothing without the
+    learnt prior.
 
     Parameters
     ----------
-    estimate : SignalEstimate
-    prior : LogitMixture
-        By which it was.
+    estimate : Estimate
     """
-    return advice_on_signal(estimate.measurement, prior, estimate.level,
+    if estimate.prior is None or estimate.measurement is None or estimate.summary is None:
+        return ()
+    return advice_on_signal(estimate.measurement, estimate.prior, estimate.summary.level,
                             found=stated_outlook(estimate))
 
 
-def stated_outlook(estimate: SignalEstimate) -> Outlook | None:
+def stated_outlook(estimate: Estimate) -> Outlook | None:
     """How well an estimate says that its spectrum is known; None where it has no draws.
 
     Parameters
     ----------
-    estimate : SignalEstimate
+    estimate : Estimate
     """
-    return None if estimate.draws is None else outlook_of_answer(
-        estimate.draws, estimate.lower, estimate.upper)
+    return None if estimate.samples is None or estimate.summary is None else outlook_of_answer(
+        estimate.samples, estimate.summary.lower, estimate.summary.upper)
 
 
 def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np.ndarray,

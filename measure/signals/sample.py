@@ -4,23 +4,34 @@ The posterior of a signal is solved once; draws, families and shares of variance
 """
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals.options import SampleOptions
-from spectrabox.measure.signals.signal_estimate import SignalCapture, SignalEstimate
+from spectrabox.measure.signals.signal_estimate import SignalCapture
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import split_errors, stated_causes
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records.spectra import (
+    Outcome,
+    SpectralMeasurement,
+    SpectrumSamples,
+    SpectrumSummary,
+)
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.error_budget import METAMERISM
-from spectrabox.sampling.evaluation.scores_by_method import baselines, judged
+from spectrabox.sampling.evaluation.scores_by_method import (
+    ScoredSpectrum,
+    SpectrumScores,
+    baselines,
+    judged,
+    judgement_text,
+)
 from spectrabox.sampling.further.more_measurements import (
     Reading,
     doubtful,
@@ -30,12 +41,7 @@ from spectrabox.sampling.further.more_measurements import (
 )
 from spectrabox.sampling.polytope.bounds import bounds_of_many
 from spectrabox.sampling.polytope.refinement import sample_refined
-from spectrabox.sampling.prior.family_coverage import (
-    FamilyCoverage,
-    certified_sentence,
-    family_coverages,
-)
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.signal_posterior import (
     enough_coefficients,
     outcome_findings,
@@ -56,11 +62,12 @@ from spectrabox.sampling.uniform import as_spectra, into_reach
 MAX_SAMPLES = 5_000_000
 READING_ERROR = 0.005           # standard error of a reading that states none
 FWHM_TO_SD = 1 / (2 * np.sqrt(2 * np.log(2)))
+BASELINE_NM = 50        # between the wavelengths at which single spectra are told
 CURVE_DIGITS = 7    # of curves that are known to 1e-6, so that thousands are written quickly
 
 
 def sample_signals(capture: SignalCapture, options: SampleOptions, *,
-                   with_draws: bool = True) -> list[SignalEstimate]:
+                   with_draws: bool = True) -> list[Estimate]:
     """Estimate the reflectance behind each of some signals.
 
     Parameters
@@ -76,20 +83,14 @@ def sample_signals(capture: SignalCapture, options: SampleOptions, *,
         With what to change; contradictory measurements are named.
     """
     check_options(options)
-    started = time.perf_counter()
     for name, error in (("light", capture.light_error), ("sensitivity", capture.sensitivity_error)):
         if not 0 <= error < 0.5:
             raise InputError(f"--{name}-error {error:g} is a relative error; 0 to 0.5 is needed")
     alone = not capture.more and capture.twice is None
     if not with_draws and options.method == "prior" and alone:
-        estimates = _estimate_without_draws(capture, options)
-    else:
-        estimates = [_estimate_from_draws(*_measured(capture, signal), options, capture)
-                     for signal in capture.signals]
-    seconds = (time.perf_counter() - started) / len(estimates)
-    caveat = "\n".join(capture.caveats) or None
-    return [replace(estimate, name=name or None, caveat=caveat, seconds=seconds)
-            for name, estimate in zip(capture.names, estimates, strict=True)]
+        return _estimate_without_draws(capture, options)
+    return [_estimate_from_draws(name, *_measured(capture, signal), options, capture)
+            for name, signal in zip(capture.names, capture.signals, strict=True)]
 
 
 def _measured(capture: SignalCapture,
@@ -124,23 +125,19 @@ def check_options(options: SampleOptions) -> None:
         raise InputError(f"{options.samples} samples were asked for; ask for 1 to {MAX_SAMPLES}")
 
 
-def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
-                         options: SampleOptions, capture: SignalCapture) -> SignalEstimate:
+def _estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
+                         options: SampleOptions, capture: SignalCapture) -> Estimate:
     """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
     base = _with_all_errors(base, causes)
     more, twice = list(capture.more), capture.twice
     measurement = base if options.keep is not None else joined(base, more)
     count = options.samples if twice is None or options.keep is not None \
         else proposals_for(options.samples)
-    budget = families = certified = certificate = None
+    prior = posterior = None
     if options.method == "prior":
         prior = capture.prior or load_prior()
         posterior = solve_posterior(prior, measurement)
         draws = posterior.samples(count, options.seed, options.coefficients)
-        families = posterior.family_shares
-        certified, certificate = _certificate(prior, families, draws.outcome)
-        if not more and twice is None:
-            budget = posterior.variance_shares(causes)
     elif options.refine is not None:
         draws = _draw_refined(options, options.refine, measurement, count)
     else:
@@ -154,15 +151,13 @@ def _estimate_from_draws(base: SpectralMeasurement, causes: Mapping[str, np.ndar
     # wide as it may be.
     over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
     summary = summarise(draws, base if over_determined else measurement, options.level)
-    return SignalEstimate(
-        summary.grid.nm, summary.mean, summary.standard_deviation, summary.lower, summary.upper,
-        summary.bound_lower, summary.bound_upper, draws.effective_samples, len(draws.spectra),
-        summary.level, draws.method, draws.seed, draws.findings, summary.conditional_on,
-        summary.next_measurement_nm,
-        "the signal alone" if over_determined or options.keep else "all measurements",
-        base, causes, draws,
-        doubtful(base, more, capture.prior or load_prior(), options.seed) if more else None,
-        budget, families, certified, certificate)
+    contradicting = doubtful(base, more, capture.prior or load_prior(), options.seed) \
+        if more else None
+    return Estimate(
+        name, summary, base, causes, prior, draws, caveats=capture.caveats, solved=posterior,
+        from_more=bool(more) or twice is not None,
+        bounds_from="the signal alone" if over_determined or options.keep else "all measurements",
+        contradicting=None if contradicting is None else tuple(contradicting))
 
 
 def _with_all_errors(base: SpectralMeasurement,
@@ -187,7 +182,7 @@ def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasur
 
 
 def _estimate_without_draws(capture: SignalCapture,
-                            options: SampleOptions) -> list[SignalEstimate]:
+                            options: SampleOptions) -> list[Estimate]:
     """Estimates of many signals at once, with draws only where no spectrum of the prior fits."""
     check_level(options.level)
     prior = capture.prior or load_prior()
@@ -204,48 +199,69 @@ def _estimate_without_draws(capture: SignalCapture,
         basis_matrix(PRIOR_GRID.nm, coefficients), options.level)
     summary = summaries(prior, response_on(first, PRIOR_GRID), y, causes, options.level)
     estimates = []
-    for row, outcome in enumerate(summary.outcome):
-        own = {name: covariance[row] for name, covariance in causes.items()}
+    for row, (name, outcome) in enumerate(zip(capture.names, summary.outcome, strict=True)):
+        own = {cause: covariance[row] for cause, covariance in causes.items()}
         if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
-            estimates.append(_estimate_from_draws(replace(first, signal=y[row]), own, options,
+            estimates.append(_estimate_from_draws(name, replace(first, signal=y[row]), own, options,
                                                   capture))
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
-        method = prior_named(outcome)
-        findings = outcome_findings(outcome, prior.stated, shares)
         mean, deviation, lower, upper = (curves[row].round(CURVE_DIGITS) for curves in (
             summary.mean, summary.standard_deviation, summary.lower, summary.upper))
-        certified, certificate = _certificate(prior, shares, outcome)
-        estimates.append(SignalEstimate(
-            PRIOR_GRID.nm, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
-            None, 0, options.level, method, options.seed, findings, (
-                Finding("band.closed-form", Severity.INFO, values={"method": method}), *findings),
-            float(summary.next_measurement_nm[row]), "all measurements",
-            replace(first, signal=y[row], noise_covariance=total[row]), own, error_budget=dict(zip(
-                (METAMERISM, *causes), summary.budget[row].tolist(), strict=True)),
-            families=shares, certified=certified, certificate=certificate))
+        conditional_on = (
+            Finding("band.closed-form", Severity.INFO, values={"method": prior_named(outcome)}),
+            *outcome_findings(outcome, prior.stated, shares))
+        estimates.append(Estimate(
+            name, SpectrumSummary(
+                PRIOR_GRID, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
+                options.level, conditional_on, float(summary.next_measurement_nm[row])),
+            replace(first, signal=y[row], noise_covariance=total[row]), own, prior,
+            caveats=capture.caveats, ended=outcome, family_shares=shares,
+            variance_shares=dict(zip((METAMERISM, *causes), summary.budget[row].tolist(),
+                                     strict=True))))
     return estimates
 
 
-def _certificate(prior: LogitMixture, shares: dict[str, float],
-                 outcome: Outcome) -> tuple[tuple[FamilyCoverage, ...], str]:
-    """What 95 % bands held of the families that a signal allows, and a sentence on it."""
-    if outcome is Outcome.UNFAMILIAR:
-        return (), ("No certificate of a family: no library that was judged has colours like this "
-                    "one.")
-    if outcome is not Outcome.FAMILIAR:
-        return (), "No certificate: bands of the smoothness prior were never judged."
-    families = family_coverages(shares, prior.stated, prior.certificates)
-    return families, certified_sentence(families)
+@dataclass(frozen=True)
+class Comparison:
+    """An estimate beside other authors' spectra; fields are named as in ``--json``.
+
+    Attributes
+    ----------
+    baselines : dict of (61,) arrays, optional
+        Other authors' single spectra; None of one who finds none.
+    judged : dict of SpectrumScores, optional
+        The estimate and the others' spectra by method, where the truth is known.
+    """
+
+    baselines: dict[str, np.ndarray | None] | None
+    judged: dict[str, SpectrumScores] | None
+
+    def facts(self) -> dict[str, object]:
+        """For JSON; none of what does not apply."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+    def text(self, estimate: Estimate) -> str:
+        """For a person, beside the estimate that was compared."""
+        if self.judged is not None:
+            return judgement_text([ScoredSpectrum("signal", method, scores)
+                                   for method, scores in self.judged.items()])
+        shown = np.flatnonzero(estimate.nm % BASELINE_NM == 0)
+        lines = [f"{'nm':<22}" + "".join(f"{nm:7.0f}" for nm in estimate.nm[shown])]
+        for name, values in {estimate.method: estimate.mean, **(self.baselines or {})}.items():
+            cells = " found no spectrum" if values is None \
+                else "".join(f"{value:7.3f}" for value in values[shown])
+            lines.append(f"{name[:22]:<22}{cells}")
+        return "\n".join(lines)
 
 
-def compared(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray | None,
-             lights: tuple[str, ...], with_baselines: bool) -> SignalEstimate:
+def compared(estimate: Estimate, options: SampleOptions, truth: np.ndarray | None,
+             lights: tuple[str, ...], with_baselines: bool) -> Comparison:
     """The estimate beside other authors' spectra, and all of them judged where the truth is known.
 
     Parameters
     ----------
-    estimate : SignalEstimate
+    estimate : Estimate
         With draws.
     options : SampleOptions
         Of the estimate.
@@ -256,17 +272,17 @@ def compared(estimate: SignalEstimate, options: SampleOptions, truth: np.ndarray
     with_baselines : bool
         The greedy sampler has no draws for some signals that can be reached.
     """
+    assert estimate.measurement is not None and estimate.samples is not None
     others = baselines(estimate.measurement, options.samples, options.seed, options.coefficients) \
         if with_baselines else {}
     scores = None
     if truth is not None:
-        assert estimate.draws is not None
-        spectra = estimate.draws.spectra
+        spectra = estimate.samples.spectra
         ours = {options.method: (spectra.mean(axis=0), spectra)}
         scores = {name: judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
                   for name, other in (ours | others).items() if other is not None}
     singles = {name: None if other is None else other[0] for name, other in others.items()}
-    return replace(estimate, baselines=singles if with_baselines else None, judged=scores)
+    return Comparison(singles if with_baselines else None, scores)
 
 
 def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,

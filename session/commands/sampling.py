@@ -2,6 +2,7 @@
 """
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -121,8 +122,8 @@ def sample(
                                 or measured.more):
         raise InputError("a truth and further measurements belong to one surface; give its "
                          "--signal, not --signals")
-    from spectrabox.measure.signals.sample import sample_signals
-    from spectrabox.measure.signals.signal_estimate import columns_of, draws_of
+    from spectrabox.measure.estimate import columns_of, draws_of
+    from spectrabox.measure.signals.sample import compared, sample_signals
     from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
     capture = signal_capture(
         measured, signals, colours[0] if colours else None, sensitivity or OBSERVER,
@@ -130,18 +131,24 @@ def sample(
         prior=prior, family=family)
     true = None if truth is None else stated_truth(truth, column)
     options = SampleOptions(method, samples, seed, coefficients, level, keep, refine)
-    one, as_table = signals is None, _ends_in(out, ".csv")
+    one, as_table, started = signals is None, _ends_in(out, ".csv"), time.perf_counter()
     estimates = sample_signals(capture, options, with_draws=one or baseline
                                or _ends_in(out, ".npz"))
-    if baseline or true is not None:
-        from spectrabox.measure.signals.sample import compared
-        estimates = [compared(estimate, options, true, DELTA_LIGHTS, baseline)
-                     for estimate in estimates]
+    seconds = (time.perf_counter() - started) / len(estimates)
+    facts, texts = [], []
+    for estimate in estimates:
+        facts.append(estimate.facts() | {"seed": seed, "seconds": seconds})
+        # of thousands of signals a text takes a while
+        texts.append("" if as_json else estimate.text())
+        if baseline or true is not None:
+            comparison = compared(estimate, options, true, DELTA_LIGHTS, baseline)
+            facts[-1] |= comparison.facts()
+            texts[-1] += f"\n\n{comparison.text(estimate)}"
     written: dict[str, Path] = {}
     if out is not None:
         written["file"] = out
         if as_table:
-            _write_columns(out, estimates[0].wavelengths_nm, columns_of(estimates))
+            _write_columns(out, estimates[0].nm, columns_of(estimates))
         else:
             write_arrays(out, draws_of(estimates))
     if plot is not None:
@@ -149,10 +156,10 @@ def sample(
         written["plot"] = plot
         write_plot(plot, estimates)
     if one:
-        return Answer(estimates[0].facts() | written, estimates[0].text())
-    text = "" if as_json else "\n\n".join(      # of thousands of signals it takes a while
-        f"signal {estimate.name}\n{estimate.text()}" for estimate in estimates)
-    return Answer({"results": [estimate.facts() for estimate in estimates], **written}, text)
+        return Answer(facts[0] | written, texts[0])
+    return Answer({"results": facts, **written}, "\n\n".join(
+        f"signal {estimate.name}\n{text}"
+        for estimate, text in zip(estimates, texts, strict=True)))
 
 
 @Command

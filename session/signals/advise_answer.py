@@ -91,7 +91,7 @@ def _on_signal(request: AdviseRequest, hand: LampsAtHand | None) -> tuple[dict[s
     capture = SignalCapture(response, base.signal[None], ("",), np.ones(bands),
                             np.sqrt(np.diag(base.noise_covariance)), more=taken)
     [estimate] = sample_signals(capture, SampleOptions())
-    each = advice_on_signal(joined(base, taken), load_prior(), estimate.level,
+    each = advice_on_signal(joined(base, taken), load_prior(), SampleOptions.level,
                             found=stated_outlook(estimate),
                             curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                             present=named_spectra.light(light, FINE_GRID), hand=hand)

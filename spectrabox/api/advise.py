@@ -12,12 +12,11 @@ from spectrabox.api.arguments import (
     as_filter,
     as_spectrum,
 )
-from spectrabox.api.estimates.estimate import SpectrumEstimate
-from spectrabox.api.estimates.measured_spectra import MeasuredSpectra
+from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.session import Session
 from spectrabox.measure.advice.advice import Advice
-from spectrabox.measure.advice.advise import advice_on_signal
-from spectrabox.measure.advice.forecast import Outlook, outlook_of_answer
+from spectrabox.measure.advice.advise import advice_on_signal, stated_outlook
+from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
@@ -27,7 +26,7 @@ from spectrabox.radiometry.system.threads import one_blas_thread
 
 
 @one_blas_thread()
-def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path, *,
+def advise(known: MeasuredSpectra | Estimate | Session | str | Path, *,
            lamps: Sequence[str] | Mapping[str, LightLike] | None = None,
            filters: str | Path | Mapping[str, FilterLike] | None = None,
            camera: CameraLike | None = None, light: LightLike | None = None) -> tuple[Advice, ...]:
@@ -76,7 +75,7 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path, *,
         if hand is None and known.found.failed_advice is None:
             return known.advice
         return known.found.advise(hand).overall
-    if isinstance(known, SpectrumEstimate):
+    if isinstance(known, Estimate):
         if (camera is None) != (light is None):
             raise InputError("lamps and filters are weighed for a signal by its camera and its "
                              "light: give both, camera= and light=")
@@ -86,17 +85,11 @@ def advise(known: MeasuredSpectra | SpectrumEstimate | Session | str | Path, *,
             raise InputError(f"lamps and filters are weighed for all regions of a photo together: "
                              f"give the result that {known.name!r} is of")
         return advice_on_signal(
-            known.measurement, known.prior, found=_outlook_of(known), hand=hand,
+            known.measurement, known.prior, found=stated_outlook(known), hand=hand,
             curves=None if camera is None else as_curves(camera),
             present=None if light is None else spectrum_on_grid(as_spectrum(light), FINE_GRID))
     raise InputError(f"advise() takes a result of flat or reconstruct_scene, a session or its "
                      f"folder, or an estimate, and got {type(known).__name__}")
-
-
-def _outlook_of(known: SpectrumEstimate) -> Outlook | None:
-    """How well an estimate says that its spectrum is known; None where it has no draws."""
-    return None if known.samples is None or known.summary is None else outlook_of_answer(
-        known.samples, known.summary.lower, known.summary.upper)
 
 
 def _at_hand(lamps: Sequence[str] | Mapping[str, LightLike] | None,

@@ -19,7 +19,7 @@ from spectrabox.api.arguments import (
 from spectrabox.api.array_arguments import require_mapping
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
-from spectrabox.api.estimates.measured_spectra import (
+from spectrabox.api.estimates import (
     MeasuredSpectra,
     advice_of,
     prior_of,

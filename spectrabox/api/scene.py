@@ -20,13 +20,12 @@ from spectrabox.api.arguments import (
     surfaces_of,
 )
 from spectrabox.api.camera import CameraEstimate
-from spectrabox.api.estimates.measured_spectra import (
+from spectrabox.api.estimates import (
     MeasuredSpectra,
     advice_of,
     prior_of,
     surface_estimate,
 )
-from spectrabox.api.notebook import axes_for
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.shoot_arguments import INVERSION, SAMPLING, SESSION, Arguments
@@ -38,7 +37,6 @@ from spectrabox.measure.captured import (
     SceneCapture,
 )
 from spectrabox.measure.notebook import axes_for
-from spectrabox.measure.options import Repeatability
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed

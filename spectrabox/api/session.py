@@ -4,11 +4,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from spectrabox.api.estimates.estimate import SpectrumEstimate
 from spectrabox.api.flat import FlatSpectra
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.scene import SceneSpectra
 from spectrabox.measure.captured import FlatCapture
+from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.notebook import spectrum_html
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.session.config.session_file import read_session
@@ -21,7 +21,7 @@ from spectrabox.session.store.locks import only_writer
 from spectrabox.session.store.rehearsals import stored_rehearsal
 
 
-class Session(Mapping[str, SpectrumEstimate]):
+class Session(Mapping[str, Estimate]):
     """A session folder: check it, run it, and look at its surfaces by name.
 
     Parameters
@@ -136,7 +136,7 @@ class Session(Mapping[str, SpectrumEstimate]):
         """What the report warns of, in sentences."""
         return list(self.spectra.notes)
 
-    def __getitem__(self, name: str) -> SpectrumEstimate:
+    def __getitem__(self, name: str) -> Estimate:
         return self.spectra[name]
 
     def __iter__(self) -> Iterator[str]:

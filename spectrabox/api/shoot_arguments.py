@@ -10,13 +10,11 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.arguments import (
     FilterLike,
-    KnownSpectrum,
     LightLike,
     as_chart,
     as_corners,
     as_filter,
     as_light,
-    as_reflectance,
     families_of,
 )
 from spectrabox.api.photo import Photo, as_input_file
@@ -32,6 +30,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 
 SESSION, SAMPLING, INVERSION = SessionSection(), Sampling(), Inversion()     # their defaults

@@ -18,25 +18,23 @@ from spectrabox.api.arguments import (
     relative_response,
 )
 from spectrabox.api.array_arguments import as_number, as_numbers
-from spectrabox.api.estimates.estimate import SpectrumEstimate
-from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
+from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.measure.advice.advise import advice_on_estimate
+from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
 from spectrabox.measure.signals.signal_estimate import (
     SignalCapture,
-    SignalEstimate,
     curve_caveats,
     origin_of_colours,
 )
 from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.spectra import SpectrumSummary
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior.mixture import LogitMixture
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
@@ -50,7 +48,7 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
            method: str = SampleOptions.method, draws: int = SampleOptions.samples,
            seed: int = SampleOptions.seed, coefficients: int = SampleOptions.coefficients,
            level: float = SampleOptions.level, prior: str | Path | LogitMixture | None = None,
-           names: Sequence[str] | None = None) -> SpectrumEstimate | SpectrumEstimates:
+           names: Sequence[str] | None = None) -> Estimate | SpectrumEstimates:
     """Every reflectance behind one signal, or behind each of many.
 
     Parameters
@@ -152,14 +150,12 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients,
                                                  as_number(level, "level")),
                           with_draws=given.ndim == 1)
-    estimates = [_estimate(name, one, learnt if method == "prior" else None,
-                           capture.caveats)
-                 for name, one in zip(labels, each, strict=True)]
+    estimates = [replace(one, advise=partial(advice_on_estimate, one)) for one in each]
     return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)
 
 
 @one_blas_thread()
-def match(signal: SpectrumEstimate | ArrayLike,
+def match(signal: Estimate | ArrayLike,
           library: str | Path | Sequence[str | Path] | Mapping[str, KnownSpectrum | ArrayLike], *,
           camera: CameraLike | None = None, light: LightLike | None = None,
           noise: ArrayLike | None = None, nm: ArrayLike | None = None, variation: float = VARIATION,
@@ -213,13 +209,13 @@ def match(signal: SpectrumEstimate | ArrayLike,
     ...                   light="D65", noise=0.003)
     >>> answer.says
     """
-    if not isinstance(signal, SpectrumEstimate):
+    if not isinstance(signal, Estimate):
         if camera is None or light is None:
             raise InputError("a signal that is given as numbers needs its camera and its light")
         if as_numbers(signal, "signal").ndim != 1:
             raise InputError("one signal is identified at a time: give (K,) numbers or an estimate")
         one = sample(signal, camera=camera, light=light, noise=noise, prior=prior)
-        assert isinstance(one, SpectrumEstimate)
+        assert isinstance(one, Estimate)
         signal = one
     if signal.measurement is None:
         raise InputError(f"the spectrum of {signal.name!r} was given: there is nothing to identify")
@@ -253,15 +249,3 @@ def _of_colour(signals: ArrayLike | None, camera: CameraLike | None, light: Ligh
     return signal_of_colour(
         name, lab=None if lab is None else as_numbers(lab, "lab"),
         xyz=None if xyz is None else as_numbers(xyz, "xyz")), OBSERVER, name
-
-
-def _estimate(name: str, one: SignalEstimate, prior: LogitMixture | None,
-              caveats: tuple[str, ...]) -> SpectrumEstimate:
-    """The public estimate of one signal."""
-    summary = SpectrumSummary(PRIOR_GRID, one.mean, one.standard_deviation, one.lower, one.upper,
-                              one.bound_lower, one.bound_upper, one.level, one.conditional_on,
-                              one.next_measurement_nm)
-    return SpectrumEstimate(
-        name, summary, one.measurement, one.causes, prior, one.draws, caveats=caveats,
-        advise=tuple if prior is None else partial(advice_on_estimate, one, prior))
-

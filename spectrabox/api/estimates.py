@@ -1,16 +1,18 @@
-"""Estimates of the surfaces of a photo, with the verdict on them and what they rest on."""
+"""Estimates of several surfaces by name, and those of a photo with the verdict on them."""
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
 
 from markupsafe import Markup
 
-from spectrabox.api.estimates.estimate import SpectrumEstimate
-from spectrabox.api.estimates.spectrum_estimates import SpectrumEstimates
-from spectrabox.measure import conditions
+from spectrabox.measure import conditions, estimate, notebook
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.captured import Capture
+from spectrabox.measure.estimate import Estimate
+from spectrabox.measure.plots import frame_wavelengths
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
 from spectrabox.measure.surfaces.surface_signals import alone, errors_by_cause, measurement
@@ -18,6 +20,130 @@ from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
 from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+SpectrumEstimate = Estimate     # as the library calls it
+
+
+class SpectrumEstimates(Mapping[str, Estimate]):
+    """Estimates by the name of their surface, in their order; also by number.
+
+    Parameters
+    ----------
+    estimates : sequence of SpectrumEstimate
+        Of different names.
+
+    References
+    ----------
+    Those of `SpectrumEstimate`.
+
+    Examples
+    --------
+    >>> many = sb.sample([[0.5, 0.4, 0.3], [0.2, 0.3, 0.4]], camera="Nikon 5100 (NPL)", light="D65",
+    ...                  noise=0.01, names=["warm", "cool"])
+    >>> many["warm"].mean
+    >>> widths = {name: one.band_width for name, one in many.items()}
+    >>> many.to_xarray(draws=100)
+    """
+
+    def __init__(self, estimates: Sequence[Estimate]) -> None:
+        self._estimates = {one.name: one for one in estimates}
+
+    @overload
+    def __getitem__(self, name: str) -> Estimate: ...
+    @overload
+    def __getitem__(self, name: int) -> Estimate: ...
+
+    def __getitem__(self, name: str | int) -> Estimate:
+        if isinstance(name, int):
+            return list(self._estimates.values())[name]
+        if name not in self._estimates:
+            raise KeyError(f"there is no surface {name!r}; there are "
+                           f"{', '.join(self._estimates)}")
+        return self._estimates[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._estimates)
+
+    def __len__(self) -> int:
+        return len(self._estimates)
+
+    def to_xarray(self, draws: int = 0, seed: int = 1) -> Dataset:
+        """All estimates as an xarray Dataset over ``surface``, ``wavelength`` (nm) and ``draw``.
+
+        Parameters
+        ----------
+        draws : int
+            How many of each surface to include; none by default.
+        seed : int
+            Of these draws.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``mean``, ``standard_deviation``, ``lower``, ``upper``, ``bound_lower``,
+            ``bound_upper`` and ``draws``: reflectances, 0 to 1.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If xarray is not installed.
+        """
+        return estimate.to_xarray(self, draws, seed)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write mean, standard deviation, band and bounds of every surface, a row a wavelength.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Path
+            Of the file.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If the file cannot be written; an older one is left as it was.
+        InputError
+            If there is no surface.
+        """
+        return estimate.to_csv(self, path)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Means and bands of all surfaces.
+
+        Parameters
+        ----------
+        axes : matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = notebook.axes_for(axes, (6.6, 3.7))
+        for name, one in self._estimates.items():
+            line, = axes.plot(one.nm, one.mean, label=name)
+            axes.fill_between(one.nm, *one.band(), color=line.get_color(), alpha=0.15, lw=0)
+        frame_wavelengths(axes, self[0].nm)
+        axes.set(ylabel="Reflectance", ylim=(0, None))
+        axes.legend(frameon=False, fontsize="small")
+        return axes
+
+    def __repr__(self) -> str:
+        each = self._estimates.values()
+        lines = [f"  {dataclasses.replace(one, caveats=())!r}" for one in each]
+        caveats = dict.fromkeys(caveat for one in each for caveat in one.caveats)
+        return "\n".join([f"<{type(self).__name__}, {len(lines)} surfaces>", *lines, *caveats])
+
+    def _repr_html_(self) -> str:
+        return notebook.spectrum_html(list(self._estimates.values()))
 
 
 class MeasuredSpectra(SpectrumEstimates):
@@ -50,7 +176,7 @@ class MeasuredSpectra(SpectrumEstimates):
     >>> result.facts()["regions"][0]["band_width"]
     """
 
-    def __init__(self, found: CaptureResult, estimates: Sequence[SpectrumEstimate],
+    def __init__(self, found: CaptureResult, estimates: Sequence[Estimate],
                  signals: SurfaceSignals) -> None:
         super().__init__(estimates)
         self.found = found
@@ -169,7 +295,7 @@ def prior_of(capture: Capture, name: str) -> LogitMixture | None:
 def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, SurfaceSpectrum],
                      prior: LogitMixture | None,
                      advise: Callable[[], tuple[Advice, ...]], *,
-                     rendered: bool) -> SpectrumEstimate:
+                     rendered: bool) -> Estimate:
     """The estimate of one surface of a scene or of a flat sample.
 
     Parameters
@@ -188,9 +314,9 @@ def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, S
     """
     index = signals.names.index(name)
     if signals.known[index]:
-        return SpectrumEstimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
+        return Estimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
     samples = spectra[name].samples
-    return SpectrumEstimate(name, spectra[name].summary, measurement(signals, index),
+    return Estimate(name, spectra[name].summary, measurement(signals, index),
                             errors_by_cause(signals, index),
                             prior, samples,
                             signals.spectra[index] if rendered else None, advise=advise)

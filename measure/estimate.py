@@ -1,35 +1,39 @@
-"""The estimate of one surface's spectrum: everything that is known of it, from one posterior."""
+"""One surface's spectrum and everything that is known of it: from one posterior, from draws that
+are held, or as it was given. Library, report, page, tables and JSON read it, each what it shows.
+"""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import KnownSpectrum, as_reflectance_at
-from spectrabox.api.estimates.estimate_tables import estimates_to_csv, estimates_to_xarray
-from spectrabox.api.notebook import axes_for, spectrum_html
 from spectrabox.measure import texts
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.extras import attempt
-from spectrabox.measure.plots import plot_estimate, plot_given, plot_truth
 from spectrabox.measure.surfaces.colour_comparison import Colour
 from spectrabox.measure.surfaces.surface_signals import with_added
-from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
-from spectrabox.radiometry.errors import InputError
+from spectrabox.measure.surfaces.surface_spectra import Scores, score
+from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab, reflectance_to_srgb
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import (
+    Outcome,
+    Quantity,
     SpectralMeasurement,
+    Spectrum,
     SpectrumSamples,
     SpectrumSummary,
 )
+from spectrabox.radiometry.spectra import given_spectra, spectrum_files
+from spectrabox.sampling.prior import family_coverage, signal_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 from spectrabox.sampling.summary import check_draws, check_level
 
 if TYPE_CHECKING:
@@ -40,10 +44,13 @@ if TYPE_CHECKING:
 COLOUR_DRAWS = 2000         # behind a colour's standard error, where no draws are held
 COLOUR_SEED = 1
 DRAWS_SHOWN = 30
+SHOWN_NM = 25               # between the wavelengths of a text
+CURVES = ("mean", "standard_deviation", "lower", "upper")
+BOUNDS = ("bound_lower", "bound_upper")
 
 
 @dataclass(frozen=True, eq=False)
-class SpectrumEstimate:
+class Estimate:
     """What is known of the reflectance of one surface.
 
     Attributes
@@ -67,6 +74,8 @@ class SpectrumEstimate:
         Of a surface whose spectrum is known.
     caveats : tuple of str
         What was not stated of a signal, and what was taken instead, in sentences.
+    truth : Spectrum or None
+        A measured reflectance to compare with.
 
     References
     ----------
@@ -91,6 +100,17 @@ class SpectrumEstimate:
     inverse_rendering: np.ndarray | None = None
     given: tuple[np.ndarray, np.ndarray] | None = None
     caveats: tuple[str, ...] = ()
+    truth: Spectrum | None = None
+    # what was solved before, so that it need not be solved again: the posterior, or how it ended,
+    # the shares of families in it and of causes in its variance
+    solved: signal_posterior.SignalPosterior | None = None
+    ended: Outcome | None = None
+    family_shares: Mapping[str, float] | None = None
+    variance_shares: Mapping[str, float] | None = None
+    # the draws rest on more than ``measurement``: further readings, or all surfaces of a scene
+    from_more: bool = False
+    bounds_from: str = "all measurements"
+    contradicting: tuple[str, ...] | None = None    # of further measurements, in sentences
     # forecasts what to do next, which takes a while: called when it is asked for
     advise: Callable[[], tuple[Advice, ...]] = tuple
 
@@ -154,7 +174,7 @@ class SpectrumEstimate:
             return self.mean, self.mean
         if level == self._summary.level:
             return self._summary.lower, self._summary.upper
-        if self.prior is not None:
+        if self._solvable:
             lower, upper = self.posterior.band(level)
             grid_nm = PRIOR_GRID.nm
         else:
@@ -202,13 +222,23 @@ class SpectrumEstimate:
         held = self.samples
         if held is not None and held.seed == seed and len(held.spectra) == count:
             return _on(self.nm, held.grid.nm, held.spectra)
-        if self.prior is None:
+        if not self._solvable:
             if count > len(self._held_draws.spectra):
                 raise InputError(f"{count} draws were asked for and {self.name!r} holds "
                                  f"{len(self._held_draws.spectra)}, of a method that cannot draw "
                                  "more here; ask for fewer, or estimate again with more draws")
             return _on(self.nm, self._held_draws.grid.nm, self._held_draws.spectra[:count])
         return _on(self.nm, PRIOR_GRID.nm, self.posterior.draws(count, seed))
+
+    @property
+    def known(self) -> bool:
+        """Whether the spectrum was given."""
+        return self.given is not None
+
+    @cached_property
+    def srgb(self) -> np.ndarray:
+        """Encoded sRGB (3,) of the mean, 0 to 1."""
+        return reflectance_to_srgb(self.nm, self.mean)
 
     def lab(self, light: str = "D65") -> Colour:
         """L*, a*, b* (3,) of the mean under a light, 2 degree observer, with standard errors.
@@ -228,10 +258,12 @@ class SpectrumEstimate:
         InputError
             If no light of that name is published.
         """
-        mean, draws = (self._lab_of(light, spectra) for spectra in (self.mean, self._colour_draws))
-        return Colour(mean, draws.std(axis=0))
+        if light not in self._colours:
+            self._colours[light] = Colour(self._lab_of(light, self.mean),
+                                          self._drawn_lab(light).std(axis=0))
+        return self._colours[light]
 
-    def delta_e(self, other: SpectrumEstimate | KnownSpectrum | ArrayLike,
+    def delta_e(self, other: Estimate | given_spectra.KnownSpectrum | ArrayLike,
                 light: str = "D65") -> Colour:
         """CIEDE2000 between the means of two surfaces under a light, with its standard error.
 
@@ -260,12 +292,12 @@ class SpectrumEstimate:
             raise InputError(f"{first} is no surface, or {second} no light: give the other "
                              "surface, a reflectance or its file first, and a CIE name after it, "
                              "as in delta_e(other, light='D65')")
-        if isinstance(other, SpectrumEstimate):
-            theirs, drawn = other._lab_of(light, other.mean), other._lab_of(light,
-                                                                            other._colour_draws)
+        if isinstance(other, Estimate):
+            theirs, drawn = other._lab_of(light, other.mean), other._drawn_lab(light)
         else:
-            theirs = drawn = self._lab_of(light, as_reflectance_at(self.nm, other, "other"))
-        mine = self._lab_of(light, self._colour_draws)
+            theirs = drawn = self._lab_of(
+                light, given_spectra.as_reflectance_at(self.nm, other, "other"))
+        mine = self._drawn_lab(light)
         if drawn.ndim == 2:
             # in another order: draws of equal seeds would err alike
             count = min(len(mine), len(drawn))
@@ -280,11 +312,46 @@ class SpectrumEstimate:
         """Share of each cause in the variance of the spectrum, mean over wavelength; sums to 1.
 
         Metamerism is what would remain if the signal were perfect. Empty where the spectrum was
-        given, or drawn by another method than the learnt prior.
+        given, drawn by another method than the learnt prior, or from more than its own signal.
         """
-        if self.prior is None or self.measurement is None:
+        if self.variance_shares is not None:
+            return dict(self.variance_shares)
+        if not self._solvable or self.measurement is None:
             return {}
         return self.posterior.variance_shares(self.errors)
+
+    @cached_property
+    def families(self) -> tuple[family_coverage.FamilyCoverage, ...]:
+        """Kinds of surface that were stated, or that the signal allows, and what 95 % bands of each
+        held when they were judged; none without the learnt prior.
+        """
+        if self.prior is None or not self._outcome.as_intended:
+            return ()
+        shares = self.posterior.family_shares if self.family_shares is None else self.family_shares
+        return family_coverage.family_coverages(
+            shares, self.prior.stated, self.prior.certificates) if shares else ()
+
+    @property
+    def certificate(self) -> str | None:
+        """What 95 % bands of these families held on unseen surfaces, in a sentence; None without
+        the learnt prior.
+        """
+        if self.prior is None:
+            return None
+        if self._outcome is Outcome.UNFAMILIAR:
+            return ("No certificate of a family: no library that was judged has colours like this "
+                    "one.")
+        if not self._outcome.as_intended:
+            return "No certificate: bands of the smoothness prior were never judged."
+        return family_coverage.certified_sentence(self.families)
+
+    @cached_property
+    def scores(self) -> Scores | None:
+        """How near it came to the truth; None where that is not known, or no draws are held."""
+        if self.truth is None or self.summary is None or self.samples is None:
+            return None
+        return score(spectrum_files.spectrum_on_grid(self.truth, self.summary.grid),
+                     self.inverse_rendering, self.summary, self.samples)
 
     @property
     def error_budget(self) -> dict[str, np.ndarray]:
@@ -299,8 +366,31 @@ class SpectrumEstimate:
         """How the estimate ended, and what it is conditional on, in a sentence."""
         if self.given is not None:
             return "The spectrum was given."
-        return texts.paragraph(
-            self.samples.findings if self.samples is not None else self.posterior.findings)
+        return texts.paragraph(self.findings)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """How the estimate ended, and what it is conditional on; nothing if it was given."""
+        if self.given is not None:
+            return ()
+        if self.samples is not None:
+            return self.samples.findings
+        if self.ended is None or self.prior is None:
+            return self.posterior.findings
+        return signal_posterior.outcome_findings(self.ended, self.prior.stated,
+                                                 self.family_shares or {})
+
+    @property
+    def as_intended(self) -> bool:
+        """Whether the draws ended without a reservation."""
+        return self.known or self._outcome.as_intended
+
+    @property
+    def method(self) -> str:
+        """Which prior and sampler it is of."""
+        if self.samples is not None:
+            return self.samples.method
+        return signal_posterior.prior_named(self._outcome)
 
     @property
     def next_reading_nm(self) -> float | None:
@@ -315,7 +405,7 @@ class SpectrumEstimate:
         return float(np.mean(upper - lower))
 
     @cached_property
-    def posterior(self) -> SignalPosterior:
+    def posterior(self) -> signal_posterior.SignalPosterior:
         """The posterior under the learnt prior, solved once.
 
         Raises
@@ -323,12 +413,14 @@ class SpectrumEstimate:
         InputError
             If the estimate comes from another method.
         """
+        if self.solved is not None:
+            return self.solved
         if self.prior is None or self.measurement is None:
             raise InputError(f"{self.name!r} was not estimated with the learnt prior")
-        return solve_posterior(self.prior, self.measurement)
+        return signal_posterior.solve_posterior(self.prior, self.measurement)
 
     def plot(self, axes: Axes | None = None, *,
-             truth: KnownSpectrum | ArrayLike | None = None) -> Axes:
+             truth: given_spectra.KnownSpectrum | ArrayLike | None = None) -> Axes:
         """Draws, band, exact bounds and mean over wavelength, as in the report.
 
         Parameters
@@ -336,22 +428,25 @@ class SpectrumEstimate:
         axes : matplotlib Axes, optional
             To draw into; new ones by default.
         truth : (P,) array, path, (nm, values) or Spectrum, optional
-            A measured reflectance to compare with.
+            A measured reflectance to compare with; by default that of the estimate, if it has one.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = axes_for(axes, (6.6, 3.7))
+        from spectrabox.measure import notebook, plots  # Matplotlib takes a while to import
+        axes = notebook.axes_for(axes, (6.6, 3.7))
+        truth = self.truth if truth is None else truth
         if self.given is not None:
-            plot_given(axes, self.nm, self.mean)
+            plots.plot_given(axes, self.nm, self.mean)
         else:
             held = self.samples
             draws, draws_nm = (self.draws(DRAWS_SHOWN, COLOUR_SEED), self.nm) if held is None \
                 else (held.spectra, held.grid.nm)
-            plot_estimate(axes, self._summary, draws, draws_nm, self.inverse_rendering)
+            plots.plot_estimate(axes, self._summary, draws, draws_nm, self.inverse_rendering)
         if truth is not None:
-            plot_truth(axes, self.nm, as_reflectance_at(self.nm, truth, "truth"))
+            plots.plot_truth(axes, self.nm,
+                             given_spectra.as_reflectance_at(self.nm, truth, "truth"))
         axes.set_title(self.name)
         axes.legend(frameon=False, fontsize="small")
         return axes
@@ -377,7 +472,7 @@ class SpectrumEstimate:
         EnvironmentProblem
             If xarray is not installed.
         """
-        return estimates_to_xarray({self.name: self}, draws, seed).isel(surface=0)
+        return to_xarray({self.name: self}, draws, seed).isel(surface=0)
 
     def to_csv(self, path: str | Path) -> Path:
         """Write mean, standard deviation, band and bounds, a row a wavelength.
@@ -396,7 +491,7 @@ class SpectrumEstimate:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        return estimates_to_csv({self.name: self}, path)
+        return to_csv({self.name: self}, path)
 
     def to_colour(self) -> SpectralDistribution:
         """The mean as a colour-science SpectralDistribution.
@@ -411,9 +506,75 @@ class SpectrumEstimate:
                                     name=self.name)
 
     def _repr_html_(self) -> str:
-        return spectrum_html([self])
+        from spectrabox.measure import notebook
+        return notebook.spectrum_html([self])
 
-    def renamed(self, name: str) -> SpectrumEstimate:
+    def facts(self) -> dict[str, Any]:
+        """What is known, as plain numbers and sentences, by the keys of
+        ``spectrabox sample --json`` (docs/reference/json.md).
+
+        Returns
+        -------
+        dict
+            Of numbers, strings, lists and dicts; without what does not apply.
+        """
+        if self.given is not None:
+            return {"name": self.name, "known": True, "wavelengths_nm": self.nm.tolist(),
+                    "mean": self.mean.tolist()}
+        summary, held = self._summary, self.samples
+        facts: dict[str, Any] = {
+            "wavelengths_nm": self.nm.tolist(),
+            **{curve: getattr(summary, curve).tolist() for curve in (*CURVES, *BOUNDS)},
+            "effective_samples": None if held is None else held.effective_samples,
+            "samples": 0 if held is None else len(held.spectra), "level": summary.level,
+            "method": self.method, "outcome": self.outcome,
+            "conditional_on": texts.paragraph(summary.conditional_on),
+            "next_measurement_nm": summary.next_measurement_nm, "bounds_from": self.bounds_from}
+        if self.contradicting is not None:
+            facts["doubtful"] = list(self.contradicting)
+        if self.causes:
+            facts["error_budget"] = self.causes
+        if self.prior is not None:
+            facts |= {"families": dict(self.posterior.family_shares if self.family_shares is None
+                                       else self.family_shares),
+                      "certified": family_coverage.coverage_facts(self.families),
+                      "certificate": self.certificate}
+        if self.name:
+            facts["name"] = self.name
+        if self.caveats:
+            facts["caveat"] = "\n".join(self.caveats)
+        return facts
+
+    def text(self) -> str:
+        """Every 25 nm, and what is to be said of it, as ``spectrabox sample`` prints it.
+
+        Returns
+        -------
+        str
+        """
+        if self.given is not None:
+            return f"{self.name}: {self.outcome}"
+        summary = self._summary
+        lines = [f"{'nm':>5} {'mean':>7} {'sd':>7} {'band':>15} {'bounds':>15}"]
+        for index in np.flatnonzero(self.nm % SHOWN_NM == 0):
+            mean, deviation, lower, upper, lowest, highest = (
+                getattr(summary, curve)[index] for curve in (*CURVES, *BOUNDS))
+            lines.append(f"{self.nm[index]:5.0f} {mean:7.3f} {deviation:7.3f} "
+                         f"{lower:7.3f}-{upper:.3f}  {lowest:7.3f}-{highest:.3f}")
+        if self.causes:
+            lines.append("variance from: " + ", ".join(
+                f"{cause} {100 * share:.1f} %" for cause, share in self.causes.items()
+                if share > 0))
+        lines += self.contradicting or ()
+        lines += [*self.caveats, self.outcome]
+        if self.certificate is not None:
+            lines.append(self.certificate)
+        draws = "computed in closed form" if self.samples is None \
+            else f"{len(self.samples.spectra)} draws"
+        return "\n".join([*lines, f"{draws}, {self.method}; the next reading helps most at "
+                          f"{summary.next_measurement_nm:.0f} nm"])
+
+    def renamed(self, name: str) -> Estimate:
         """The same estimate under another name.
 
         Parameters
@@ -422,15 +583,20 @@ class SpectrumEstimate:
 
         Returns
         -------
-        SpectrumEstimate
+        Estimate
         """
         return dataclasses.replace(self, name=name)
 
     @property
-    def _as_intended(self) -> bool:
-        """Whether the draws ended without a reservation."""
-        ended = self.samples.outcome if self.samples is not None else self.posterior.outcome
-        return ended.as_intended
+    def _outcome(self) -> Outcome:
+        if self.samples is not None:
+            return self.samples.outcome
+        return self.posterior.outcome if self.ended is None else self.ended
+
+    @property
+    def _solvable(self) -> bool:
+        """Whether the posterior of its own signal is all that is known of it."""
+        return self.prior is not None and not self.from_more
 
     @property
     def _summary(self) -> SpectrumSummary:
@@ -443,10 +609,14 @@ class SpectrumEstimate:
         return self.samples
 
     @cached_property
-    def _colour_draws(self) -> np.ndarray:
+    def _colours(self) -> dict[str, Colour]:
+        return {}
+
+    def _drawn_lab(self, light: str) -> np.ndarray:
+        """L*, a*, b* of draws (T, 3)."""
         if self.given is None and self.samples is not None:
-            return _on(self.nm, self.samples.grid.nm, self.samples.spectra)
-        return self.draws(COLOUR_DRAWS, COLOUR_SEED)
+            return reflectance_to_lab(self.samples.grid.nm, self.samples.spectra, light)
+        return self._lab_of(light, self.draws(COLOUR_DRAWS, COLOUR_SEED))
 
     def _lab_of(self, light: str, spectra: np.ndarray) -> np.ndarray:
         if not isinstance(light, str):
@@ -459,7 +629,7 @@ class SpectrumEstimate:
         lightness, a, b = self.lab().value
         said = [f"<SpectrumEstimate {self.name!r}: L*a*b* {lightness:.1f} {a:.1f} {b:.1f}, "
                 f"{100 * self._summary.level:.4g} % band {self.band_width:.3f} wide>",
-                *([] if self._as_intended else [self.outcome]), *self.caveats]
+                *([] if self.as_intended else [self.outcome]), *self.caveats]
         return "\n".join(said)
 
 
@@ -468,3 +638,102 @@ def _on(nm: np.ndarray, own_nm: np.ndarray, spectra: np.ndarray) -> np.ndarray:
     if np.array_equal(nm, own_nm):
         return spectra
     return np.array([np.interp(nm, own_nm, spectrum) for spectrum in spectra])
+
+
+def to_csv(estimates: Mapping[str, Estimate], path: str | Path) -> Path:
+    """Write mean, standard deviation, band and bounds of every surface, a row a wavelength.
+
+    Parameters
+    ----------
+    estimates : mapping of Estimate
+        On the same wavelengths.
+    path : path
+
+    Raises
+    ------
+    EnvironmentProblem
+        If the file cannot be written; an older one is left as it was.
+    InputError
+        If there is no surface, or no such folder.
+    """
+    if not estimates:
+        raise InputError("there is no surface to write")
+    columns: dict[str, np.ndarray] = {}
+    for name, one in estimates.items():
+        (lower, upper), (lowest, highest) = one.band(), one.bounds()
+        columns |= {f"{name} mean": one.mean,
+                    f"{name} standard_deviation": one.standard_deviation,
+                    f"{name} lower": lower, f"{name} upper": upper,
+                    f"{name} bound_lower": lowest, f"{name} bound_upper": highest}
+    target = in_folder(path)
+    nm = next(iter(estimates.values())).nm
+    write_text_whole(target, spectrum_files.table_text(nm, columns, quantity=Quantity.REFLECTANCE,
+                                        source="spectrabox"))
+    return target
+
+
+def to_xarray(estimates: Mapping[str, Estimate], draws: int,
+                        seed: int) -> Dataset:
+    """Estimates on the same wavelengths as an xarray Dataset.
+
+    Parameters
+    ----------
+    estimates : mapping of Estimate
+    draws : int
+        How many of each to include.
+    seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``surface``, ``wavelength`` (nm), and ``draw`` where draws are asked for;
+        variables are reflectances, 0 to 1.
+
+    Raises
+    ------
+    EnvironmentProblem
+        If xarray is not installed.
+    """
+    try:
+        import xarray
+    except ImportError:
+        raise EnvironmentProblem("to_xarray needs xarray, which is not installed: pip install "
+                                 "'spectrabox[xarray]'") from None
+    each = list(estimates.values())
+    columns: dict[str, Any] = {
+        "mean": [one.mean for one in each],
+        "standard_deviation": [one.standard_deviation for one in each],
+        "lower": [one.band()[0] for one in each], "upper": [one.band()[1] for one in each],
+        "bound_lower": [one.bounds()[0] for one in each],
+        "bound_upper": [one.bounds()[1] for one in each]}
+    reflectance: dict[str, Any] = {"units": "1", "long_name": "reflectance"}
+    variables: dict[str, Any] = {name: (("surface", "wavelength"), np.array(values), reflectance)
+                                 for name, values in columns.items()}
+    if draws:
+        variables["draws"] = (("surface", "draw", "wavelength"),
+                              np.array([one.draws(draws, seed) for one in each]),
+                              reflectance | {"seed": seed})
+    nm = ("wavelength", each[0].nm, {"units": "nm"})
+    return xarray.Dataset(variables, {"surface": list(estimates), "wavelength": nm},
+                          {"title": "reflectance estimates", "band_level": 0.95,
+                           "outcome": [one.outcome for one in each]})
+
+
+def columns_of(estimates: Sequence[Estimate]) -> dict[str, np.ndarray]:
+    """Of each surface its mean, standard deviation and band (P,), as the columns of a table."""
+    return {f"{one.name} {curve}".strip(): getattr(one.summary, curve)
+            for one in estimates for curve in CURVES}
+
+
+def draws_of(estimates: Sequence[Estimate]) -> dict[str, np.ndarray]:
+    """Draws (S, T, P) of surfaces that all hold some, as the arrays of a file; (T, P) of one that
+    has no name.
+    """
+    draws = [one.samples for one in estimates if one.samples is not None]
+    if len(draws) < len(estimates):
+        return {}
+    arrays = {"spectra": np.array([each.spectra for each in draws]),
+              "coefficients": np.array([each.coefficients for each in draws])}
+    if not estimates[0].name:
+        arrays = {name: values[0] for name, values in arrays.items()}
+    return arrays | {"wavelengths_nm": draws[0].grid.nm}

@@ -1,1 +1,0 @@
-"""What public functions return of surfaces: one estimate, several by name, those of a photo."""
