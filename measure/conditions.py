@@ -364,14 +364,14 @@ def error_by(surface: SurfaceResult, causes: Sequence[str]) -> float | None:
 
 def share_by(surface: SurfaceResult, causes: Sequence[str]) -> float:
     """Share of a surface's variance by these causes."""
-    return float(sum(surface.variance_shares.get(cause, 0.0) for cause in causes))
+    return float(sum(surface.causes.get(cause, 0.0) for cause in causes))
 
 
 def allowed_share(surfaces: Sequence[SurfaceResult], causes: Sequence[str]) -> float | None:
     """Share of the variance of the spectra by these causes, mean over surfaces; None without any.
     """
     shares = [share_by(surface, causes) for surface in surfaces
-              if any(cause in surface.variance_shares for cause in causes)]
+              if any(cause in surface.causes for cause in causes)]
     return float(np.mean(shares)) if shares else None
 
 
@@ -389,7 +389,7 @@ def largest_change(surfaces: Sequence[SurfaceResult],
         ``LIGHTNESS``, or ``B_STAR`` for the change of b*.
     """
     changes = [float(reflectance_to_lab(surface.nm, faulty(surface.nm, surface.mean))[of]
-                     - surface.lab[of]) for surface in surfaces if not surface.known]
+                     - surface.lab().value[of]) for surface in surfaces if not surface.known]
     return max(changes, key=abs, default=None)
 
 

@@ -298,7 +298,7 @@ class Estimate:
             theirs = drawn = self._lab_of(
                 light, given_spectra.as_reflectance_at(self.nm, other, "other"))
         mine = self._drawn_lab(light)
-        if drawn.ndim == 2:
+        if drawn.ndim == 2 and min(len(mine), len(drawn)) > 1:
             # in another order: draws of equal seeds would err alike
             count = min(len(mine), len(drawn))
             mine = mine[:count]
@@ -583,7 +583,7 @@ class Estimate:
 
         Returns
         -------
-        Estimate
+        SpectrumEstimate
         """
         return dataclasses.replace(self, name=name)
 
@@ -614,7 +614,9 @@ class Estimate:
 
     def _drawn_lab(self, light: str) -> np.ndarray:
         """L*, a*, b* of draws (T, 3)."""
-        if self.given is None and self.samples is not None:
+        if self.given is not None:
+            return self._lab_of(light, self.mean[None])
+        if self.samples is not None:
             return reflectance_to_lab(self.samples.grid.nm, self.samples.spectra, light)
         return self._lab_of(light, self.draws(COLOUR_DRAWS, COLOUR_SEED))
 

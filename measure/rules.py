@@ -375,7 +375,7 @@ def light_effect(surface: SurfaceResult) -> LightEffect:
     error = conditions.error_by(surface, conditions.LIGHT_CAUSES) or 0.0
     lightness = abs(conditions.darker_by([surface], error) or 0.0)
     share = conditions.share_by(surface, conditions.LIGHT_CAUSES) \
-        if surface.variance_shares else None
+        if surface.causes else None
     return LightEffect(error, share, lightness)
 
 

@@ -13,8 +13,13 @@ from spectrabox.measure.conditions import Statements
 from spectrabox.measure.results.capture_result import ChartResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.surfaces.surface_spectra import Scores
 from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.error_model import (
+    DISAGREEMENT,
+    LIGHT_SPECTRUM,
+    RENDERING_NOISE,
+    SENSITIVITIES,
+)
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
@@ -28,9 +33,11 @@ from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreemen
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     Quantity,
+    SignalError,
     Spectrum,
     SpectrumSamples,
     SpectrumSummary,
+    SurfaceSignals,
 )
 from spectrabox.session.outputs.session_results import SessionResults, StageRun, UsedFile
 
@@ -157,11 +164,17 @@ def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tupl
     name, estimate = made.materials[m], made.spectra[m]
     measured = Spectrum(GRID, np.clip(estimate + 0.012 * np.cos(GRID.nm / 25), 0, 1),
                         Quantity.REFLECTANCE, "spectroradiometer") if truth else None
-    known = {"name": name, "grid": GRID, "spectrum": estimate, "bands": bands,
-             "signal": made.signal[m], "signal_covariance": made.signal_covariance[m],
-             "model_covariance": made.model_covariance[m], "truth": measured}
+    level = made.signal[m]
+    errors = {RENDERING_NOISE: made.signal_covariance[m],
+              DISAGREEMENT: made.model_covariance[m] * np.outer(level, level),
+              **{cause: np.diag((rng.uniform(0.2, 1) * size * level)**2) for cause, size
+                 in {SENSITIVITIES: 8e-3, LIGHT_SPECTRUM: 5e-3}.items()}}
+    signals = SurfaceSignals(
+        (name,), (bool(made.known[m]),), GRID, estimate[None], bands, np.zeros(len(bands), int),
+        np.tile(1 / GRID.nm.size, (len(bands), GRID.nm.size)), level[None],
+        tuple(SignalError(cause, covariance[None]) for cause, covariance in errors.items()))
     if made.known[m]:
-        return SurfaceResult(**known)
+        return SurfaceResult(name, None, given=(GRID.nm, estimate), signals=signals, truth=measured)
     centre = np.linalg.lstsq(BASIS, estimate, rcond=None)[0]
     coefficients = np.clip(centre + rng.normal(0, 0.06, (200, COEFFICIENTS)), 0, 1)
     draws = coefficients @ BASIS.T
@@ -173,12 +186,5 @@ def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tupl
                               423.0)
     samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
                               Outcome.EXACT, (Outcome.EXACT.finding(),))
-    budget = {cause: rng.uniform(0.2, 1) * size * rng.uniform(0.7, 1.3, len(bands))
-              for cause, size in {"photo noise": 2e-3, "Monte Carlo noise": 3e-3,
-                                  "sensitivities": 8e-3,
-                                  "light": 5e-3, "photo and model disagree": 1.2e-2}.items()}
-    scores = Scores(rmse_mean=0.0112, rmse_inverse_rendering=0.0151, coverage=0.93,
-                    coverage_95=0.93, coverage_bounds=1.0, band_width=float((upper - lower).mean()),
-                    delta_e00_mean=0.84)
-    return SurfaceResult(**known, summary=summary, samples=samples, error_budget=budget,
-                         scores=scores if truth else None)
+    return SurfaceResult(name, summary, samples=samples, inverse_rendering=estimate,
+                         signals=signals, truth=measured)

@@ -31,7 +31,7 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
 EXTRA_OWNERS = {("fixtures/demos/demo_photos.py", "colour"), ("fixtures/paints.py", "colour"),
                 ("fixtures/lamp.py", "colour"), ("fixtures/demos/demo_session.py", "colour"),
                 # handed out as colour-science's own
-                ("spectrabox/api/estimates/estimate.py", "colour")}
+                ("measure/estimate.py", "colour")}
 
 
 @cache

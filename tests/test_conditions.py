@@ -22,6 +22,7 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE, SAMPLE_PLANE
 from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.records.spectra import SignalError
 
 NM = np.arange(400.0, 701.0, 5.0)
 
@@ -36,8 +37,16 @@ def grey(level: float, light_error: float, light_share: float, tmp_path) -> Surf
     surface = example_session(tmp_path).found.surfaces[0]
     summary = dataclasses.replace(surface.summary, mean=np.full_like(surface.summary.mean, level))
     return dataclasses.replace(
-        surface, summary=summary, error_budget={LIGHT_FIELD: np.full(3, light_error)},
+        with_errors(surface, {LIGHT_FIELD: light_error}), summary=summary,
         variance_shares={LIGHT_FIELD: light_share, PHOTO_NOISE: 1 - light_share})
+
+
+def with_errors(surface: SurfaceResult, relative: dict[str, float]) -> SurfaceResult:
+    """The surface with a signal that errs by causes relative to it, alike in all bands."""
+    of_signal = np.outer(surface.signal, surface.signal)[None]
+    return dataclasses.replace(surface, signals=dataclasses.replace(
+        surface.signals, errors=tuple(SignalError(cause, error**2 * of_signal)
+                                      for cause, error in relative.items())))
 
 
 def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):
@@ -94,11 +103,12 @@ def test_brighteners_are_named_of_surfaces_that_are_light_in_the_blue(tmp_path, 
 def test_costs_are_those_of_the_surface_that_the_fault_changes_most(tmp_path):
     found = example_session(tmp_path).found
     estimated = [surface for surface in found.surfaces if not surface.known]
-    mirrored = [reflectance_to_lab(surface.nm, surface.mean + GLOSS_FAULT)[0] - surface.lab[0]
-                for surface in estimated]
+    lightness = [surface.lab().value[0] for surface in estimated]
+    mirrored = [reflectance_to_lab(surface.nm, surface.mean + GLOSS_FAULT)[0] - now
+                for surface, now in zip(estimated, lightness, strict=True)]
     assert condition(found, "scene-gloss").values["lightness"] == pytest.approx(max(mirrored))
-    darker = [reflectance_to_lab(surface.nm, surface.mean * (1 - COPY_FAULT))[0] - surface.lab[0]
-              for surface in estimated]
+    darker = [reflectance_to_lab(surface.nm, surface.mean * (1 - COPY_FAULT))[0] - now
+              for surface, now in zip(estimated, lightness, strict=True)]
     assert condition(found, "chart").values["lightness"] == pytest.approx(min(darker))
 
 
@@ -118,7 +128,7 @@ def test_a_light_that_is_little_of_a_band_warns_where_it_moves_lightness_by_two(
 def test_the_plane_of_the_samples_is_not_the_light(tmp_path):
     surface = grey(0.8, 0.01, 0.1, tmp_path)
     surface = dataclasses.replace(
-        surface, error_budget={**surface.error_budget, SAMPLE_PLANE: np.full(3, 0.2)},
+        with_errors(surface, {LIGHT_FIELD: 0.01, SAMPLE_PLANE: 0.2}),
         variance_shares={LIGHT_FIELD: 0.1, SAMPLE_PLANE: 0.9})
     assert rules.light_effect(surface).severity is Severity.INFO
 

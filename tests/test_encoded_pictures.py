@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.capture.photo.image_writers import write_png
-from spectrabox.measure.signals.signal_estimate import SRGB_ORIGIN
+from spectrabox.measure.signals.signal_capture import SRGB_ORIGIN
 from spectrabox.radiometry.appearance import (
     decode_srgb,
     encode_srgb,

@@ -22,8 +22,8 @@ from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,
     FamilyCertificate,
-    FamilyCoverage,
 )
+from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.report.cards import assumed_of_all
 from spectrabox.session.report.maps import residual_maps
 from spectrabox.session.report.numbers import scene_numbers
@@ -222,8 +222,9 @@ def test_how_a_family_was_certified_is_said_once_and_marked_where_the_material_i
     results = example_session(tmp_path)
     certificate = FamilyCertificate(False, 2, 600, BandCertificate(0.915, 0.193),
                                     BandCertificate(0.891, 0.164))
-    families = (FamilyCoverage("textile", 0.7, False, certificate),)
-    first = dataclasses.replace(results.found.surfaces[0], families=families)
+    prior = dataclasses.replace(load_prior(), certificates={"textile": certificate})
+    first = dataclasses.replace(results.found.surfaces[0], prior=prior,
+                                family_shares={"textile": 0.7, "paint": 0.04})
     results = with_found(results, surfaces=(first, *results.found.surfaces[1:]))
     page = written(results)
     said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"

@@ -12,7 +12,7 @@ from spectrabox.calibrate.trust import chart_colour_differences
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.records.calibration import HeldOutPatches, PriorInfluence
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.prior.family_coverage import FamilyCoverage
+from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.report.numbers import report_numbers, scene_numbers
 from spectrabox.session.report.page import render_report
 from spectrabox.session.report.patch_colours import swatch_pairs
@@ -50,9 +50,9 @@ def session(tmp_path_factory):
     fit = dataclasses.replace(results.found.calibration.sensitivity,
                               residuals=1 - predicted / measured,
                               held_out_residuals=1 - 1.01 * predicted / measured)
-    families = (FamilyCoverage("paint", 0.7, False, None), FamilyCoverage("earth", 0.3, False,
-                                                                          None))
-    material = dataclasses.replace(results.found.surfaces[0], families=families)
+    material = dataclasses.replace(
+        results.found.surfaces[0], prior=dataclasses.replace(load_prior(), certificates={}),
+        family_shares={"paint": 0.7, "earth": 0.3})
     return with_found(results, chart=chart, surfaces=(material, *results.found.surfaces[1:]),
                       calibration=dataclasses.replace(results.found.calibration, sensitivity=fit))
 

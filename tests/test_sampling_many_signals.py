@@ -5,7 +5,7 @@ from sampling_cameras import surface
 
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
-from spectrabox.measure.signals.signal_estimate import SignalCapture
+from spectrabox.measure.signals.signal_capture import SignalCapture
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior

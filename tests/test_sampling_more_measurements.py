@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
-from spectrabox.measure.signals.signal_estimate import SignalCapture
+from spectrabox.measure.signals.signal_capture import SignalCapture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import spectrabox as sb
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.measure import texts
-from spectrabox.measure.signals.signal_estimate import NEARLY_BLACK_SRGB, curve_caveats
+from spectrabox.measure.signals.signal_capture import NEARLY_BLACK_SRGB, curve_caveats
 from spectrabox.radiometry.findings import Finding, Severity, faults
 from spectrabox.radiometry.spectra.filters import read_filters
 from spectrabox.sampling.prior.signal_posterior import EDGE, INSIDE

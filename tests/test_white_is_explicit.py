@@ -18,7 +18,7 @@ from spectrabox.api.arguments import relative_response
 from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.measure.pictures.photo_white import chart_residual, white_of_chart
-from spectrabox.measure.signals.signal_estimate import NEARLY_BLACK, NO_NOISE, NO_WHITE
+from spectrabox.measure.signals.signal_capture import NEARLY_BLACK, NO_NOISE, NO_WHITE
 from spectrabox.radiometry.appearance import encode_srgb, reflectance_to_lab
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances

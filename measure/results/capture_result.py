@@ -45,7 +45,6 @@ from spectrabox.radiometry.records.photos import (
     RegionEdge,
 )
 from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
-from spectrabox.sampling.prior.family_coverage import FamilyCoverage, family_coverages
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 
@@ -273,16 +272,11 @@ def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
     """
     signals, stated = records.signals, capture.surfaces[name]
     index = signals.names.index(name)
-    if signals.known[index]:
-        return surface_result(signals, index, None, stated.truth, None, (), light, scatter,
-                              edge)
-    spectrum = records.sample.spectra[name]
-    families: tuple[FamilyCoverage, ...] = ()
-    if spectrum.family_shares and spectrum.samples.outcome.as_intended:
-        prior = of_families(load_prior(), stated.families)
-        families = family_coverages(spectrum.family_shares, prior.stated, prior.certificates)
-    return surface_result(signals, index, spectrum, stated.truth, inverse_rendering, families,
-                          light, scatter, edge)
+    spectrum = None if signals.known[index] else records.sample.spectra[name]
+    prior = of_families(load_prior(), stated.families) \
+        if capture.sampling.method == "prior" else None
+    return surface_result(signals, index, spectrum, prior, stated.truth, inverse_rendering, light,
+                          scatter, edge)
 
 
 def _chart_result(capture: Capture, records: CaptureRecords) -> ChartResult | None:

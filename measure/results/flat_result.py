@@ -86,7 +86,7 @@ class FlatResult(CaptureResult):
 
     @property
     def own_facts(self) -> dict[str, Any]:
-        return {"regions": [surface.facts for surface in self.surfaces],
+        return {"regions": [surface.facts() for surface in self.surfaces],
                 "photos": [photo.facts for photo in self.photos]}
 
     @property

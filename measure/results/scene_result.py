@@ -64,7 +64,7 @@ class SceneResult(CaptureResult):
     def own_facts(self) -> dict[str, Any]:
         agreement, scale = self.reconstruction.agreement, self.light_scale
         light = self.reconstruction.known_light
-        return {"materials": [surface.facts for surface in self.surfaces],
+        return {"materials": [surface.facts() for surface in self.surfaces],
                 "surfaces": [{"name": name, "ratio": ratio.tolist()} for name, ratio
                              in zip(agreement.names, agreement.ratio, strict=True)],
                 "median_surface_error": rules.median_surface_error(agreement),
@@ -126,7 +126,9 @@ def scene_result(capture: SceneCapture, records: CaptureRecords,
     surfaces = [surface_of_records(capture, records, name, joint.spectra[names.index(name)])
                 for name in capture.surfaces if name in names]
     if not views:       # the bands of a single photo are not named after it
-        surfaces = [dataclasses.replace(surface, bands=bands) for surface in surfaces]
+        surfaces = [dataclasses.replace(
+            surface, signals=dataclasses.replace(surface.signals, bands=bands))
+            for surface in surfaces]
         common["signal_bands"] = bands
     return SceneResult(
         **common, surfaces=tuple(surfaces), reconstruction=joint.views[0],

@@ -1,115 +1,106 @@
-"""What was found of one surface: a material of a scene, or a region of a flat sample."""
+"""What was found of one surface of a photo: a material of a scene, or a region of a flat sample."""
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
 from spectrabox.measure.results.facts import Fact, known_facts
+from spectrabox.measure.surfaces import surface_signals
 from spectrabox.measure.surfaces.metamers import MetamerPair, metamer_pair
-from spectrabox.measure.surfaces.surface_signals import noise_and_disagreement, relative_errors
-from spectrabox.measure.surfaces.surface_spectra import Scores, score
 from spectrabox.measure.words import percent
-from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
+from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records.photos import RegionEdge
 from spectrabox.radiometry.records.spectra import (
+    Outcome,
     Spectrum,
-    SpectrumSamples,
-    SpectrumSummary,
     SurfaceSignals,
     SurfaceSpectrum,
 )
 from spectrabox.radiometry.records.states import StateEstimate
-from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.sampling.prior.family_coverage import (
-    FamilyCoverage,
-    coverage_facts,
-    mostly_in_doubt,
-)
+from spectrabox.sampling.prior.family_coverage import coverage_facts, mostly_in_doubt
+from spectrabox.sampling.prior.mixture import LogitMixture
 
 STEP_NM = 5     # of spectra among the facts; spectra.csv holds every nanometre
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SurfaceResult:
-    """Everything known of one surface."""
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class SurfaceResult(Estimate):
+    """The estimate of a surface's spectrum, and what photos alone say of it.
 
-    name: str
-    grid: WavelengthGrid              # of ``spectrum``
-    # (P,) of inverse rendering, or as given. None of an estimated region
-    spectrum: np.ndarray | None
-    bands: tuple[str, ...]            # J names, of the signal
-    signal: np.ndarray                # (J,) relative to white, NaN in bands that do not show it
-    signal_covariance: np.ndarray     # (J, J) noise
-    model_covariance: np.ndarray      # (J, J) relative: photo and model disagree
-    summary: SpectrumSummary | None = None      # None where the spectrum was given
-    samples: SpectrumSamples | None = None
-    # cause -> relative standard error of this surface's signal in the bands that show it
-    error_budget: dict[str, np.ndarray] = field(default_factory=dict)
-    truth: Spectrum | None = None
-    scores: Scores | None = None
-    # cause -> share of the spectrum's variance
-    variance_shares: dict[str, float] = field(default_factory=dict)
-    # of surfaces that the signal allows, or that were stated; none without the learnt prior
-    families: tuple[FamilyCoverage, ...] = ()
-    # what the signal says of its gloss; None without the learnt prior, or where none may be
+    Attributes
+    ----------
+    signals : SurfaceSignals
+        Of this surface alone, in the J bands of all photos.
+    gloss : StateEstimate or None
+        What the signal says of its gloss; None without the learnt prior, or where none may be.
+    light : (float, float) or None
+        Of a region: light on it relative to the chart's mean, and its relative standard error.
+    scatter : float or None
+        Of a region: relative scatter of its pixels beyond noise and a plane, in the worst band.
+    edge : RegionEdge or None
+        Across a region, in the first photo that shows one.
+    """
+
+    signals: SurfaceSignals
     gloss: StateEstimate | None = None
-    # of a region under a lamp that was moved: gloss and level in each of its places
-    places: tuple[InPlace, ...] = ()
-    # of a region: light relative to the chart's mean, and its relative standard error
     light: tuple[float, float] | None = None
-    # of a region: relative scatter of its pixels beyond noise and a plane, in the worst band
     scatter: float | None = None
-    edge: RegionEdge | None = None      # across a region, in the first photo that shows one
+    edge: RegionEdge | None = None
 
     @property
-    def known(self) -> bool:
-        """Whether its spectrum was given."""
-        return self.summary is None
+    def grid(self) -> WavelengthGrid:
+        """Of ``spectrum``."""
+        return self.signals.grid
 
     @property
-    def nm(self) -> np.ndarray:
-        """Wavelengths (P,) of ``mean``."""
-        return self.grid.nm if self.summary is None else self.summary.grid.nm
+    def spectrum(self) -> np.ndarray | None:
+        """The spectrum (P,) of inverse rendering, or as given; None of an estimated region."""
+        return self.inverse_rendering if self.given is None else self.given[1]
 
     @property
-    def mean(self) -> np.ndarray:
-        """The mean (P,) of the draws, or the spectrum that was given."""
-        if self.summary is not None:
-            return self.summary.mean
-        assert self.spectrum is not None, "a surface is estimated or given"
-        return self.spectrum
+    def bands(self) -> tuple[str, ...]:
+        """Names of the J bands of the signal."""
+        return self.signals.bands
 
     @property
-    def band_width(self) -> float | None:
-        """Mean width of the band over wavelength; None where the spectrum was given."""
-        if self.summary is None:
-            return None
-        return float(np.mean(self.summary.upper - self.summary.lower))
+    def signal(self) -> np.ndarray:
+        """The signal (J,) relative to white, NaN in bands that do not show it."""
+        return self.signals.signal[0]
 
-    @cached_property
-    def lab(self) -> np.ndarray:
-        """L*, a*, b* (3,) of the mean under D65."""
-        return reflectance_to_lab(self.nm, self.mean)
+    @property
+    def covariances(self) -> tuple[np.ndarray, np.ndarray]:
+        """Covariance (J, J) of the signal by noise; and relative by the disagreement of photo and
+        model.
+        """
+        return surface_signals.noise_and_disagreement(self.signals, 0)
 
-    @cached_property
+    @property
+    def error_budget(self) -> dict[str, np.ndarray]:
+        """Relative standard error of the signal by cause, in the bands that show it; empty where
+        the spectrum was given.
+        """
+        return {} if self.known else surface_signals.relative_errors(self.signals, 0)
+
+    @property
+    def places(self) -> tuple[InPlace, ...]:
+        """Of a region under a lamp that was moved: gloss and level in each of its places."""
+        return found_in_places(self.signals, 0, self.gloss)
+
+    @property
     def lab_error(self) -> np.ndarray | None:
-        """Standard errors (3,) of L*, a*, b*; None of a spectrum given, or of a single draw."""
-        samples = self.samples
-        if samples is None or len(samples.spectra) < 2:
+        """Standard errors (3,) of L*, a*, b* under D65; None of a spectrum given, or of a single
+        draw.
+        """
+        if self.samples is None or len(self.samples.spectra) < 2:
             return None
-        return np.asarray(reflectance_to_lab(samples.grid.nm, samples.spectra).std(axis=0))
-
-    @cached_property
-    def srgb(self) -> np.ndarray:
-        """Encoded sRGB (3,) of the mean, 0 to 1."""
-        return reflectance_to_srgb(self.nm, self.mean)
+        return self.lab().standard_error
 
     @property
     def metamers(self) -> MetamerPair | None:
@@ -125,24 +116,20 @@ class SurfaceResult:
         return attempt("comparison of spectra that look alike", lambda: metamer_pair(samples), None)
 
     @property
-    def doubtful(self) -> bool:
-        """Whether its draws ended with a reservation."""
-        return self.samples is not None and not self.samples.outcome.as_intended
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """For JSON: `SURFACE_FACTS` that are known of it."""
-        return known_facts(SURFACE_FACTS, self)
-
-    @property
     def untested(self) -> bool:
         """Whether most of what it may be was not certified on measured surfaces."""
         return mostly_in_doubt(self.families)
 
+    def facts(self) -> dict[str, Any]:
+        """What is known, as plain numbers and sentences, by the keys of a region or a material of
+        ``spectrabox run --json`` (docs/reference/json.md).
+        """
+        return known_facts(SURFACE_FACTS, self)
+
 
 def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectrum | None,
-                   truth: Spectrum | None = None, inverse_rendering: np.ndarray | None = None,
-                   families: tuple[FamilyCoverage, ...] = (),
+                   prior: LogitMixture | None = None, truth: Spectrum | None = None,
+                   inverse_rendering: np.ndarray | None = None,
                    light: tuple[float, float] | None = None,
                    scatter: float | None = None, edge: RegionEdge | None = None) -> SurfaceResult:
     """What was found of one surface.
@@ -154,32 +141,27 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
         Of the surface.
     spectrum : SurfaceSpectrum or None
         None where the spectrum was given.
+    prior : LogitMixture or None
+        That the spectra were drawn from; None for another method than the learnt prior.
     truth : Spectrum, optional
         Measured, to compare with.
     inverse_rendering : (P,) array, optional
         The one spectrum of inverse rendering.
-    families : tuple of FamilyCoverage
-        That the surface may be of.
     light, scatter, edge
         Of a region, as of `SurfaceResult`.
     """
-    noise, disagreement = noise_and_disagreement(signals, index)
     common: dict[str, Any] = {
-        "name": signals.names[index], "grid": signals.grid, "bands": signals.bands,
-        "signal": signals.signal[index], "signal_covariance": noise,
-        "model_covariance": disagreement, "truth": truth, "light": light, "scatter": scatter,
-        "edge": edge}
+        "name": signals.names[index], "signals": surface_signals.alone(signals, index),
+        "truth": truth, "light": light, "scatter": scatter, "edge": edge}
     if spectrum is None:
-        return SurfaceResult(**common, spectrum=signals.spectra[index])
-    scores = None
-    if truth is not None:
-        scores = score(spectrum_on_grid(truth, FINE_GRID), inverse_rendering, spectrum.summary,
-                       spectrum.samples)
+        return SurfaceResult(**common, summary=None, given=(signals.grid.nm,
+                                                            signals.spectra[index]))
     return SurfaceResult(
-        **common, spectrum=inverse_rendering, summary=spectrum.summary, samples=spectrum.samples,
-        error_budget=relative_errors(signals, index), scores=scores,
-        variance_shares=spectrum.variance_shares, families=families, gloss=spectrum.states,
-        places=found_in_places(signals, index, spectrum.states))
+        **common, summary=spectrum.summary, measurement=surface_signals.measurement(signals, index),
+        errors=surface_signals.errors_by_cause(signals, index), prior=prior,
+        samples=spectrum.samples, inverse_rendering=inverse_rendering,
+        family_shares=spectrum.family_shares, variance_shares=spectrum.variance_shares,
+        from_more=spectrum.samples.outcome is Outcome.THROUGH_TRANSPORT, gloss=spectrum.states)
 
 
 def _shown_bands(surface: SurfaceResult) -> np.ndarray:
@@ -196,10 +178,6 @@ def _of_scores(name: str, meaning: str, heading: str = "",
                shown: Any = str) -> Fact[SurfaceResult]:
     return Fact(name, meaning, lambda surface: None if surface.scores is None
                 else getattr(surface.scores, name), heading, shown)
-
-
-def _next(surface: SurfaceResult) -> float | None:
-    return None if surface.summary is None else surface.summary.next_measurement_nm
 
 
 def _edge_facts(edge: RegionEdge) -> dict[str, Any]:
@@ -220,13 +198,14 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     Fact("name", "of the region or material", lambda surface: surface.name),
     Fact("known", "whether its spectrum was given", lambda surface: surface.known),
     Fact("lab_d65", "L*, a*, b* of the mean under D65, 2 degree observer",
-         _if_estimated(lambda surface: surface.lab.tolist()), "L*a*b* under D65",
+         _if_estimated(lambda surface: surface.lab().value.tolist()), "L*a*b* under D65",
          lambda lab: " ".join(f"{value:.1f}" for value in lab)),
     Fact("lab_d65_error", "standard errors of L*, a*, b*; none of a single draw",
          lambda surface: None if surface.lab_error is None else surface.lab_error.tolist(), "±",
          lambda errors: " ".join(f"{value:.1f}" for value in errors)),
     Fact("band_width", "mean width of the band over wavelength, reflectance",
-         lambda surface: surface.band_width, "band width", lambda width: f"{width:.3f}"),
+         _if_estimated(lambda surface: surface.band_width), "band width",
+         lambda width: f"{width:.3f}"),
     Fact("light", "on the region, relative to the chart's mean",
          lambda surface: surface.light and surface.light[0]),
     Fact("light_error", "relative standard error of that light",
@@ -260,7 +239,7 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     _of_scores("delta_e00_mean", "CIEDE2000 of the mean against the truth under D65", "dE00",
                lambda difference: f"{difference:.2f}"),
     Fact("next_measurement_nm", "wavelength in nm at which one more reading would narrow the band "
-         "most", _next),
+         "most", lambda surface: surface.next_reading_nm),
     Fact("signal", "relative to white, in the bands that show it",
          lambda surface: surface.signal[_shown_bands(surface)].tolist()),
     Fact("bands", "names of these bands", lambda surface: [
@@ -280,6 +259,6 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
          _if_estimated(lambda surface: {cause: errors.tolist() for cause, errors
                                         in surface.error_budget.items()})),
     Fact("variance_shares", "share of each cause in the variance of the spectrum",
-         _if_estimated(lambda surface: surface.variance_shares)),
+         _if_estimated(lambda surface: surface.causes)),
     Fact("families", "of surfaces that the signal allows, and what 95 % bands of each held when "
          "judged", _if_estimated(lambda surface: coverage_facts(surface.families))))

@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals.options import SampleOptions
-from spectrabox.measure.signals.signal_estimate import SignalCapture
+from spectrabox.measure.signals.signal_capture import SignalCapture
 from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import split_errors, stated_causes
 from spectrabox.radiometry.errors import InputError

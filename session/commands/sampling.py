@@ -183,7 +183,7 @@ def uplift(request: UpliftRequest) -> Answer:
     white = [float(value) for value in (request.white or "").replace(";", ",").split(",")]
     text += f"\nwhite reads {', '.join(f'{value:.4g}' for value in white)} ({white_from})"
     if request.encoded:
-        from spectrabox.measure.signals.signal_estimate import SRGB_ORIGIN
+        from spectrabox.measure.signals.signal_capture import SRGB_ORIGIN
         facts["caveat"] = SRGB_ORIGIN
         text += f"\n{SRGB_ORIGIN}"
     if chart is not None:

@@ -64,7 +64,7 @@ class Card:
     @property
     def largest_causes(self) -> list[tuple[str, float]]:
         """Causes of the spectrum's variance with their shares."""
-        causes = sorted(self.surface.variance_shares.items(), key=lambda cause: -cause[1])
+        causes = sorted(self.surface.causes.items(), key=lambda cause: -cause[1])
         return [cause for cause in causes[:MAX_CAUSES] if cause[1] >= SMALL_SHARE]
 
 

@@ -104,19 +104,20 @@ def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
 
 def _surface(surface: SurfaceResult) -> dict[str, Any]:
     curves = surface_curves(surface)
+    noise, disagreement = surface.covariances
     single = None if surface.spectrum is None else {"nm": surface.grid.nm,
                                                     "reflectance": surface.spectrum}
     return {
         "name": surface.name, "known": surface.known, "inverse_rendering": single,
-        "signal": surface.signal, "signal_covariance": surface.signal_covariance,
-        "model_covariance": surface.model_covariance, "error_budget": surface.error_budget,
-        "variance_shares": surface.variance_shares, "families": coverage_facts(surface.families),
+        "signal": surface.signal, "signal_covariance": noise,
+        "model_covariance": disagreement, "error_budget": surface.error_budget,
+        "variance_shares": surface.causes, "families": coverage_facts(surface.families),
         "summary": None if surface.summary is None else {
             **(_fields(surface.summary, "mean", "standard_deviation", "lower", "upper",
                        "bound_lower", "bound_upper", "level", "next_measurement_nm") or {}),
             "conditional_on": texts.paragraph(surface.summary.conditional_on)},
-        "band_width": surface.band_width,
-        "colour": {"lab": surface.lab, "lab_error": surface.lab_error,
+        "band_width": None if surface.known else surface.band_width,
+        "colour": {"lab": surface.lab().value, "lab_error": surface.lab_error,
                    "hex": hex_colour(surface.srgb)},
         "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(surface.nm, curves)},
         "samples": _samples(surface.samples),

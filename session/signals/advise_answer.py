@@ -12,7 +12,7 @@ from spectrabox.measure.advice.advise import advice_on_capture, advice_on_signal
 from spectrabox.measure.more_bands.further_photos import LampsAtHand
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
-from spectrabox.measure.signals.signal_estimate import SignalCapture, unstated
+from spectrabox.measure.signals.signal_capture import SignalCapture, unstated
 from spectrabox.measure.tables import text_table
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals.sample import measurement_of_signal
-from spectrabox.measure.signals.signal_estimate import (
+from spectrabox.measure.signals.signal_capture import (
     SignalCapture,
     curve_caveats,
     origin_of_colours,

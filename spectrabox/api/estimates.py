@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -10,16 +11,14 @@ from markupsafe import Markup
 
 from spectrabox.measure import conditions, estimate, notebook
 from spectrabox.measure.advice.advice import Advice
-from spectrabox.measure.captured import Capture
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.plots import frame_wavelengths
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
-from spectrabox.measure.surfaces.surface_signals import alone, errors_by_cause, measurement
+from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
-from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+from spectrabox.radiometry.records.spectra import SurfaceSignals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -152,8 +151,6 @@ class MeasuredSpectra(SpectrumEstimates):
     Parameters
     ----------
     found : CaptureResult
-    estimates : sequence of SpectrumEstimate
-        Of its surfaces.
     signals : SurfaceSignals
 
     Attributes
@@ -176,9 +173,9 @@ class MeasuredSpectra(SpectrumEstimates):
     >>> result.facts()["regions"][0]["band_width"]
     """
 
-    def __init__(self, found: CaptureResult, estimates: Sequence[Estimate],
-                 signals: SurfaceSignals) -> None:
-        super().__init__(estimates)
+    def __init__(self, found: CaptureResult, signals: SurfaceSignals) -> None:
+        super().__init__([dataclasses.replace(
+            surface, advise=partial(advice_of, found, surface.name)) for surface in found.surfaces])
         self.found = found
         self.signals = signals
         self.calibration: Calibration = found.calibration
@@ -283,40 +280,3 @@ def advice_of(found: CaptureResult, name: str) -> tuple[Advice, ...]:
     # of advice that failed once more by itself: its error is what is known of it
     of_all = found.advise() if found.failed_advice else found.advice
     return of_all.by_surface.get(name, ())
-
-
-def prior_of(capture: Capture, name: str) -> LogitMixture | None:
-    """The prior that the spectra of a surface were drawn from; None by other methods."""
-    if capture.sampling.method != "prior":
-        return None
-    return of_families(load_prior(), capture.surfaces[name].families)
-
-
-def surface_estimate(signals: SurfaceSignals, name: str, spectra: Mapping[str, SurfaceSpectrum],
-                     prior: LogitMixture | None,
-                     advise: Callable[[], tuple[Advice, ...]], *,
-                     rendered: bool) -> Estimate:
-    """The estimate of one surface of a scene or of a flat sample.
-
-    Parameters
-    ----------
-    signals : SurfaceSignals
-    name : str
-        Of the surface.
-    spectra : mapping of SurfaceSpectrum
-        Of every unknown surface.
-    prior : LogitMixture or None
-        That the spectra were drawn from; None for another method than the learnt prior.
-    advise : callable
-        What to do next of it.
-    rendered : bool
-        Whether the spectra of ``signals`` are those of inverse rendering.
-    """
-    index = signals.names.index(name)
-    if signals.known[index]:
-        return Estimate(name, None, given=(signals.grid.nm, signals.spectra[index]))
-    samples = spectra[name].samples
-    return Estimate(name, spectra[name].summary, measurement(signals, index),
-                            errors_by_cause(signals, index),
-                            prior, samples,
-                            signals.spectra[index] if rendered else None, advise=advise)

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,7 @@ from spectrabox.api.arguments import (
 from spectrabox.api.array_arguments import require_mapping
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
-from spectrabox.api.estimates import (
-    MeasuredSpectra,
-    advice_of,
-    prior_of,
-    surface_estimate,
-)
+from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.shoot_arguments import SAMPLING, SESSION, Arguments
@@ -69,12 +63,8 @@ class FlatSpectra(MeasuredSpectra):
 
     def __init__(self, capture: FlatCapture, records: CaptureRecords,
                  picture_folder: str = "") -> None:
-        signals = records.signals
         found = flat_result(capture, records, picture_folder)
-        super().__init__(found, [
-            surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
-                             partial(advice_of, found, name), rendered=False)
-            for name in signals.names], signals)
+        super().__init__(found, records.signals)
         self.picture: PictureRecords | None = records.picture
         self.light: dict[str, tuple[float, float]] = found.light
 

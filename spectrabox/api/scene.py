@@ -3,7 +3,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,12 +19,7 @@ from spectrabox.api.arguments import (
     surfaces_of,
 )
 from spectrabox.api.camera import CameraEstimate
-from spectrabox.api.estimates import (
-    MeasuredSpectra,
-    advice_of,
-    prior_of,
-    surface_estimate,
-)
+from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.shoot_arguments import INVERSION, SAMPLING, SESSION, Arguments
@@ -88,12 +82,8 @@ class SceneSpectra(MeasuredSpectra):
 
     def __init__(self, capture: SceneCapture, records: CaptureRecords,
                  rehearsal: Rehearsed | None = None, picture_folder: str = "") -> None:
-        signals = records.signals
         found = scene_result(capture, records, rehearsal, picture_folder)
-        super().__init__(found, [
-            surface_estimate(signals, name, records.sample.spectra, prior_of(capture, name),
-                             partial(advice_of, found, name), rendered=True)
-            for name in signals.names], signals)
+        super().__init__(found, records.signals)
         self.records = records
         self._stated_scene, self._bsdfs = capture.views[0].scene, capture.bsdfs
 

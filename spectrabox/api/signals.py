@@ -24,7 +24,7 @@ from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
-from spectrabox.measure.signals.signal_estimate import (
+from spectrabox.measure.signals.signal_capture import (
     SignalCapture,
     curve_caveats,
     origin_of_colours,
