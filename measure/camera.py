@@ -17,15 +17,12 @@ from spectrabox.calibrate.camera_curves import LEVEL, CurveBand, camera_curves, 
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
-    calibrate_chart,
 )
-from spectrabox.calibrate.chart_photo import ChartPhoto, first_date
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
-from spectrabox.capture.chart.detection import find_chart
-from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
-from spectrabox.measure import rules, texts
-from spectrabox.measure.held_out_spectra import held_out_patches
+from spectrabox.measure import chart_fit, rules, texts
+from spectrabox.measure.captured import LitChart
 from spectrabox.measure.results.calibration_facts import (
     checks,
     copy_facts,
@@ -37,9 +34,7 @@ from spectrabox.radiometry.chart import (
     Chart,
     typical_camera_signals,
 )
-from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.charts.references import published_signals, reference_reflectances
-from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, faults, worst
 from spectrabox.radiometry.grid import FINE_GRID
@@ -96,9 +91,8 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, gr
         If more than a few patches are saturated.
     """
     reference = chart_signals(chart, reflectances, grid)
-    samples = sample_patches(photo, find_chart(photo, reference, corners_px, chart))
-    require_unclipped(samples, chart.names, photo.source, chart.neutrals)
-    return samples
+    detection = chart_fit.find(photo, reference, chart, corners_px)
+    return chart_fit.patches(photo, detection, chart, photo.source)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +135,7 @@ def judged_chart(photo: LinearImage, chart: Chart, reference: str | None,
     reflectances = None if chart.has_known_colours and reference is None else \
         reference_reflectances(reference, chart, FINE_GRID)
     signals = chart_signals(chart, reflectances, FINE_GRID)
-    detection = find_chart(photo, signals, corners_px, chart)
+    detection = chart_fit.find(photo, signals, chart, corners_px)
     return detection, judge_chart(photo, detection, signals, chart)
 
 
@@ -155,13 +149,8 @@ class CameraCapture:
         One for each photo.
     lights : tuple of Spectrum or UnknownLight
         One for each photo, or one for all.
-    reflectances : tuple of (I, P) arrays
-        Of the chart on FINE_GRID, likewise.
-    chart : Chart
-    measured : bool
-        Whether the reflectances were stated. If not, the photos tell which copy of the chart it is.
-    excluded : (I,) array of bool, optional
-        Patches that no fit uses.
+    charts : tuple of LitChart
+        Likewise; where nobody stated its reflectances, the photos tell which copy it is.
     irradiance : (I,) array, optional
         On each patch for a light spectrum of 1: then the strength of the light is known.
     lamp_position_error : float
@@ -170,10 +159,7 @@ class CameraCapture:
 
     shown: tuple[ChartSignals, ...]
     lights: tuple[Spectrum | UnknownLight, ...]
-    reflectances: tuple[np.ndarray, ...]
-    chart: Chart = CLASSIC
-    measured: bool = False
-    excluded: np.ndarray | None = None
+    charts: tuple[LitChart, ...]
     irradiance: np.ndarray | None = None
     lamp_position_error: float = 0.0
 
@@ -185,11 +171,10 @@ class CameraCapture:
         InputError
             If they are of other bands, or two are the same.
         """
-        first, photos = self.shown[0], list[ChartPhoto]()
-        of = () if self.measured else editions(
-            self.chart, first_date([one.samples for one in self.shown]))
+        first = self.shown[0]
         for index, one in enumerate(self.shown):
-            if any(np.array_equal(one.samples.mean, photo.samples.mean) for photo in photos):
+            if any(np.array_equal(one.samples.mean, other.samples.mean)
+                   for other in self.shown[:index]):
                 raise InputError(f"{one.source} holds the same signals as another of the photos; "
                                  "counted twice, one photo would seem surer than it is: give each "
                                  "photo once")
@@ -197,11 +182,11 @@ class CameraCapture:
                 raise InputError(f"{one.source} has the bands {', '.join(one.bands)}, "
                                  f"{first.source} has {', '.join(first.bands)}; all photos must be "
                                  "of one camera, its bands in the same order")
-            photos.append(ChartPhoto(
-                one.samples, of[0].mean if of else own_or_common(self.reflectances, index),
-                own_or_common(self.lights, index), self.irradiance, self.excluded, self.chart,
-                editions=of))
-        return photos
+        indices = range(len(self.shown))
+        return chart_fit.as_fitted([one.samples for one in self.shown],
+                                   [own_or_common(self.charts, index) for index in indices],
+                                   [own_or_common(self.lights, index) for index in indices],
+                                   self.irradiance)
 
 
 def own_or_common(values: Sequence[Stated], photo: int) -> Stated:
@@ -350,12 +335,9 @@ def measure_camera(capture: CameraCapture, options: CalibrationOptions,
         As ``calibrate_chart``, or as the photos of the capture.
     """
     fit = fit_camera(capture.photos(), FINE_GRID, options, seed)
-    calibration = fit.chart.calibration
-    if calibration.light_scale is not None and capture.irradiance is not None:
-        widened = with_common_error(calibration.light_scale, LAMP_AT_CHART,
-                                    capture.lamp_position_error)
-        fit = replace(fit, chart=replace(fit.chart, calibration=replace(
-            calibration, light_scale=widened)))
+    if capture.irradiance is not None:
+        fit = replace(fit, chart=replace(fit.chart, calibration=chart_fit.with_lamp_error(
+            fit.chart.calibration, capture.lamp_position_error)))
     return replace(fit, bands=capture.shown[0].bands,
                    notes=tuple(note for one in capture.shown for note in one.notes))
 
@@ -380,6 +362,6 @@ def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     InputError, CheckError, CalibrationError
         As ``calibrate_chart``.
     """
-    calibrated = calibrate_chart(photos, grid, options)
-    return CameraFit(calibrated, camera_curves(calibrated), curve_band(calibrated, seed),
-                     held_out_patches(calibrated, calibrated.reflectances), tuple(photos))
+    calibrated, held_out = chart_fit.fit(photos, grid, options)
+    return CameraFit(calibrated, camera_curves(calibrated), curve_band(calibrated, seed), held_out,
+                     tuple(photos))

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from spectrabox.capture.chart.detection import find_chart
-from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
+from spectrabox.measure import chart_fit
 from spectrabox.measure.captured import Capture, PhotoFiles, View, files_of, require_scene
 from spectrabox.measure.opened_photos import develop, require_curves_of_bands, require_exposed
 from spectrabox.measure.scene.box_camera import scene_of
@@ -214,6 +213,6 @@ def require_chart(capture: Capture, view: View, photo: LinearImage) -> None:
     """
     layout = capture.layout
     signals = typical_camera_signals(capture.lit_chart.reflectances, FINE_GRID, view.power)
-    detection = find_chart(photo, signals, stated_corners(capture, view), layout)
-    require_unclipped(sample_patches(photo, detection), layout.names, view.chart_names[0],
-                      layout.neutrals, bands_may_drop=capture.bands_may_drop)
+    detection = chart_fit.find(photo, signals, layout, stated_corners(capture, view))
+    chart_fit.patches(photo, detection, layout, view.chart_names[0],
+                      bands_may_drop=capture.bands_may_drop)

@@ -18,6 +18,7 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.fixtures.chart_scene import chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.measure.camera import CameraCapture, ChartSignals
+from spectrabox.measure.captured import LitChart
 from spectrabox.measure.chart_edition import edition_in_photo
 from spectrabox.measure.results.calibration_facts import copy_facts
 from spectrabox.radiometry.appearance import tristimulus_weights
@@ -143,7 +144,8 @@ def test_a_photo_of_before_november_2014_shows_no_chart_made_since():
     assert editions(CLASSIC, "2014-11-01") == editions(CLASSIC) == (SINCE, BEFORE_2014)
     shown = samples(signals(on_grid(cameras_at_10_nm(1, 80)[0]), led(), SINCE.mean))
     old = ChartSignals("chart.dng", replace(shown, taken_at="2010-06-01 10:00:00"), ("R", "G", "B"))
-    capture = CameraCapture((old,), (UnknownLight(),), (SINCE.mean,))
+    chart = LitChart(CLASSIC, SINCE.mean, np.zeros(24, bool), stated=False)
+    capture = CameraCapture((old,), (UnknownLight(),), (chart,))
     (photo,) = capture.photos()
     assert photo.editions == (BEFORE_2014,)
     np.testing.assert_array_equal(photo.reflectances, BEFORE_2014.mean)
@@ -152,8 +154,8 @@ def test_a_photo_of_before_november_2014_shows_no_chart_made_since():
 def test_a_reference_that_is_stated_is_taken_as_it_is():
     named = chart_reflectances("BabelColor Average", GRID)
     shown = samples(signals(on_grid(cameras_at_10_nm(1, 80)[0]), led(), named))
-    capture = CameraCapture((ChartSignals("chart.dng", shown, ("R", "G", "B")),), (LAMP,), (named,),
-                            measured=True)
+    chart = LitChart(CLASSIC, named, np.zeros(24, bool))
+    capture = CameraCapture((ChartSignals("chart.dng", shown, ("R", "G", "B")),), (LAMP,), (chart,))
     (photo,) = capture.photos()
     assert photo.editions == () and np.array_equal(photo.reflectances, named)
     made = calibrated(photo)

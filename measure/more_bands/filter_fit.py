@@ -7,8 +7,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.capture.chart.detection import find_chart, find_chart_again
-from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.measure import chart_fit
 from spectrabox.measure.camera import chart_signals
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
@@ -69,12 +68,11 @@ def filter_from_photos(bare: LinearImage, through: LinearImage, chart: Chart,
         raise InputError(f"{bare.source} and {through.source} are one photo; the second is to be "
                          "taken through the filter")
     expected = chart_signals(chart, reflectances, FINE_GRID)
-    first = find_chart(bare, expected, None, chart)
-    second = find_chart_again(through, expected, first, chart)
+    first = chart_fit.find(bare, expected, chart)
+    second = chart_fit.find(through, expected, chart, before=first, filtered=True)
     shown = []
     for photo, detection, passed in ((bare, first, None), (through, second, unknown_filter())):
-        patches = sample_patches(photo, detection)
-        require_unclipped(patches, chart.names, photo.source, chart.neutrals)
+        patches = chart_fit.patches(photo, detection, chart, photo.source)
         shown.append(ChartPhoto(patches, reflectances, light, chart=chart, filter=passed))
     stated = bare.exposure_s is not None and through.exposure_s is not None
     return filter_from_charts(shown[0], shown[1],

@@ -19,14 +19,14 @@ from spectrabox.calibrate.chart_calibration import (
     calibration_from_curves,
     through_filter,
 )
-from spectrabox.calibrate.chart_photo import ChartPhoto, first_date
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_error import OTHER_LIGHT, SAME_LIGHT, light_difference
 from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart import quality
+from spectrabox.measure import chart_fit
 from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
-from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.opened_photos import require_curves_of_bands
 from spectrabox.measure.records import (
     CalibrationRecords,
@@ -35,8 +35,6 @@ from spectrabox.measure.records import (
     MeasuredChart,
 )
 from spectrabox.measure.steps.work import Work
-from spectrabox.radiometry.charts.classic_copies import editions
-from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
@@ -47,8 +45,6 @@ from spectrabox.radiometry.records.calibration import (
     LightScale,
 )
 from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
-from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 
 
 @dataclass(frozen=True)
@@ -132,18 +128,12 @@ def _chart_photos(capture: Capture, records: CaptureRecords,
                   irradiance: np.ndarray | None) -> dict[str, ChartPhoto]:
     """The charts as their fits take them, by view."""
     bands = capture.band_names(records.photo.bands)
-    photos = {}
-    taken_at = first_date([records.chart.charts[view.name].samples
-                           for view in capture.views_with_chart])
-    for view in capture.views_with_chart:
-        chart = capture.lit_chart
-        measured = records.chart.charts[view.name]
-        of = () if chart.stated else editions(chart.layout, taken_at)
-        photos[view.name] = ChartPhoto(measured.samples,
-                                       of[0].mean if of else chart.reflectances,
-                                       view.light_of_fit, irradiance, chart.excluded, chart.layout,
-                                       view.filter_of_fit, bands, of)
-    return photos
+    views = capture.views_with_chart
+    photos = chart_fit.as_fitted(
+        [records.chart.charts[view.name].samples for view in views],
+        [capture.lit_chart] * len(views), [view.light_of_fit for view in views], irradiance,
+        [view.filter_of_fit for view in views], bands)
+    return {view.name: photo for view, photo in zip(views, photos, strict=True)}
 
 
 def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, ChartPhoto],
@@ -174,9 +164,9 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
                                                                             or view == first)]
         fit, prior_fit = None, None
         if first.chart:
-            fit = calibrate_chart([photos[name] for name in fitted], FINE_GRID, options)
+            fit, held_out[first.name] = chart_fit.fit([photos[name] for name in fitted],
+                                                      FINE_GRID, options)
             camera, prior_fit = fit.calibration, fit.prior_fit
-            held_out[first.name] = held_out_patches(fit, fit.reflectances)
             of_chart = chart_findings.off_level(held_out[first.name], capture.layout.names)
             if fit.copy is not None:
                 of_chart += chart_findings.departures(
@@ -351,9 +341,7 @@ def _irradiance(capture: SceneCapture, work: Work) -> np.ndarray | None:
     if capture.chart_scene is None:
         return None
     work.progress(0.2, "irradiance on the chart")
-    start_mitsuba(work.device)
-    chart = capture.layout
-    return patch_irradiance(capture.chart_scene, chart.centres_uv, chart.sizes_uv, capture.seed)
+    return chart_fit.irradiance_on(capture.layout, capture.chart_scene, capture.seed, work.device)
 
 
 def _with_lamp_error(capture: SceneCapture,
@@ -361,13 +349,10 @@ def _with_lamp_error(capture: SceneCapture,
     """With what the lamp's position in the chart scene leaves open in every light scale from a
     chart.
     """
-    chart = capture.layout
     assert capture.chart_scene is not None
-    error = lamp_position_error(capture.chart_scene, chart.centres_uv, chart.sizes_uv,
-                                capture.repeatability.lamp_position, capture.seed)
-    return {name: calibration if calibration.light_scale is None else dataclasses.replace(
-                calibration,
-                light_scale=with_common_error(calibration.light_scale, LAMP_AT_CHART, error))
+    error = chart_fit.lamp_error(capture.layout, capture.chart_scene,
+                                 capture.repeatability.lamp_position, capture.seed)
+    return {name: chart_fit.with_lamp_error(calibration, error)
             for name, calibration in calibrations.items()}
 
 

@@ -6,17 +6,17 @@ from functools import partial
 
 import numpy as np
 
-from spectrabox.capture.chart.detection import chart_overlay, find_chart, find_chart_again
+from spectrabox.capture.chart.detection import chart_overlay
 from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.registration import Edges, find_edges, register
+from spectrabox.measure import chart_fit
 from spectrabox.measure.captured import Capture, View
 from spectrabox.measure.opened_photos import require_one_camera
 from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import typical_camera_signals
-from spectrabox.radiometry.errors import ChartNotFoundError
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage
@@ -53,7 +53,8 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
         require_one_camera([*(each.thumbnail for each in charts.values()), photo])
         expected = typical_camera_signals(chart.reflectances, FINE_GRID, view.power)
         again = None if first is None else _moved(*first, photo)
-        detection = _chart_in(capture, view, photo, expected, again)
+        detection = chart_fit.find(photo, expected, chart.layout, stated_corners(capture, view),
+                                   again, filtered=view.filter is not None)
         if capture.one_tripod and len(capture.views) > 1 and first is None:
             first = detection, find_edges(photo)
         findings += work.write_picture(view.label("overlay"),
@@ -67,22 +68,6 @@ def find_charts(capture: Capture, records: CaptureRecords, work: Work) -> ChartR
                                           thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
                                           verdict.findings)
     return ChartRecords(charts, tuple(findings))
-
-
-def _chart_in(capture: Capture, view: View, photo: LinearImage, expected: np.ndarray,
-              again: ChartDetection | None) -> ChartDetection:
-    """The chart in a view's photo: searched for by its colours or, through a filter or where its
-    light leaves no colours, where another photo from the same tripod shows it.
-    """
-    layout = capture.lit_chart.layout
-    if again is not None and view.filter is not None:
-        return find_chart_again(photo, expected, again, layout)
-    try:
-        return find_chart(photo, expected, stated_corners(capture, view), layout)
-    except ChartNotFoundError:
-        if again is None:
-            raise
-        return find_chart_again(photo, expected, again, layout)
 
 
 def stated_corners(capture: Capture, view: View) -> np.ndarray | None:

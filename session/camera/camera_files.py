@@ -20,6 +20,7 @@ from spectrabox.measure.camera import (
     judged_chart,
     own_or_common,
 )
+from spectrabox.measure.captured import LitChart
 from spectrabox.radiometry.chart import CLASSIC, Chart, excluded_patches
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.charts.references import reference_reflectances
@@ -63,8 +64,9 @@ def camera_capture(chart: Chart, photos: Sequence[Path], tables: Sequence[Path],
                                  own_or_common(corners or (None,), index))
              for index, photo in enumerate(photos)]
     shown += [read_patches(table, chart) for table in tables]
-    return CameraCapture(tuple(shown), tuple(stated[name] for name in lights), reflectances,
-                         chart, bool(references), excluded)
+    charts = tuple(LitChart(chart, each, excluded, stated=bool(references))
+                   for each in reflectances)
+    return CameraCapture(tuple(shown), tuple(stated[name] for name in lights), charts)
 
 
 def numbers_of_patches(written: str) -> list[int]:

@@ -22,10 +22,13 @@ from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
+from spectrabox.measure import chart_fit
 from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
+from spectrabox.measure.captured import LitChart
 from spectrabox.measure.notebook import axes_for, curves_html
 from spectrabox.measure.plots import plot_sensitivities
 from spectrabox.measure.profiles.matrix_comparison import compare_matrices
+from spectrabox.measure.shoot.options import Repeatability
 from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
@@ -37,14 +40,11 @@ from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.radiometry.system.threads import one_blas_thread
-from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LAMP_POSITION = 0.005       # error of the lamp's position in the chart scene, of its distance
 SCENE_SEED = 1
 
 
@@ -303,15 +303,15 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     excluded = excluded_patches(leave_out, chart, "leave_out")
     irradiance, position_error = None, 0.0
     if chart_scene is not None:
-        start_mitsuba("auto")
         placed = read_scene(Path(chart_scene))
-        irradiance = patch_irradiance(placed, chart.centres_uv, chart.sizes_uv, SCENE_SEED)
-        position_error = lamp_position_error(placed, chart.centres_uv, chart.sizes_uv,
-                                             LAMP_POSITION, SCENE_SEED)
+        irradiance = chart_fit.irradiance_on(chart, placed, SCENE_SEED, "auto")
+        position_error = chart_fit.lamp_error(chart, placed, Repeatability().lamp_position,
+                                              SCENE_SEED)
     photos = [one if isinstance(one, Photo) else open_photo(one) for one in given]
     capture = CameraCapture(
         tuple(chart_in_photo(photo.image, chart, reflectances) for photo in photos), tuple(lights),
-        (reflectances,), chart, reference is not None, excluded, irradiance, position_error)
+        (LitChart(chart, reflectances, excluded, stated=reference is not None),), irradiance,
+        position_error)
     learnt = None if prior is None else load_camera_prior(Path(prior))
     fit = measure_camera(capture, CalibrationOptions(method, learnt), seed)
     return CameraEstimate(fit, fit.bands, photos[0].image, chart)

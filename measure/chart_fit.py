@@ -1,0 +1,158 @@
+"""From photos of a chart to a camera: the chart found, its patches taken, camera and lights fitted.
+
+The steps of a measurement come here, and so does a camera that is fitted by itself.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from spectrabox.calibrate.chart_calibration import (
+    CalibrationOptions,
+    ChartCalibration,
+    calibrate_chart,
+)
+from spectrabox.calibrate.chart_photo import ChartPhoto, first_date
+from spectrabox.capture.chart.detection import find_chart, find_chart_again
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.measure.captured import LitChart
+from spectrabox.measure.held_out_spectra import held_out_patches
+from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.charts.classic_copies import editions
+from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
+from spectrabox.radiometry.errors import ChartNotFoundError
+from spectrabox.radiometry.records.calibration import Calibration, Filter, HeldOutPatches
+from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight, WavelengthGrid
+from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+
+
+def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
+         corners_px: np.ndarray | None = None, before: ChartDetection | None = None, *,
+         filtered: bool = False) -> ChartDetection:
+    """The chart in a photo: searched for by its colours or, through a filter or where its light
+    leaves no colours, where another photo from the same tripod shows it.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    expected : (I, 3) or (I, K) array
+        Signals by which the chart is known.
+    layout : Chart
+    corners_px : (4, 2) array or None
+        Of the chart, in pixels of the photo; None to search for it.
+    before : ChartDetection or None
+        In the other photo.
+    filtered : bool
+        Whether this photo is through a filter.
+
+    Raises
+    ------
+    ChartNotFoundError, CheckError
+        As ``find_chart``.
+    """
+    if before is not None and filtered:
+        return find_chart_again(photo, expected, before, layout)
+    try:
+        return find_chart(photo, expected, corners_px, layout)
+    except ChartNotFoundError:
+        if before is None:
+            raise
+        return find_chart_again(photo, expected, before, layout)
+
+
+def patches(photo: LinearImage, detection: ChartDetection, layout: Chart, name: str, *,
+            bands_may_drop: bool = False) -> PatchSamples:
+    """Signals of the patches of a chart that was found.
+
+    Parameters
+    ----------
+    photo : LinearImage
+    detection : ChartDetection
+    layout : Chart
+    name : str
+        Of the photo, for messages.
+    bands_may_drop : bool
+        As of ``require_unclipped``.
+
+    Raises
+    ------
+    ClippedPhotoError
+        If more than a few patches are saturated.
+    """
+    samples = sample_patches(photo, detection)
+    require_unclipped(samples, layout.names, name, layout.neutrals, bands_may_drop=bands_may_drop)
+    return samples
+
+
+def as_fitted(samples: Sequence[PatchSamples], charts: Iterable[LitChart],
+              lights: Iterable[Spectrum | UnknownLight], irradiance: np.ndarray | None = None,
+              filters: Iterable[Filter | None] | None = None,
+              bands: tuple[str, ...] = ()) -> list[ChartPhoto]:
+    """Charts in photos as their fits take them. One of which nobody stated the reflectances is a
+    copy of an edition that was sold by the day of the first photo.
+
+    Parameters
+    ----------
+    samples : sequence of PatchSamples
+        One for each photo.
+    charts, lights : iterables of LitChart, and of Spectrum or UnknownLight
+        Likewise.
+    irradiance : (I,) array or None
+        On each patch for a light spectrum of 1; None where it is not known.
+    filters : iterable of Filter or None, optional
+        Before lens or lamp, one for each photo.
+    bands : tuple of K str
+        Their names.
+    """
+    taken_at, photos = first_date(list(samples)), []
+    for one, chart, light, through in zip(samples, charts, lights,
+                                          filters or [None] * len(samples), strict=True):
+        of = () if chart.stated else editions(chart.layout, taken_at)
+        photos.append(ChartPhoto(one, of[0].mean if of else chart.reflectances, light, irradiance,
+                                 chart.excluded, chart.layout, through, bands, of))
+    return photos
+
+
+def fit(photos: Sequence[ChartPhoto], grid: WavelengthGrid, options: CalibrationOptions | None
+        ) -> tuple[ChartCalibration, HeldOutPatches]:
+    """One camera and the lights of its photos, with every patch of the first by a fit without it.
+
+    Parameters
+    ----------
+    photos : sequence of ChartPhoto
+    grid : WavelengthGrid
+    options : CalibrationOptions or None
+        None takes the defaults.
+
+    Raises
+    ------
+    InputError, CheckError, CalibrationError
+        As ``calibrate_chart``.
+    """
+    fitted = calibrate_chart(photos, grid, options)
+    return fitted, held_out_patches(fitted, fitted.reflectances)
+
+
+def irradiance_on(layout: Chart, scene: SceneFile, seed: int, device: str) -> np.ndarray:
+    """On each patch (I,) of a chart in a scene, for a light spectrum of 1, as it is rendered."""
+    start_mitsuba(device)
+    return patch_irradiance(scene, layout.centres_uv, layout.sizes_uv, seed)
+
+
+def lamp_error(layout: Chart, scene: SceneFile, position_error: float, seed: int) -> float:
+    """Relative standard error of that irradiance by the lamp's position, which errs by a part of
+    its distance from the chart.
+    """
+    return lamp_position_error(scene, layout.centres_uv, layout.sizes_uv, position_error, seed)
+
+
+def with_lamp_error(calibration: Calibration, error: float) -> Calibration:
+    """A calibration whose light scale errs by the lamp's position too."""
+    scale = calibration.light_scale
+    return calibration if scale is None else replace(
+        calibration, light_scale=with_common_error(scale, LAMP_AT_CHART, error))
