@@ -244,6 +244,11 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
                                                                flat=flat_field)
     if (camera is None) == (chart_photo is None):
         raise InputError("the camera is needed: give camera= or the photo of a chart, chart_photo=")
+    kept: dict[str, KeptRecord] = {}
+    scale = None
+    if camera is not None:
+        calibration, fit, scale = _calibration(camera, spectrum, opened, Repeatability())
+        kept["calibrate"] = InMemory(CalibrationRecords({"": calibration}, {}, fit, {}, ()))
     stated = Arguments()
     capture = stated.capture({
         "session": {"name": "", "seed": seed},
@@ -258,10 +263,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
         "reconstruct": {"width": width}, "sampling": sampling_of(draws=draws),
         "picture": None if picture is None else {}})
     assert isinstance(capture, SceneCapture)
-    kept: dict[str, KeptRecord] = {}
-    if camera is not None:
-        calibration, fit, scale = _calibration(camera, spectrum, opened, capture.repeatability)
-        kept["calibrate"] = InMemory(CalibrationRecords({"": calibration}, {}, fit, {}, ()))
+    if scale is not None:
         capture = replace(capture, views=(replace(capture.views[0], scale=scale),))
     with progress_steps(progress, "scene") as show:
         keeper = MemoryKeeper(
