@@ -434,8 +434,8 @@ class Estimate:
         -------
         matplotlib Axes
         """
-        from spectrabox.measure import notebook, plots  # Matplotlib takes a while to import
-        axes = notebook.axes_for(axes, (6.6, 3.7))
+        from spectrabox.measure import plots  # Matplotlib takes a while to import
+        axes = plots.axes_for(axes, (6.6, 3.7))
         truth = self.truth if truth is None else truth
         if self.given is not None:
             plots.plot_given(axes, self.nm, self.mean)
@@ -506,8 +506,8 @@ class Estimate:
                                     name=self.name)
 
     def _repr_html_(self) -> str:
-        from spectrabox.measure import notebook
-        return notebook.spectrum_html([self])
+        from spectrabox.measure import plots
+        return plots.spectrum_html([self])
 
     def facts(self) -> dict[str, Any]:
         """What is known, as plain numbers and sentences, by the keys of

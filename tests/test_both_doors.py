@@ -65,7 +65,11 @@ def both(library, *words):
     return estimate, said
 
 
-def same_spectrum(estimate, said):
+def same_spectrum(estimate, facts, said):
+    """Whether the command says what the estimate does, and that is what its methods give."""
+    assert {name: value for name, value in json.loads(json.dumps(facts)).items()
+            if name != "name"} == {name: said[name] for name in facts if name != "name"}
+    assert {*said} - {*facts} <= {"seed", "seconds"}
     np.testing.assert_array_equal(estimate.mean, said["mean"])
     np.testing.assert_array_equal(estimate.band(), [said["lower"], said["upper"]])
     np.testing.assert_array_equal(estimate.bounds(), [said["bound_lower"], said["bound_upper"]])
@@ -75,20 +79,25 @@ def same_spectrum(estimate, said):
 
 @pytest.mark.parametrize("method", ["prior", "uniform", "paper"])
 def test_one_signal(method):
-    estimate, said = both(lambda: sb.sample([0.21, 0.33, 0.14], camera=CAMERA, light=LIGHT,
-                                            noise=NOISE, method=method, draws=1000),
-                          "sample", *SEEN, "--signal", "0.21,0.33,0.14", "--method", method,
-                          "--samples", 1000)
-    same_spectrum(estimate, said)
+    def sampled():
+        estimate = sb.sample([0.21, 0.33, 0.14], camera=CAMERA, light=LIGHT, noise=NOISE,
+                             method=method, draws=1000)
+        return estimate, estimate.facts()
+    found, said = both(sampled, "sample", *SEEN, "--signal", "0.21,0.33,0.14", "--method", method,
+                       "--samples", 1000)
+    same_spectrum(*found, said)
 
 
 def test_many_signals(tmp_path):
     (tmp_path / "many.csv").write_text("name,R,G,B\nwarm,0.4,0.3,0.2\ncool,0.2,0.3,0.4\n")
-    estimates, said = both(lambda: sb.sample([[0.4, 0.3, 0.2], [0.2, 0.3, 0.4]], camera=CAMERA,
-                                             light=LIGHT, noise=NOISE, names=["warm", "cool"]),
-                           "sample", *SEEN, "--signals", tmp_path / "many.csv")
+
+    def sampled():
+        estimates = sb.sample([[0.4, 0.3, 0.2], [0.2, 0.3, 0.4]], camera=CAMERA, light=LIGHT,
+                              noise=NOISE, names=["warm", "cool"])
+        return {name: (estimate, estimate.facts()) for name, estimate in estimates.items()}
+    found, said = both(sampled, "sample", *SEEN, "--signals", tmp_path / "many.csv")
     for one in said["results"]:
-        same_spectrum(estimates[one["name"]], one)
+        same_spectrum(*found[one["name"]], one)
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,8 @@ LAYOUT = ("measure/steps/declared_steps.py", "capture/photo/image_writers.py",
 # what its keys ask
 NAMED = {"result_of", "lab_error", "srgb", "untested", "mostly_in_doubt", "in_doubt", "words",
          "certified_sentence", "unknown_families", "headline", "doubts", "passed", "light_scale",
-         "metamers", "scenes", "place", "bsdf_reflectances", "chart_overlay"}
+         "metamers", "scenes", "place", "bsdf_reflectances", "chart_overlay", "as_intended",
+         "spectrum", "grid", "covariances", "noise_and_disagreement"}
 # what the demo's session.toml states besides: truths, and where a scene was refined
 STATED = {"score", "_rmse", "_share_inside", "refined_placements"}
 # what session.toml states, and the keeper in memory

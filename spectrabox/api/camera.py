@@ -25,8 +25,7 @@ from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure import chart_fit
 from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
 from spectrabox.measure.captured import LitChart
-from spectrabox.measure.notebook import axes_for, curves_html
-from spectrabox.measure.plots import plot_sensitivities
+from spectrabox.measure.plots import axes_for, curves_html, plot_sensitivities
 from spectrabox.measure.profiles.matrix_comparison import compare_matrices
 from spectrabox.measure.shoot.options import Repeatability
 from spectrabox.radiometry.chart import Chart, excluded_patches

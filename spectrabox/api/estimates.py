@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, overload
 
 from markupsafe import Markup
 
-from spectrabox.measure import conditions, estimate, notebook
+from spectrabox.measure import conditions, estimate, plots
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.plots import frame_wavelengths
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
 from spectrabox.measure.surfaces.surface_signals import alone
@@ -126,11 +125,11 @@ class SpectrumEstimates(Mapping[str, Estimate]):
         -------
         matplotlib Axes
         """
-        axes = notebook.axes_for(axes, (6.6, 3.7))
+        axes = plots.axes_for(axes, (6.6, 3.7))
         for name, one in self._estimates.items():
             line, = axes.plot(one.nm, one.mean, label=name)
             axes.fill_between(one.nm, *one.band(), color=line.get_color(), alpha=0.15, lw=0)
-        frame_wavelengths(axes, self[0].nm)
+        plots.frame_wavelengths(axes, self[0].nm)
         axes.set(ylabel="Reflectance", ylim=(0, None))
         axes.legend(frameon=False, fontsize="small")
         return axes
@@ -142,7 +141,7 @@ class SpectrumEstimates(Mapping[str, Estimate]):
         return "\n".join([f"<{type(self).__name__}, {len(lines)} surfaces>", *lines, *caveats])
 
     def _repr_html_(self) -> str:
-        return notebook.spectrum_html(list(self._estimates.values()))
+        return plots.spectrum_html(list(self._estimates.values()))
 
 
 class MeasuredSpectra(SpectrumEstimates):

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.measure.notebook import axes_for, curves_html
-from spectrabox.measure.plots import plot_sensitivities
+from spectrabox.measure.plots import axes_for, curves_html, plot_sensitivities
 from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import named_curves

@@ -13,7 +13,7 @@ from spectrabox.capture.meter.instruments.interface import Instrument, MeterSett
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.measurement_series import series_of, series_spectrum
 from spectrabox.measure import texts
-from spectrabox.measure.notebook import axes_for
+from spectrabox.measure.plots import axes_for
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.findings import Finding, each_once

@@ -25,7 +25,7 @@ from spectrabox.measure.chart_patches import (
     patch_columns,
     table_of_columns,
 )
-from spectrabox.measure.notebook import axes_for
+from spectrabox.measure.plots import axes_for
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole

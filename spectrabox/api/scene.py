@@ -30,7 +30,7 @@ from spectrabox.measure import texts
 from spectrabox.measure.captured import (
     SceneCapture,
 )
-from spectrabox.measure.notebook import axes_for
+from spectrabox.measure.plots import axes_for
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsed import Rehearsed

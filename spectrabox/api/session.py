@@ -9,7 +9,7 @@ from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.scene import SceneSpectra
 from spectrabox.measure.captured import FlatCapture
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.notebook import spectrum_html
+from spectrabox.measure.plots import spectrum_html
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
