@@ -1,6 +1,7 @@
 """Further measurements of one surface: each is obeyed, contradictions are named, the paper's
 ranking for comparison.
 """
+import dataclasses
 import json
 
 import numpy as np
@@ -9,13 +10,17 @@ from sampling_cameras import surface
 from typer.testing import CliRunner
 
 from spectrabox.measure.signals.options import SampleOptions
-from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
+from spectrabox.measure.signals.sample import measurement_of_signal, reading_at, sample_signals
 from spectrabox.measure.signals.signal_capture import SignalCapture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.further.more_measurements import given_reflected_twice, joined
+from spectrabox.sampling.further.more_measurements import (
+    MoreMeasurement,
+    given_reflected_twice,
+    joined,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.ranking_and_refinement import refined_as_published
 from spectrabox.sampling.spectral_measurement import spline_operator
@@ -122,6 +127,21 @@ def test_a_spectrometers_spot_is_obeyed_within_its_error(more):
     facts = sample("--more", more / "spot.toml")
     # 26 readings of error 0.004: the mean of the draws lies within a few of them.
     assert np.abs(np.array(facts["mean"]) - TRUTH[::5])[10:].max() < 0.02
+
+
+def test_bands_of_any_level_know_what_was_measured_further():
+    spot = reading_at(600.0, float(np.interp(600, FINE.nm, TRUTH)))
+    capture = SignalCapture(response(), (response() @ TRUTH)[None], ("",), noise=np.full(3, 0.003),
+                            more=[MoreMeasurement("the spot", (spot,))])
+    [one] = sample_signals(capture, SampleOptions(samples=1000))
+    alone = sample_signals(dataclasses.replace(capture, more=()), SampleOptions(samples=1000))[0]
+    at = int(np.flatnonzero(one.nm == 600)[0])
+    for level in (0.5, 0.9, one.summary.level):
+        widths = [np.subtract(*each.band(level)[::-1])[at] for each in (one, alone)]
+        assert widths[0] < 0.5 * widths[1]
+    assert one.draws(200)[:, at].std() < 0.5 * alone.draws(200)[:, at].std()
+    # shares of the signal's errors are not those of what the reading left
+    assert one.causes == {} and sum(alone.causes.values()) == pytest.approx(1)
 
 
 def test_the_same_material_twice_halves_the_variance_of_the_signal():

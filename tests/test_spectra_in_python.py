@@ -2,6 +2,7 @@
 
 Real photos: SPECTRABOX_DATA=DIR, the folder that holds raw_charts/.
 """
+import json
 import os
 import subprocess
 import sys
@@ -78,6 +79,22 @@ def test_a_given_spectrum_has_no_error_to_share(demos, monkeypatch):
     with pytest.raises(KeyError, match="there is no surface 'walls'"):
         result.compare("walls", "wall")
     assert result["wall"].delta_e(result["card"]).value > 20
+
+
+def test_a_photos_estimates_are_the_results_that_its_facts_tell(demos, monkeypatch):
+    monkeypatch.chdir(demos)
+    nm = np.arange(400.0, 701.0)
+    truth = 0.5 + 0.1 * np.sin(nm / 40)
+    result = sb.flat("painting/photos/painting.dng", {"wall": (986, 462, 1073, 537)},
+                     truth={"wall": (nm, truth)})
+    wall, facts = result["wall"], result.facts()["regions"][0]
+    assert json.loads(json.dumps(wall.facts())) == json.loads(json.dumps(facts))
+    assert facts["lab_d65"] == wall.lab().value.tolist()
+    assert facts["lab_d65_error"] == wall.lab().standard_error.tolist()
+    assert facts["variance_shares"] == wall.causes
+    off = np.interp(nm, wall.nm, wall.mean) - truth
+    assert facts["rmse_mean"] == wall.scores.rmse_mean == pytest.approx(np.sqrt(np.mean(off**2)))
+    assert facts["delta_e00_mean"] == pytest.approx(wall.delta_e((nm, truth)).value)
 
 
 def test_a_colour_difference_takes_whatever_is_a_reflectance(orange, tmp_path):
