@@ -37,6 +37,11 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 ONE_PHOTO = ""              # the band under which the files of a colour camera's photo are
 FIRST_PHOTO = "photo"       # title of the first view, whose name is ""; in session.toml too
+# Relative standard errors of a known reflectance that states none: of one that an instrument read,
+# by its angle to the light and wear; and of one number for all wavelengths, which nobody read off
+# this very card.
+READ_ERROR, TYPED_ERROR = 0.005, 0.03
+SAME = 1e-9                 # of two reflectances of one number
 
 Outline = tuple[tuple[float, float], ...]       # corners (x, y) in pixels of a photo, going round
 
@@ -249,6 +254,21 @@ class Region(Surface):
 
     outline: Outline = ()
     photos: tuple[str, ...] = ()            # titles of views that show it; none stands for all
+    known_error: float = READ_ERROR         # relative standard error of ``known``
+
+
+def error_of_known(known: Spectrum) -> float:
+    """Relative standard error of a known reflectance: as it states, else by what it looks like. No
+    instrument reads the same number at every wavelength.
+
+    Parameters
+    ----------
+    known : Spectrum
+    """
+    if known.standard_error is None:
+        return TYPED_ERROR if np.ptp(known.values) < SAME else READ_ERROR
+    stated = np.sqrt(np.mean(known.standard_error**2) / np.mean(known.values**2))
+    return float(np.hypot(stated, READ_ERROR))
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,6 +334,11 @@ class Capture(ABC):
 
     def regions_in(self, view: View) -> Mapping[str, Region]:
         """The regions that the photo of a view shows; a scene has none."""
+        return {}
+
+    @property
+    def known_errors(self) -> Mapping[str, float]:
+        """Relative standard errors of the reflectances of known regions; a scene has none."""
         return {}
 
     @property
@@ -384,6 +409,11 @@ class FlatCapture(Capture):
         """Reflectances (P,) of the regions whose spectrum is known."""
         return {name: region.known for name, region in self.regions.items()
                 if region.known is not None}
+
+    @property
+    def known_errors(self) -> dict[str, float]:
+        """Relative standard errors of these."""
+        return {name: self.regions[name].known_error for name in self.known}
 
     @property
     def picture_views(self) -> tuple[View, ...]:

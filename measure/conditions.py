@@ -38,6 +38,7 @@ from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.gloss import SURFACE_WORDS, USUAL
 
 if TYPE_CHECKING:
+    from spectrabox.measure.regions.moved_lamp import InPlace
     from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
     from spectrabox.measure.results.flat_result import FlatResult
     from spectrabox.measure.results.scene_result import SceneResult
@@ -58,9 +59,11 @@ BENT_FAULT = 0.02           # of the exponent of the light: an error of the blac
 EMITTED_FAULT, EMITTED_NM, EMITTED_WIDTH_NM = 0.15, 440.0, 28.0
 NAMED_CHANGE = 1.0          # of L* or b* beyond which a verdict names a condition: it can be seen
 FEWEST_GREYS = 4            # patches by which linearity is measured
+INSTRUMENT_ERROR = 0.01     # relative, of a reflectance that somebody measured: more is a statement
 # how a condition is known
 MEASURED, STATED, ASSUMED = "measured", "stated", "assumed"
 LIGHTNESS, B_STAR = 0, 2    # of L*a*b*
+TYPED = "known-typed"       # how the light is known by a card whose reflectance nobody measured
 
 
 CONDITION_FACTS: tuple[Fact[Finding], ...] = (
@@ -114,11 +117,13 @@ def condition(code: str, standing: str, known_by: str, *, error: float | None = 
         "standing": standing, "known_by": known_by, "error": error, "fault": fault,
         "fault_size": fault_size, "lightness": lightness, "b_star": b_star,
         "variance_share": variance_share,
-        "named": standing == ASSUMED and seen >= NAMED_CHANGE, **more})
+        "named": (standing == ASSUMED or known_by == TYPED) and seen >= NAMED_CHANGE, **more})
 
 
 def named(conditions: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Those that a verdict names after its "if": assumed, and their failing would be seen."""
+    """Those that a verdict names after its "if": assumed, or typed of a white card, and their
+    failing would be seen.
+    """
     return tuple(one for one in conditions if one.values["named"])
 
 
@@ -137,6 +142,7 @@ class Statements:
     curves: str = ""                    # where measured curves of the camera come from
     chart_in_photo: bool = False        # every photo shows its chart
     lamp_moved: bool = False            # a further photo shows them with the lamp moved
+    known_error: float = 0.0            # relative, of the known region that is stated worst
     dark_frames: bool = False
     bracket: bool = False               # of several exposures
 
@@ -157,7 +163,9 @@ def statements_of(capture: Capture) -> Statements:
         chart_measured=capture.chart is not None and capture.chart.measured,
         curves="" if capture.sensitivity.curves is None else capture.sensitivity.source,
         chart_in_photo=all(view.shows_chart for view in views),
-        lamp_moved=capture.lamp_moved, dark_frames=bool(capture.development.dark_frames),
+        lamp_moved=capture.lamp_moved,
+        known_error=max(capture.known_errors.values(), default=0.0),
+        dark_frames=bool(capture.development.dark_frames),
         bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
 
 
@@ -190,8 +198,7 @@ def conditions_text(conditions: Sequence[Finding], title: str = "") -> str:
 # ---- the conditions ------------------------------------------------------------------------------
 
 def _flat_light(found: FlatResult) -> Finding:
-    cards = list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits))
-    every = all(photo.level_misfits for photo in found.photos if photo.light)
+    cards, every = _cards(found)
     between = not found.stated.chart_in_photo
     common: dict[str, Any] = {"error": allowed_error(found.surfaces, LIGHT_CAUSES),
                               "variance_share": allowed_share(found.surfaces, LIGHT_CAUSES),
@@ -202,30 +209,63 @@ def _flat_light(found: FlatResult) -> Finding:
                          lightness=darker_by(found.surfaces, DIMMER_FAULT), **common)
     changes = [darker_by([surface], 2 * (error_by(surface, LIGHT_CAUSES) or 0.0))
                for surface in found.surfaces]
+    if cards and every:
+        standing = _by_cards(found)
+        known_by = "known-regions" if standing is MEASURED else TYPED
+    else:
+        standing, known_by = MEASURED, "flat-field" if found.by_flat_field else "chart-carried-on"
     return condition(
-        "condition.light", MEASURED, "known-regions" if cards and every else
-        "flat-field" if found.by_flat_field else "chart-carried-on", fault="dimmer-by-error",
+        "condition.light", standing, known_by, fault="dimmer-by-error",
         lightness=max((each for each in changes if each is not None), key=abs, default=None),
         **common)
 
 
+def _cards(found: FlatResult) -> tuple[list[str], bool]:
+    """Known regions, and whether every photo of samples shows one."""
+    return (list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits)),
+            all(photo.level_misfits for photo in found.photos if photo.light))
+
+
+def _by_cards(found: FlatResult) -> str:
+    """Standing of what known regions tell: that of their own reflectances."""
+    return MEASURED if found.stated.known_error <= INSTRUMENT_ERROR else STATED
+
+
+def _by_moved_lamp(found: CaptureResult, fault: float,
+                   error_in: Callable[[InPlace], float]) -> tuple[str, str, float | None]:
+    """Whether photos with the lamp moved would show a fault, as their errors of every sample say:
+    standing, how it is known, and the error of the worst sample in the place that tells most.
+    """
+    errors = [min((error_in(place) for place in surface.places), default=np.inf)
+              for surface in found.surfaces if not surface.known]
+    error = max(errors, default=np.inf) if found.stated.lamp_moved else np.inf
+    if not np.isfinite(error):
+        return ASSUMED, "no-photo", None
+    return MEASURED if 2 * error <= fault else ASSUMED, "lamp-moved", error
+
+
 def _plane(found: FlatResult) -> Finding:
-    cards = all(photo.level_misfits for photo in found.photos if photo.light)
-    standing, known_by = (MEASURED, "lamp-moved") if found.stated.lamp_moved else \
-        (MEASURED, "known-beside") if cards else (ASSUMED, "no-photo")
-    return condition("condition.plane", standing, known_by,
-                     error=allowed_error(found.surfaces, (SAMPLE_PLANE,)), fault="dimmer",
+    standing, known_by, error = _by_moved_lamp(found, DARKER_FAULT, lambda one: one.level_error)
+    if standing is ASSUMED and _cards(found)[1]:
+        standing, known_by = _by_cards(found), "known-beside"
+    if error is None:
+        error = allowed_error(found.surfaces, (SAMPLE_PLANE,))
+    return condition("condition.plane", standing, known_by, error=error, fault="dimmer",
                      fault_size=DARKER_FAULT, lightness=darker_by(found.surfaces, DARKER_FAULT),
                      variance_share=allowed_share(found.surfaces, (SAMPLE_PLANE,)))
 
 
 def _gloss(found: CaptureResult, code: str) -> Finding:
     stated, surfaces = found.stated, found.surfaces
-    # what is assumed is what the estimate is of: the band reaches to what gloss would make of it
-    standing, known_by = (MEASURED, "lamp-moved") if stated.lamp_moved else \
-        (STATED, "surfaces-stated") if stated.surfaces else (ASSUMED, "taken-as-matt")
+    standing, known_by, error = _by_moved_lamp(found, GLOSS_FAULT, lambda one: one.gloss_error)
+    if standing is ASSUMED and stated.surfaces:
+        standing, known_by = STATED, "surfaces-stated"
+    elif error is None:
+        # what is assumed is what the estimate is of: the band reaches to what gloss makes of it
+        known_by = "taken-as-matt"
     return condition(
-        code, standing, known_by, error=_mirrored(surfaces), fault="mirrored",
+        code, standing, known_by, error=_mirrored(surfaces) if error is None else error,
+        fault="mirrored",
         fault_size=GLOSS_FAULT,
         lightness=largest_change(surfaces, lambda nm, mean: mean + GLOSS_FAULT),
         variance_share=allowed_share(surfaces, (SURFACE_REFLECTION,)),
@@ -233,9 +273,8 @@ def _gloss(found: CaptureResult, code: str) -> Finding:
 
 
 def _shadow(found: FlatResult) -> Finding:
-    standing, known_by = (MEASURED, "lamp-moved") if found.stated.lamp_moved \
-        else (ASSUMED, "no-photo")
-    return condition("condition.shadow", standing, known_by, fault="dimmer",
+    standing, known_by, error = _by_moved_lamp(found, DARKER_FAULT, lambda one: one.level_error)
+    return condition("condition.shadow", standing, known_by, error=error, fault="dimmer",
                      fault_size=DARKER_FAULT, lightness=darker_by(found.surfaces, DARKER_FAULT))
 
 

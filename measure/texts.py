@@ -856,14 +856,16 @@ SURFACES: dict[str, Text] = {
 MOVED_LAMP = "one more photo with the lamp moved"
 
 
-def _condition(name: str, to_measure: Template = "", holds: str = "") -> Text:
+def _condition(name: str, to_measure: Template = "", holds: Template = "") -> Text:
     return Text(name, lambda values: _filled_with(KNOWN_BY[values["known_by"]], values), to_measure,
                 lambda values: _cost(values), holds=holds)
 
 
 CONDITIONS: dict[str, Text] = {
-    "condition.light": _condition("light on the sample", "a white card beside the samples",
-                                  "lamp and shutter repeated"),
+    "condition.light": _condition(
+        "light on the sample", "a white card beside the samples, with its measured reflectance",
+        lambda values: f"{_quoted(values['names'])} as bright as stated"
+        if values["known_by"] == "known-typed" else "lamp and shutter repeated"),
     "condition.plane": _condition(
         "plane", f"a white card in the samples' plane, or {MOVED_LAMP}", "in the chart's plane"),
     "condition.gloss": _condition("gloss", MOVED_LAMP, "matt"),
@@ -889,6 +891,7 @@ CONDITIONS: dict[str, Text] = {
 KNOWN_BY: dict[str, Template] = {
     "known-regions": "known regions: {names:listed}",
     "known-beside": "known regions beside the samples",
+    "known-typed": "{names:listed}, of a reflectance that was stated and not measured",
     "chart-apart": "the chart in a photo of its own",
     "flat-field": "the chart and a flat field",
     "chart-carried-on": "the chart's patches, carried on to the regions",

@@ -18,6 +18,7 @@ from spectrabox.measure.conditions import (
     emitted,
     exponent_of_greys,
 )
+from spectrabox.measure.regions.moved_lamp import InPlace
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE, SAMPLE_PLANE
@@ -58,9 +59,20 @@ def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):
     assert not gloss.values["named"]
 
 
-def test_a_lamp_that_moved_measures_gloss(tmp_path):
-    moved = with_found(example_session(tmp_path), stated=Statements(lamp_moved=True)).found
-    assert condition(moved, "scene-gloss").values["standing"] == "measured"
+@pytest.mark.parametrize("error, standing", [(0.005, "measured"), (0.014, "measured"),
+                                             (0.02, "assumed")])
+def test_a_lamp_that_moved_measures_gloss_where_its_error_would_show_a_fault(tmp_path, error,
+                                                                             standing):
+    results = example_session(tmp_path)
+    places = (InPlace("photo", 0.0, 0.03, 0.0, 0.03), InPlace("b", 0.0, error, 0.0, 0.03))
+    surfaces = [dataclasses.replace(surface, places=places) for surface in results.found.surfaces]
+    moved = with_found(results, stated=Statements(lamp_moved=True), surfaces=surfaces).found
+    gloss = condition(moved, "scene-gloss").values
+    assert gloss["standing"] == standing and gloss["error"] == error
+    assert gloss["named"] == (standing == "assumed")
+    # a photo that shows none of the samples with the lamp elsewhere measures nothing
+    unseen = with_found(results, stated=Statements(lamp_moved=True)).found
+    assert condition(unseen, "scene-gloss").values["standing"] == "assumed"
 
 
 def test_the_verdict_names_the_assumed_conditions_whose_failing_is_seen_and_no_other(tmp_path):

@@ -21,7 +21,6 @@ from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.regions import white as module
 from spectrabox.measure.regions.flat_signals import errors_of_region, flat_signals
 from spectrabox.measure.regions.white import (
-    KNOWN_ERROR,
     FlatErrors,
     FlatPhoto,
     _require_one_light,
@@ -138,20 +137,21 @@ def test_what_bands_differ_by_does_not_hang_on_how_bright_the_light_is(brighter)
                            np.arange(3))
 
 
-@pytest.mark.parametrize("noisier", [1, 15])
-def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(seen, noisier):
+@pytest.mark.parametrize("noisier, stated", [(1, 0.005), (15, 0.005), (1, 0.03)])
+def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(
+        seen, noisier, stated):
     """Draws of the unknowns, their regression on what the card would read: the exact answer of a
     Gaussian, to second order.
     """
     white, target = seen(), 1.012 * SURFACES[1]
     white = dataclasses.replace(white, samples=dataclasses.replace(
         white.samples, covariance_of_mean=noisier**2 * white.samples.covariance_of_mean))
-    model = np.diag((0.003 * target) ** 2)
+    model = np.diag((0.003 * target) ** 2) + stated**2 * np.outer(target, target)
     estimate = condition_on_known(white, {"card": target}, {"card": model})
     rng = np.random.default_rng(63)
     draws = np.hstack([rng.multivariate_normal(np.zeros(8), unknowns(), DRAWS),
                        rng.standard_normal((DRAWS, 3)) * [REPEATS, 0.0, PLANE]])
-    noise = white.noise(1) + model + KNOWN_ERROR**2 * np.outer(target, target)
+    noise = white.noise(1) + model
     read = signals_of(white, draws)
     off = read[:, 1] + rng.multivariate_normal(np.zeros(3), noise, DRAWS)
     centred = off - off.mean(axis=0)
@@ -163,7 +163,8 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(s
     np.testing.assert_allclose(estimate.mean / size, mean / size, atol=0.04)
     np.testing.assert_allclose(np.sqrt(np.diag(estimate.covariance)) / size,
                                rest.std(axis=0) / size, atol=0.03)
-    assert np.sqrt(estimate.covariance[8, 8]) < (0.9 if noisier == 1 else 0.99) * REPEATS
+    assert np.sqrt(estimate.covariance[8, 8]) < (0.99 if noisier > 1 or stated > 0.01
+                                                 else 0.9) * REPEATS
 
 
 def test_a_card_that_is_clipped_in_a_band_tells_what_its_other_bands_tell(seen):
@@ -195,8 +196,9 @@ def test_the_map_of_the_light_shows_what_a_known_card_said(monkeypatch):
                             np.zeros((2, 3)), np.array([np.full((25, 2), 3.0), np.zeros((25, 2))]))
     shown = dataclasses.replace(flat_photo(), samples=regions)
     known = {"card": SURFACES[1]}
-    white = module.white_at_regions(shown, known, ERRORS)
-    _, error = module.light_map(shown, known, ERRORS)
+    errors = dataclasses.replace(ERRORS, known={"card": 0.005})
+    white = module.white_at_regions(shown, known, errors)
+    _, error = module.light_map(shown, known, errors)
     assert error[0, 0] == pytest.approx(white.field_error[1], rel=0.3)
     assert error[0, 0] < 0.5 * error[-1, -1]
     _, by_chart = module.light_map(shown, {}, ERRORS)

@@ -19,12 +19,13 @@ from spectrabox.fixtures import lamp
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure import texts
+from spectrabox.measure.captured import TYPED_ERROR, error_of_known
 from spectrabox.measure.steps.photos import uneven_regions
 from spectrabox.radiometry.error_model import ROUNDED_EXPOSURES
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records.photos import RegionSamples
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.look import write_picture
@@ -264,6 +265,11 @@ def test_photos_of_a_day_have_their_regions_in_a_file_and_a_session_each(tmp_pat
 
 def test_a_card_in_per_cent_is_asked_back_or_understood(tmp_path):
     assert known_file("94%", "card", _spectra(tmp_path)) == known_file("0.94", "card", tmp_path)
+    even = read_spectrum(tmp_path / known_file("0.94", "card", tmp_path), role=Quantity.REFLECTANCE)
+    assert error_of_known(even) == TYPED_ERROR      # a number is a statement
+    typed = tmp_path / known_file("94% +- 2%", "card", tmp_path)
+    assert error_of_known(read_spectrum(typed, role=Quantity.REFLECTANCE)) == pytest.approx(
+        0.02 / 0.94, rel=0.05)
     write_raw()(tmp_path / "a.dng")
     outcome = CliRunner().invoke(app, ["flat", str(tmp_path / "a.dng"), "--region",
                                        "a=300,50,340,90", "--white-card", "300,10,340,40=94"])

@@ -13,6 +13,7 @@ from flat_example import (
     CHART,
     HEAD,
     PAINTS,
+    SIZE,
     light_over,
     picture,
     rect_of,
@@ -271,10 +272,14 @@ def test_a_warmer_lamp_over_the_samples_is_seen_on_a_white_card(flat_session):
         run(flat_session)
 
 
-def with_card(folder, name, factor):
-    """Say that a region is of known spectrum, off by a factor from what it is."""
-    text = table_text(NM, {"value": factor * paint(name)[1]}, quantity=Quantity.REFLECTANCE,
-                      source="a card")
+def with_card(folder, name, factor, error=None):
+    """Say that a region is of known spectrum, off by a factor from what it is, with a relative
+    standard error if any.
+    """
+    value = factor * paint(name)[1]
+    columns = {"value": value} if error is None else {"value": value,
+                                                      "standard_error": error * value}
+    text = table_text(NM, columns, quantity=Quantity.REFLECTANCE, source="a card")
     (folder / "spectra" / f"{name}.csv").write_text(text, encoding="utf-8")
     (folder / "session.toml").write_text(HEAD + regions_toml(known=(name,)), encoding="utf-8")
 
@@ -287,6 +292,34 @@ def test_a_card_stated_far_from_its_level_is_refused(flat_session):
     with_card(flat_session, "white_wall", 0.5)
     with pytest.raises(CheckError, match=r"is stated to reflect 0\.42 and reads 0\.8"):
         run(flat_session)
+
+
+def test_a_patch_of_the_chart_is_no_white_card(flat_session):
+    left, top, width = CHART
+    white = [round(SIZE[1] * value) for value in (
+        left + 0.02 * width, top + 0.53 * width, left + 0.08 * width, top + 0.58 * width)]
+    card = f'[regions.card]\nrect = {white}\nknown = "spectra/white_wall.csv"\n'
+    (flat_session / "session.toml").write_text(HEAD + regions_toml() + card, encoding="utf-8")
+    with pytest.raises(CheckError, match="'card' of known spectrum lies on the chart"):
+        run(flat_session)
+
+
+@pytest.mark.parametrize("error, standing", [(None, "measured"), (0.005, "measured"),
+                                             (0.03, "stated")])
+def test_a_card_measures_the_light_as_well_as_its_reflectance_is_known(flat_session, error,
+                                                                       standing):
+    with_card(flat_session, "white_wall", 1.0, error)
+    finished = run(flat_session)
+    verdict = result_of(finished.capture, finished.records)
+    light = next(one for one in verdict.conditions if one.code == "condition.light")
+    assert light.values["standing"] == standing and light.values["names"] == ["white_wall"]
+    # what was typed is named: it may be another card's, and changes a white by two of L*
+    assert light.values["named"] == (standing == "stated")
+    by_card = {None: 0.005, 0.005: 0.0071, 0.03: 0.03}[error]
+    assert finished.capture.known_errors["white_wall"] == pytest.approx(by_card, rel=0.02)
+    # the card's own error bounds what it tells of the light upon it
+    level = finished.records.flat_signals.light[""].error[0]
+    assert level < 1.1 * np.hypot(by_card, 0.013)
 
 
 def test_a_card_stated_off_its_level_is_doubted(flat_session):

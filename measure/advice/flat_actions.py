@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from spectrabox.measure.advice.forecast import Unknown, left_errors, total_covariance
-from spectrabox.measure.captured import FlatCapture
+from spectrabox.measure.captured import READ_ERROR, FlatCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.moved_lamp import LEVEL
@@ -89,7 +89,8 @@ class FlatPhotos:
         if card:
             known[BESIDE_IT + name] = np.full(FINE_GRID.nm.size, CARD)
         stated = surface or self.errors.surfaces.get(name)
-        errors = replace(self.errors, surfaces={} if stated is None else {region: stated})
+        errors = replace(self.errors, surfaces={} if stated is None else {region: stated},
+                         known={**self.errors.known, BESIDE_IT + name: READ_ERROR})
         told = [_told(photo, white, (region, *known), known, errors)
                 for photo, white in zip(photos, whites, strict=True)]
         return flat_signals(photos, told, {region: self.capture.families[name]}, {}, self.bands,

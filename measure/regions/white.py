@@ -34,7 +34,6 @@ from spectrabox.radiometry.records.calibration import Calibration, ChartWhite
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
 from spectrabox.radiometry.response import relative_response
 
-KNOWN_ERROR = 0.005         # relative, of a known spectrum: its angle to the light, wear
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
 LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
 MAP_COLUMNS = 24            # of the map of the light over a photo
@@ -80,6 +79,8 @@ class FlatErrors:
     plane: float = PLANE_ERROR      # relative standard error of the light in the samples' plane
     # region -> what is stated of its surface, of gloss.KINDS
     surfaces: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    # known region -> relative standard error of its stated reflectance
+    known: Mapping[str, float] = dataclasses.field(default_factory=dict)
     seed: int = 0                   # of the arrangements of lamps
     # light that the chart's patches mirror, as a share of white, which the fit takes for glare
     chart_gloss: float = 0.0
@@ -240,7 +241,7 @@ def white_at_regions(photo: FlatPhoto, known: Mapping[str, np.ndarray], errors: 
     InputError
         If the photos do not state how their exposures compare.
     CheckError
-        As ``condition_on_known``.
+        As ``condition_on_known``, and if a known region is a patch of the chart.
     """
     white = white_by_chart(photo, errors, nodes_px)
     return None if white is None else white_told_by(photo, white, known, errors)
@@ -252,12 +253,33 @@ def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.nd
 
     Parameters and Raises as of ``white_at_regions``.
     """
+    _require_beside_chart(photo, white.samples, known)
     signals = {name: photo.response @ spectrum for name, spectrum in known.items()
                if name in white.samples.names}
-    bands = white.glare.size
+    model = errors.disagreement.among_bands(white.glare.size)
     return condition_on_known(white, signals, {
-        name: proportional_covariance(signal, errors.disagreement.among_bands(bands))
+        name: proportional_covariance(signal, model + errors.known[name]**2)
         for name, signal in signals.items()})
+
+
+def _require_beside_chart(photo: FlatPhoto, samples: RegionSamples,
+                          known: Mapping[str, np.ndarray]) -> None:
+    """Refuse a known region that is a patch of the chart: the calibration is made of it, and it
+    says nothing of the light on the samples.
+    """
+    if not photo.chart_in_photo:
+        return
+    corners = photo.patches_px
+    edges = np.roll(corners, -1, axis=1) - corners
+    for name, points in zip(samples.names, samples.points_px, strict=True):
+        if name not in known:
+            continue
+        off = points[:, None, None] - corners
+        sides = edges[..., 0] * off[..., 1] - edges[..., 1] * off[..., 0]
+        if np.any(np.all(sides >= 0, axis=2) | np.all(sides <= 0, axis=2)):
+            raise CheckError(f"region {name!r} of known spectrum lies on the chart, whose patches "
+                             "are used already and say nothing of the light on the samples: "
+                             "outline a white card beside the samples, or leave it out")
 
 
 def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
@@ -337,7 +359,7 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
     known : mapping
         From names of regions to their relative signal (K,).
     errors : mapping
-        From the same names to its covariance (K, K) beside noise: curves, model.
+        From the same names to its covariance (K, K) beside noise: statement, curves, model.
 
     Raises
     ------
@@ -360,10 +382,9 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
         misfits[name] = _level_misfit(signal / target, expected / target[:, None],
                                       white.covariance, error / np.outer(target, target))
         residual = target - signal
-        own = error + KNOWN_ERROR**2 * np.outer(target, target)
-        spread = rows @ white.covariance @ rows.T + own
+        spread = rows @ white.covariance @ rows.T + error
         _require_one_light(name, signal / target,
-                           (expected @ white.covariance @ expected.T + own)
+                           (expected @ white.covariance @ expected.T + error)
                            / np.outer(target, target), read)
         _require_one_level(name, signal, target, misfits[name])
         gain = np.linalg.solve(spread, rows @ white.covariance).T
@@ -383,7 +404,7 @@ def _level_misfit(ratio: np.ndarray, rows: np.ndarray, of_light: np.ndarray,
     high is compared in the logarithm and one that is too low is not, so that large errors are never
     overstated.
     """
-    covariance = rows @ of_light @ rows.T + own + KNOWN_ERROR**2
+    covariance = rows @ of_light @ rows.T + own
     weights = np.linalg.solve(covariance, np.ones(len(ratio)))
     level = float(weights @ ratio / weights.sum())
     return (float(np.log(level)) if level > 1 else level - 1) * float(np.sqrt(weights.sum()))

@@ -13,6 +13,7 @@ from spectrabox.calibrate.geometry.colmap_model import ModelImage, read_colmap
 from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.captured import (
+    READ_ERROR,
     BoxPhoto,
     Development,
     FlatCapture,
@@ -25,6 +26,7 @@ from spectrabox.measure.captured import (
     SceneView,
     Sensitivity,
     View,
+    error_of_known,
 )
 from spectrabox.measure.shoot.curves import FilterTable, LightTable, SpectrumTable
 from spectrabox.measure.shoot.inputs import Inputs, chart_files, chart_of
@@ -122,7 +124,7 @@ class _Reader:
     def flat_capture(self) -> FlatCapture:
         views = tuple(View(**self._view(view)) for view in self.shoot.all_views)
         regions = {name: Region(**self._surface(section), outline=section.outline(),
-                                photos=section.photos)
+                                photos=section.photos, known_error=self._known_error(section))
                    for name, section in self.shoot.regions.items()}
         return FlatCapture(views=views, regions=regions, **self._common())
 
@@ -172,6 +174,12 @@ class _Reader:
                 "filter": through,
                 "filter_words": "" if table is None else _words_of_filter(table),
                 "filter_known": through is None or through.name != UNKNOWN}
+
+    def _known_error(self, section: SurfaceSection) -> float:
+        """Relative standard error of a known reflectance; of one that is not known, any."""
+        known = None if section.known is None else self.read(read_reflectance, self.inputs,
+                                                             section.known)
+        return READ_ERROR if known is None else error_of_known(known)
 
     def _surface(self, section: SurfaceSection) -> dict[str, Any]:
         """What is stated of a surface, by the fields of one."""

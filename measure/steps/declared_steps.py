@@ -84,7 +84,8 @@ def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
 
 def inputs_of_signals(capture: FlatCapture) -> dict[str, Any]:
     """What of a capture the signals depend on."""
-    return {"known": capture.known, "families": capture.families,
+    return {"known": capture.known, "known errors": capture.known_errors,
+            "families": capture.families,
             "surfaces": {name: region.surface for name, region in capture.regions.items()},
             "repeatability": capture.repeatability, "stray light": capture.stray_light,
             "seed": capture.seed}
@@ -115,7 +116,7 @@ def inputs_of_flat_picture(capture: FlatCapture) -> dict[str, Any]:
     """What of a capture the picture depends on; it shows no regions but the known ones."""
     return {"picture": capture.picture, "seed": capture.seed,
             "photos": {view.name: view.photo for view in capture.picture_views},
-            "known": {name: [region.outline, region.photos, region.known]
+            "known": {name: [region.outline, region.photos, region.known, region.known_error]
                       for name, region in capture.regions.items() if region.known is not None},
             "development": capture.development, "repeatability": capture.repeatability,
             "stray light": capture.stray_light}

@@ -112,4 +112,5 @@ def flat_errors(capture: FlatCapture, records: CaptureRecords) -> FlatErrors:
                       PatchError(float(own), float(common)),
                       bool(capture.development.flat_fields), capture.repeatability.plane,
                       {name: region.surface for name, region in capture.regions.items()
-                       if region.surface is not None}, capture.seed, capture.layout.gloss)
+                       if region.surface is not None}, capture.known_errors, capture.seed,
+                      capture.layout.gloss)

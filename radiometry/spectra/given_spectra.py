@@ -34,7 +34,8 @@ class ColourScienceSpectra(Protocol):
 
 # wavelengths (Q,) in nm and values (Q,) or (K, Q), or a spectrum of colour-science
 Curves = tuple[ArrayLike, ArrayLike] | ColourScienceSpectra
-KnownSpectrum = str | Path | float | Spectrum | Curves
+# one number for all wavelengths may come with its standard error
+KnownSpectrum = str | Path | float | tuple[float, float] | Spectrum | Curves
 
 
 def as_samples(given: object, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -68,11 +69,17 @@ def as_samples(given: object, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
-    """A known reflectance (P,) on the working grid: a number, a file, a spectrum, or (nm, values).
+    """A known reflectance (P,) on the working grid, as of ``as_known``."""
+    return as_known(known, name).values
+
+
+def as_known(known: KnownSpectrum, name: str) -> Spectrum:
+    """A known reflectance on the working grid, with its standard error if one is stated: a number,
+    (number, its standard error), a file, a spectrum, or (nm, values).
 
     Parameters
     ----------
-    known : float, str, Path, Spectrum or (nm, values)
+    known : float, (float, float), str, Path, Spectrum or (nm, values)
     name : str
         Of the surface, for messages.
 
@@ -86,16 +93,26 @@ def as_reflectance(known: KnownSpectrum, name: str) -> np.ndarray:
         if known.quantity is not Quantity.REFLECTANCE:
             raise InputError(f"{name} is given as {known.quantity.name.lower()}; a reflectance is "
                              "needed")
-        return spectrum_on_grid(known, FINE_GRID)
-    if isinstance(known, int | float):
-        require_fraction(known, name)
-        return np.full(FINE_GRID.nm.size, float(known))
+        return _on_working_grid(known)
     if isinstance(known, str | Path):
-        return spectrum_on_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE), FINE_GRID)
+        return _on_working_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE))
+    numbers = known if isinstance(known, tuple) else (known,)
+    if all(isinstance(number, int | float) for number in numbers):
+        for number in numbers:
+            require_fraction(number, name)      # type: ignore[arg-type]
+        value, *error = (np.full(FINE_GRID.nm.size, number, float) for number in numbers)
+        return Spectrum(FINE_GRID, value, Quantity.REFLECTANCE, "given", *error)
     nm, values = as_samples(known, name)
     on_working_grid = on_grid(nm, values, FINE_GRID, "reflectance")
     check_reflectance(on_working_grid, FINE_GRID.nm, name)
-    return on_working_grid
+    return Spectrum(FINE_GRID, on_working_grid, Quantity.REFLECTANCE, "given")
+
+
+def _on_working_grid(known: Spectrum) -> Spectrum:
+    """The same at every wavelength of the working grid, which it must cover."""
+    values, error = spectrum_on_grid(known, FINE_GRID), known.standard_error
+    return Spectrum(FINE_GRID, values, known.quantity, known.source, None if error is None
+                    else np.interp(FINE_GRID.nm, known.grid.nm, error))
 
 
 def as_reflectance_at(nm: np.ndarray, given: KnownSpectrum | ArrayLike, name: str) -> np.ndarray:

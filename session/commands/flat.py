@@ -70,7 +70,7 @@ def flat(
         metavar="NAME|FILE", show_default=False, help="{chart.reference}")] = None,
     white_card: Annotated[str | None, typer.Option(
         metavar=f"{RECTANGLE}=FILE|NUMBER", help="A region of known reflectance, such as "
-        "986,462,1073,537=0.94 or =card.csv.")] = None,
+        "986,462,1073,537=0.94 (3 % is allowed), =0.94+-0.01 or =card.csv.")] = None,
     flat_field: Annotated[Path | None, typer.Option(
         metavar="PHOTO", help="{photos.flat} It fills the samples' place.")] = None,
     family: Annotated[tuple[str, ...], typer.Option(

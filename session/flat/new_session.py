@@ -301,7 +301,7 @@ def known_file(word: str, name: str, folder: Path) -> str:
     Parameters
     ----------
     word : str
-        A number such as 0.94 or 94%, or a file.
+        A number such as 0.94 or 94%, or with its standard error 0.94+-0.01; or a file.
     name : str
         Of the region.
     folder : Path
@@ -318,15 +318,29 @@ def known_file(word: str, name: str, folder: Path) -> str:
         If a number is no reflectance, or the file is missing.
     """
     try:
-        value = float(word[:-1]) / 100 if word.endswith("%") else float(word)
+        numbers = typed_reflectance(word)
     except ValueError:
         return _copied(Path(word), folder, "spectra")
-    require_fraction(value, name)
-    file = f"spectra/{file_stem(name)} {value:g}.csv"
-    low, high = WAVELENGTHS_NM
-    write_text_whole(folder / file, f"# quantity: reflectance\nwavelength_nm,value\n{low},{value}\n"
-                     f"{high},{value}\n")
+    for number in numbers:
+        require_fraction(number, name)
+    file = f"spectra/{file_stem(name)} {' +- '.join(f'{number:g}' for number in numbers)}.csv"
+    columns = ("wavelength_nm", "value", "standard_error")[:1 + len(numbers)]
+    rows = [(end, *numbers) for end in WAVELENGTHS_NM]
+    write_text_whole(folder / file, "# quantity: reflectance\n" + "".join(
+        ",".join(map(str, row)) + "\n" for row in (columns, *rows)))
     return file
+
+
+def typed_reflectance(word: str) -> tuple[float, ...]:
+    """A reflectance as people type it, 0.94 or 94%, and its standard error, if "+-" says one.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    parts = [part.strip() for part in word.replace("±", "+-").split("+-", 1)]
+    return tuple(float(part[:-1]) / 100 if part.endswith("%") else float(part) for part in parts)
 
 
 def _digest(body: str) -> str:

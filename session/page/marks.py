@@ -25,7 +25,7 @@ from spectrabox.session.config.session_file import (
     text_of,
     toml_of,
 )
-from spectrabox.session.flat.new_session import known_file
+from spectrabox.session.flat.new_session import known_file, typed_reflectance
 from spectrabox.session.page.mark_faults import mark_faults
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.written_session import Pixel
@@ -137,9 +137,9 @@ class MarkedSession:
         if not known or (known.startswith(RECEIVED) and (self.folder / known).is_file()):
             return mark
         try:
-            float(known)
+            typed_reflectance(known)
         except ValueError:
-            raise InputError("a known reflectance is a number such as 0.9, not "
+            raise InputError("a known reflectance is a number such as 0.94, or 0.94 +- 0.01, not "
                              f"{shortened(known)}; or choose a file") from None
         file = known_file(known, mark.name, self.folder)
         return mark.model_copy(update={"stated": mark.stated | {"known": file}})

@@ -127,7 +127,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
     families : mapping, optional
         What a surface is, by region: paint, textile, leaves, skin, white, earth or animal.
     known : mapping, optional
-        Reflectance of regions that are known, a white card say: a number, a file, or (nm, values).
+        Reflectance of regions that are known, a white card say: a file, (nm, values), a number, or
+        (number, its standard error). A number without an error is taken to be known to 3 %.
     surface : str or mapping, optional
         How much the surfaces mirror: "matt", "satin" or "glossy"; of all regions, or by region.
     truth : mapping, optional

@@ -27,10 +27,9 @@ from spectrabox.measure.shoot.shoot import SessionSection, Shoot
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.checked_tables import checked
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
-from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
+from spectrabox.radiometry.records.spectra import UnknownLight
+from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_known
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 
 SESSION, SAMPLING, INVERSION = SessionSection(), Sampling(), Inversion()     # their defaults
@@ -114,8 +113,7 @@ class Arguments:
     def _reflectance(self, given: KnownSpectrum | None, name: str) -> Table | None:
         if given is None:
             return None
-        record = Spectrum(FINE_GRID, as_reflectance(given, name), Quantity.REFLECTANCE, "given")
-        return {"file": self._named(f"reflectance of {name}", record)}
+        return {"file": self._named(f"reflectance of {name}", as_known(given, name))}
 
     def outline(self, region: Sequence[float] | Sequence[Sequence[float]], name: str) -> Table:
         """A rectangle, or the corners of a region going round.

@@ -118,11 +118,11 @@ export function keysPanel(anchor, keys) {
 
 // ---- the reflectance of a white card that has just been marked
 export function cardPanel(anchor, name) {
-  const number = make("input", { id: "card-known", inputMode: "decimal", size: 6, value: "0.9", on: { keydown: (event) => { if (event.key === "Enter") use(); } } });
+  const number = make("input", { id: "card-known", size: 12, placeholder: "0.94 +- 0.01", on: { keydown: (event) => { if (event.key === "Enter") use(); } } });
   const file = make("input", { type: "file", on: { change: async () => { try { await state(name, { known: await upload(file.files[0]) }); $("panel").hidePopover(); } catch (error) { say(error.message); } } } });
   const use = async () => { if (await state(name, { known: number.value.trim() })) { $("panel").hidePopover(); say(`${name} tells how bright the light is`); } };
-  showPanel(anchor, `card ${name}`, [title(`Reflectance of ${name}`), make("p", { text: "One number for all wavelengths, or the file of its spectrum." }), labelled("Reflectance", number), labelled("… from a file", file),
+  showPanel(anchor, `card ${name}`, [title(`Reflectance of ${name}`), make("p", { text: "One number for all wavelengths, with its standard error if you know it (3 % if not), or the file of its spectrum." }), labelled("Reflectance", number), labelled("… from a file", file),
     make("div", { className: "buttons" }, button("Use it", use))], "White card");
-  number.select();
+  number.focus();
 }
 export const stop = () => send("/api/stop");
