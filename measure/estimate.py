@@ -263,6 +263,25 @@ class Estimate:
                                           self._drawn_lab(light).std(axis=0))
         return self._colours[light]
 
+    @cached_property
+    def within(self) -> tuple[float, float] | None:
+        """How far draws lie from the mean, at the probability of the band: CIEDE2000 under D65, and
+        root mean square over wavelengths, reflectance. None where the spectrum was given, or of a
+        single draw.
+        """
+        if self.given is not None or (self.samples is not None and len(self.samples.spectra) < 2):
+            return None
+        if self.samples is None:
+            nm, drawn = self.nm, self.draws(COLOUR_DRAWS, COLOUR_SEED)
+        else:
+            nm, drawn = self.samples.grid.nm, self.samples.spectra
+        colours = reflectance_to_lab(nm, drawn)
+        mean = np.broadcast_to(self._lab_of("D65", self.mean), colours.shape)
+        off = (ciede2000(colours, mean), np.sqrt(np.mean(
+            (drawn - np.interp(nm, self.nm, self.mean)) ** 2, axis=1)))
+        colour, spectrum = np.quantile(off, self._summary.level, axis=1).tolist()
+        return colour, spectrum
+
     def delta_e(self, other: Estimate | given_spectra.KnownSpectrum | ArrayLike,
                 light: str = "D65") -> Colour:
         """CIEDE2000 between the means of two surfaces under a light, with its standard error.

@@ -14,7 +14,15 @@ import numpy as np
 from spectrabox.calibrate import camera_curves, chart_findings
 from spectrabox.measure import conditions, texts
 from spectrabox.measure.regions import white
-from spectrabox.radiometry.findings import Finding, Severity, each_once, faults, graded, worst
+from spectrabox.radiometry.findings import (
+    Finding,
+    Severity,
+    at_least,
+    each_once,
+    faults,
+    graded,
+    worst,
+)
 from spectrabox.radiometry.records.photos import RegionEdge
 from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import Outcome, UnknownLight
@@ -26,14 +34,13 @@ if TYPE_CHECKING:
     from spectrabox.measure.results.capture_result import CaptureResult
     from spectrabox.measure.results.flat_result import FlatResult
     from spectrabox.measure.results.scene_result import SceneResult
-    from spectrabox.measure.results.surface_result import SurfaceResult
     from spectrabox.measure.scene.rehearsed import Rehearsed
 
 # of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
 CLIPPED_LIMIT = 0.05
-# standard error of L* by the light: two just noticeable steps, and another colour by any account
-LIGHTNESS_LIMITS = (2.0, 5.0)
-MOST_OF_A_BAND = 0.5          # share of a spectrum's variance: the light is the largest cause
+# At the probability of the band: CIEDE2000, and rms over wavelengths. On faultless simulated shoots
+# colours that are known worse are off by 1.7 times as much as the others, spectra by 1.9 times.
+WEAK_COLOUR, WEAK_SPECTRUM = 5.0, 0.08
 # Relative scatter of a region's pixels. One paint whose relief slopes by 20 degrees (rms) scatters
 # by 0.25 in light from 45 degrees; halves of two paints of a ColorChecker by more in 93 % of pairs,
 # three paints in 99 %.
@@ -151,8 +158,8 @@ def findings_on(found: CaptureResult) -> tuple[Finding, ...]:
     """All that speaks for or against a result, and what is worth knowing of it."""
     return each_once((
         *found.kept, *processed(found), *chart_photos(found), *of_calibration(found),
-        *found.own_findings, *fits(found), *draws(found), *truth_coverage(found),
-        *stated_truths(found)))
+        *found.own_findings, *fits(found), *draws(found), *known_to(found),
+        *truth_coverage(found), *stated_truths(found)))
 
 
 # ---- results of any kind -------------------------------------------------------------------------
@@ -186,10 +193,25 @@ def draws(found: CaptureResult) -> list[Finding]:
              if surface.samples is not None]
     doubtful = [replace(one, subject=surface.name,
                         values={**one.values, "surfaces": [surface.name]})
-                for surface, samples in drawn for one in faults(samples.findings)]
+                for surface, samples in drawn for one in at_least(samples.findings, Severity.NOTE)]
     return doubtful or [Finding("draws.intended", Severity.INFO,
                                 values={"outcome": samples.outcome.value})
                         for _, samples in drawn[:1]]
+
+
+def known_to(found: CaptureResult) -> Iterator[Finding]:
+    """How well each surface is known, by its own draws; what is known weakly is no fault."""
+    for surface in found.surfaces:
+        if surface.within is None or surface.summary is None:
+            continue
+        (colour, spectrum), shares = surface.within, surface.causes
+        cause = max(shares, key=lambda one: shares[one], default="")
+        yield Finding("surface.known-to", Severity.INFO, surface.name, {
+            "colour": colour, "spectrum": spectrum, "level": float(surface.summary.level),
+            "weak": [word for word, is_weak in (("colour", colour > WEAK_COLOUR),
+                                                ("spectrum", spectrum > WEAK_SPECTRUM)) if is_weak],
+            "cause": cause, "share": float(shares.get(cause, 0.0)),
+            "by_light": conditions.share_by(surface, conditions.LIGHT_CAUSES)})
 
 
 def truth_coverage(found: CaptureResult) -> list[Finding]:
@@ -247,7 +269,8 @@ def held_out_patches(found: CaptureResult) -> list[Finding]:
     if chart is None or chart.left_out is None:
         return []
     return [of_photo(one, view) for view, patches in {"": chart.left_out, **chart.others}.items()
-            for one in chart_findings.held_out(patches, chart.layout.names)]
+            for one in (*chart_findings.held_out(patches, chart.layout.names),
+                        chart_findings.colours(patches))]
 
 
 def chart_agreement(found: CaptureResult) -> list[Finding]:
@@ -287,7 +310,7 @@ def of_camera(fit: CameraFit) -> list[Finding]:
     return [*calibration.findings,
             *([] if copy is None else [chart_findings.edition(copy),
                                        *chart_findings.departures(copy, names, light)]),
-            *chart_findings.off_level(fit.held_out, names),
+            *chart_findings.at_fault(fit.held_out, names, light),
             *chart_findings.held_out(fit.held_out, names), chart_findings.colours(fit.held_out),
             *chart_findings.chart_residual(off[~first.samples.clipped], not first.editions),
             Finding("fit.of-camera", *ended(fit.sensitivity.outcome))]
@@ -312,32 +335,9 @@ def camera_fitted(fit: CameraFit) -> Finding:
 # ---- flat samples --------------------------------------------------------------------------------
 
 def flat_findings(found: FlatResult) -> list[Finding]:
-    """Light on the regions, levels of known ones, scatter of their pixels, edges across them."""
-    return [*light_on_regions(found), *light_change(found), *known_levels(found),
+    """Change of the light, levels of known regions, scatter of their pixels, edges across them."""
+    return [*light_change(found), *known_levels(found),
             *uneven_regions(found), *edges(found), clipped_flat(found.photo.clipped_share)]
-
-
-def light_on_regions(found: FlatResult) -> list[Finding]:
-    """What the error of the light costs the answer.
-
-    A light that is known badly does harm where it makes most of a band, or moves L* by what can be
-    seen; one that is known to 8 % beside bands that are wide for other reasons does none.
-    """
-    effects = {surface.name: light_effect(surface) for surface in found.surfaces
-               if not surface.known}
-    name = max(effects, key=lambda region: effects[region].badness)
-    effect = effects[name]
-    light = "" if found.calibration.products else found.calibration.light.source
-    at_fault = None if found.chart is None or found.chart.left_out is None \
-        else chart_findings.chart_at_fault(found.chart.left_out, found.chart.layout.names, light)
-    beyond = effect.severity is not Severity.INFO
-    cause = [replace(at_fault, severity=effect.severity)] if beyond and at_fault is not None else []
-    return [*cause, Finding("flat.light", effect.severity, name, {
-        "value": effect.lightness, "error": effect.error, "share": effect.share,
-        "passes": LIGHTNESS_LIMITS[0], "fails": LIGHTNESS_LIMITS[1], "most": MOST_OF_A_BAND,
-        "by_chart": bool(cause),
-        "surfaces": [region for region, each in effects.items()
-                     if each.severity is not Severity.INFO]})]
 
 
 def light_change(found: FlatResult) -> list[Finding]:
@@ -346,37 +346,6 @@ def light_change(found: FlatResult) -> list[Finding]:
                       + [1.0])
     return [Finding("flat.light-change", Severity.INFO,
                     values={"value": float(levels.max() / levels.min() - 1)})]
-
-
-@dataclass(frozen=True)
-class LightEffect:
-    """What the error of the light on a region costs its spectrum."""
-
-    error: float                # of the light, relative
-    share: float | None         # of the spectrum's variance; None: draws do not tell it
-    lightness: float            # standard error of L* by the light alone
-
-    @property
-    def badness(self) -> float:
-        """The effect by the limits of a PASS: 1 is just one."""
-        return max((self.share or 0.0) / MOST_OF_A_BAND, self.lightness / LIGHTNESS_LIMITS[0])
-
-    @property
-    def severity(self) -> Severity:
-        if self.lightness > LIGHTNESS_LIMITS[1]:
-            return Severity.FAIL
-        return graded(self.badness, 1.0)
-
-
-def light_effect(surface: SurfaceResult) -> LightEffect:
-    """What the error of the light costs a region; its plane is a condition of its own, which no
-    chart that lies nearer makes better.
-    """
-    error = conditions.error_by(surface, conditions.LIGHT_CAUSES) or 0.0
-    lightness = abs(conditions.darker_by([surface], error) or 0.0)
-    share = conditions.share_by(surface, conditions.LIGHT_CAUSES) \
-        if surface.causes else None
-    return LightEffect(error, share, lightness)
 
 
 def known_levels(found: FlatResult) -> list[Finding]:

@@ -295,6 +295,10 @@ def _camera_fitted(values: Mapping[str, Any]) -> str:
             f"CIEDE2000 {values['delta_e00']:.1f}")
 
 
+PATCH_COLOURS = ("These spectra against the chart's reference{where}: CIEDE2000 {mean:.1f} on "
+                 "average, {median:.1f} in the median, up to {percentile_90:.1f} for 90 % of the "
+                 "patches, {largest:.1f} at most.")
+
 CALIBRATION: dict[str, Text] = {
     # the light
     "light.agrees": _no_doubt("Stated light against the chart", lambda values: (
@@ -458,10 +462,6 @@ CALIBRATION: dict[str, Text] = {
     "edition.not-fitted": Text(
         "Edition of the chart", "The edition cannot be told, since nothing could be fitted to the "
         "chart: {error}"),
-    "patches.off-level": Text(
-        "Level of chart patches", "Chart patches are off in level{where}: {patches:reasons}.",
-        "Photograph the chart again without, or leave these patches out (chart.leave_out).",
-        lambda values: ", ".join(row["patch"] for row in values["patches"]), "within chance"),
     "patches.held-out": Text(
         "Chart patches left out, inside the band{where}", _held_out, shown="{value:percent}",
         limit="{expected:percent} expected"),
@@ -475,9 +475,14 @@ CALIBRATION: dict[str, Text] = {
         "{names:listed}. The light is known less well without; the calibration's findings say by "
         "how much.", "Expose less.", "{names:listed}", "none"),
     "patches.colours": Text(
-        "Colours of chart patches left out", "These spectra against the chart's reference: "
-        "CIEDE2000 {mean:.1f} on average, {median:.1f} in the median, up to {percentile_90:.1f} "
-        "for 90 % of the patches, {largest:.1f} at most."),
+        "Colours of chart patches left out{where}", PATCH_COLOURS, shown="ΔE00 {value:.1f}",
+        limit="pass up to {passes:.0f}"),
+    "patches.colours-off": Text(
+        "Colours of chart patches left out{where}", f"{PATCH_COLOURS} The photo is not "
+        "proportional to light, a stated light or filter is another, or the chart is not that of "
+        "its reference.",
+        "Photograph raw, and check what was stated of light, filters and chart.",
+        "ΔE00 {value:.1f}", "pass up to {passes:.0f}"),
     "patches.glare": Text(
         "Chart patches", "Glare lies on the chart{where}: {patches:reasons}.",
         "Turn the chart or the lamp."),
@@ -600,14 +605,8 @@ METERS: dict[str, Text] = {
 # ---- flat samples --------------------------------------------------------------------------------
 
 FLAT: dict[str, Text] = {
-    "flat.right": Text(
-        "", "The chart fits, and the light on every region is known within the limits."),
-    "flat.light": Text(
-        "Effect of the light's error", lambda values: _light_sentence(values),
-        lambda values: _light_remedy(values),
-        lambda values: f"L* ± {values['value']:.1f}" + (
-            "" if values["share"] is None else f", {words.percent(values['share'], 0)}"),
-        "L* ± {passes:g} and {most:percent0} of a variance; fail beyond L* ± {fails:g}"),
+    "flat.right": Text("", lambda values: "Chart, light and regions show no fault."
+                       + _weak_words(values)),
     "flat.light-change": Text(
         "Change of the light from the chart to the regions", "The light changes by {value:percent} "
         "between chart and regions, which is corrected within its error.", shown="{value:percent}",
@@ -657,19 +656,12 @@ EDGES = {"SHADOW": "in all bands alike: a shadow's edge or a fold, or two greys"
          "ONE_BAND": "a shadow's edge, a fold or two paints"}
 
 
-def _light_sentence(values: Mapping[str, Any]) -> str:
-    share = "" if values["share"] is None else \
-        f"{words.percent(values['share'], 0)} of the variance of its spectrum and "
-    because = ", since the chart tells it badly" if values["by_chart"] else ""
-    return (f"The light on “{values['subject']}” is known to {words.percent(values['error'])}, "
-            f"which makes {share}L* ± {values['value']:.1f}{because}.")
-
-
-def _light_remedy(values: Mapping[str, Any]) -> str:
-    if values["by_chart"] or not values["beyond"]:
-        return ""
-    return ("It lies far from the chart, or the light is uneven; put the chart or a white card "
-            "next to it, or photograph a white card in the samples' place as flat field.")
+def _weak_words(values: Mapping[str, Any]) -> str:
+    """Of how many surfaces colour or spectrum is known weakly, after the sentence of a PASS."""
+    weak = [f"{len(names)} of {values['surfaces']} {word}" for names, word in (
+        (values.get("weak_colours", ()), "colours"), (values.get("weak_spectra", ()), "spectra"))
+        if names]
+    return f" Known weakly: {words.listed(weak)}." if weak else ""
 
 
 def _edge_sentence(values: Mapping[str, Any]) -> str:
@@ -688,7 +680,8 @@ NONE_BEYOND = "none; fail beyond {fails:percent0}"
 PASS_AND_FAIL = "pass up to {passes:percent0}, fail beyond {fails:percent0}"
 
 SCENES: dict[str, Text] = {
-    "scene.right": Text("", "Photo, rendering and calibration agree within the limits."),
+    "scene.right": Text("", lambda values: "Photo, rendering and calibration agree within the "
+                        "limits." + _weak_words(values)),
     "fit.of-scene": _fit("Inverse rendering"),
     "scene.median": Text(
         "Photo against rendering, |ratio − 1| of the worst band, median over surfaces{where}",
@@ -815,6 +808,9 @@ def _families(values: Mapping[str, Any]) -> str:
     return f"{given}: {allowed}." if len(values["stated"]) > 1 else f"{given}."
 
 
+LIGHT_REMEDY = ("Put the chart or a white card next to it, or photograph a white card in the "
+                "samples' place as flat field.")
+
 SURFACES: dict[str, Text] = {
     "draws.intended": Text(
         "Samplers", lambda values: f"Sampler of every estimated surface: "
@@ -831,6 +827,14 @@ SURFACES: dict[str, Text] = {
         "Prior and sampler", "Conditional on the prior and sampler {method}."),
     "band.closed-form": Text(
         "Prior", "Conditional on the prior {method}, computed in closed form."),
+    "surface.known-to": Text(
+        "How well it is known", lambda values: f"“{values['subject']}”: colour within ΔE00 "
+        f"{values['colour']:.1f}, spectrum within {values['spectrum']:.2f} (rms), with a "
+        f"probability of {words.percent(values['level'], 0)}" + (
+            f"; {words.listed(values['weak'])} known weakly, by {values['cause']} most of all "
+            f"({words.percent(values['share'], 0)} of the variance)." if values["weak"] else "."),
+        lambda values: LIGHT_REMEDY if values["weak"] and values["by_light"] >= values["share"]
+        else "", "ΔE00 {colour:.1f}, {spectrum:.3f}"),
     "truth.not-given": Text(
         "Measured truth inside the band", "No measured spectrum was given to compare with.",
         shown="no truth given", limit="its level"),

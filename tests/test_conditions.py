@@ -20,8 +20,8 @@ from spectrabox.measure.conditions import (
 )
 from spectrabox.measure.regions.moved_lamp import InPlace
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.radiometry.appearance import reflectance_to_lab
-from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE, SAMPLE_PLANE
+from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab
+from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import SignalError
 
@@ -61,18 +61,18 @@ def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):
 
 @pytest.mark.parametrize("error, standing", [(0.005, "measured"), (0.014, "measured"),
                                              (0.02, "assumed")])
-def test_a_lamp_that_moved_measures_gloss_where_its_error_would_show_a_fault(tmp_path, error,
-                                                                             standing):
+def test_a_lamp_that_moved_measures_gloss_where_its_error_would_show_a_fault(
+        tmp_path, monkeypatch, error, standing):
     results = example_session(tmp_path)
-    places = (InPlace("photo", 0.0, 0.03, 0.0, 0.03), InPlace("b", 0.0, error, 0.0, 0.03))
-    surfaces = [dataclasses.replace(surface, places=places) for surface in results.found.surfaces]
-    moved = with_found(results, stated=Statements(lamp_moved=True), surfaces=surfaces).found
+    moved = with_found(results, stated=Statements(lamp_moved=True)).found
+    # a photo that shows none of the samples with the lamp elsewhere measures nothing
+    assert condition(moved, "scene-gloss").values["standing"] == "assumed"
+    monkeypatch.setattr(SurfaceResult, "places", (
+        InPlace("photo", 0.0, 0.004, 0.0, 0.03), InPlace("b", 0.0, error, 0.0, 0.03)))
+    moved = with_found(results, stated=Statements(lamp_moved=True)).found
     gloss = condition(moved, "scene-gloss").values
     assert gloss["standing"] == standing and gloss["error"] == error
     assert gloss["named"] == (standing == "assumed")
-    # a photo that shows none of the samples with the lamp elsewhere measures nothing
-    unseen = with_found(results, stated=Statements(lamp_moved=True)).found
-    assert condition(unseen, "scene-gloss").values["standing"] == "assumed"
 
 
 def test_the_verdict_names_the_assumed_conditions_whose_failing_is_seen_and_no_other(tmp_path):
@@ -124,25 +124,42 @@ def test_costs_are_those_of_the_surface_that_the_fault_changes_most(tmp_path):
     assert condition(found, "chart").values["lightness"] == pytest.approx(min(darker))
 
 
-def test_a_light_that_is_most_of_a_band_warns_and_one_that_is_little_of_it_does_not(tmp_path):
-    # L* of a grey of 0.15 is 45.6: 8 % of its light is 1.6 of L*
-    assert rules.light_effect(grey(0.15, 0.08, 0.6, tmp_path)).severity is Severity.WARN
-    assert rules.light_effect(grey(0.15, 0.08, 0.1, tmp_path)).severity is Severity.INFO
+def drawn(level: float, spread: float, tmp_path) -> SurfaceResult:
+    """A grey whose draws are greys too, of levels evenly about it, the last off by the spread."""
+    surface = grey(level, 0.3, 0.9, tmp_path)
+    spectra = np.ones_like(surface.samples.spectra)
+    levels = level + spread * np.linspace(-1, 1, len(spectra))
+    samples = dataclasses.replace(surface.samples, spectra=levels[:, None] * spectra)
+    return dataclasses.replace(surface, samples=samples)
 
 
-def test_a_light_that_is_little_of_a_band_warns_where_it_moves_lightness_by_two(tmp_path):
-    # L* of a grey of 0.8 is 91.7: 4 % of its light is 1.4, 8 % is 2.9, 20 % is 7.6
-    levels = [rules.light_effect(grey(0.8, error, 0.1, tmp_path)).severity
-              for error in (0.04, 0.08, 0.2)]
-    assert levels == [Severity.INFO, Severity.WARN, Severity.FAIL]
+@pytest.mark.parametrize("level, spread", [(0.2, 0.01), (0.2, 0.1), (0.7, 0.1)])
+def test_a_surface_is_known_as_its_draws_lie_about_the_mean(tmp_path, level, spread):
+    surface = drawn(level, spread, tmp_path)
+    colour, spectrum = surface.within
+    off = surface.summary.level * spread            # of evenly spread draws, on either side
+    assert spectrum == pytest.approx(off, rel=0.01)
+    # of two greys CIEDE2000 is what their lightness differs by, which is more below than above
+    colours = [delta_e00(NM, np.full(NM.size, level), np.full(NM.size, level + side * off))
+               for side in (-1, 1)]
+    assert min(colours) < colour < max(colours)
 
 
-def test_the_plane_of_the_samples_is_not_the_light(tmp_path):
-    surface = grey(0.8, 0.01, 0.1, tmp_path)
-    surface = dataclasses.replace(
-        with_errors(surface, {LIGHT_FIELD: 0.01, SAMPLE_PLANE: 0.2}),
-        variance_shares={LIGHT_FIELD: 0.1, SAMPLE_PLANE: 0.9})
-    assert rules.light_effect(surface).severity is Severity.INFO
+def test_weak_surfaces_are_counted_and_change_no_verdict(tmp_path):
+    results = example_session(tmp_path)
+    sure, weak = (dataclasses.replace(drawn(0.5, spread, tmp_path), name=name)
+                  for name, spread in (("sure", 0.01), ("weak", 0.4)))
+    verdicts = [with_found(results, surfaces=surfaces).found.verdict
+                for surfaces in ([sure], [sure, weak])]
+    assert [verdict.right.values["weak_colours"] for verdict in verdicts] == [[], ["weak"]]
+    assert [verdict.right.values["weak_spectra"] for verdict in verdicts] == [[], ["weak"]]
+    assert verdicts[0].word == verdicts[1].word
+    said = {one.subject: one for one in verdicts[1].findings if one.code == "surface.known-to"}
+    assert said["sure"].values["weak"] == [] and not texts.remedy(said["sure"])
+    # nearly all of it is the light's, and what makes that better is said
+    assert said["weak"].values["cause"] == LIGHT_FIELD
+    assert texts.remedy(said["weak"]) == texts.LIGHT_REMEDY
+    assert "1 of 2 colours" in texts.sentence(verdicts[1].right)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 0.95, 1.1])

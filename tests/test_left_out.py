@@ -212,16 +212,14 @@ def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, code):
     level[list(brighter)], chance[list(colour)] = list(brighter.values()), list(colour.values())
     patches = dataclasses.replace(left_out(1.0, 0.99), brighter=level,
                                   brighter_error=np.full(24, 0.03), colour_chance=chance)
-    found = chart_findings.chart_at_fault(patches, CLASSIC.names)
-    assert code == (None if found is None else found.code)
+    found = chart_findings.at_fault(patches, CLASSIC.names)
+    assert [one.code for one in found] == ([code] if code else [])
     named = sorted([*brighter, *colour]) if code else []
-    if found is not None:
-        assert [row["patch"] for row in found.values["patches"]] == [
+    for one in found:
+        assert [row["patch"] for row in one.values["patches"]] == [
             CLASSIC.names[patch] for patch in named]
     # a stated light is named beside the chart, where colours are off and not levels alone
-    under = chart_findings.chart_at_fault(patches, CLASSIC.names, "CIE FL2")
-    assert (under is not None and under.code == "patches.unlike-reference-or-light") \
-        == bool(colour)
+    under = chart_findings.at_fault(patches, CLASSIC.names, "CIE FL2")
+    assert ([one.code for one in under] == ["patches.unlike-reference-or-light"]) == bool(colour)
     kept_out = dataclasses.replace(patches, excluded=np.isin(np.arange(24), named))
-    assert chart_findings.chart_at_fault(kept_out, CLASSIC.names) is None
-    assert not chart_findings.off_level(kept_out, CLASSIC.names)
+    assert not chart_findings.at_fault(kept_out, CLASSIC.names)

@@ -201,8 +201,10 @@ def uneven_light(light: np.ndarray, irradiance: np.ndarray | None = None,
     uneven = _range(light if irradiance is None else light / irradiance)
     if uneven <= MAX_UNEVEN:
         return []
-    return [Finding("chart.uneven-light" if irradiance is None else "chart.uneven-beyond-scene",
-                    Severity.WARN, photo, {"uneven": uneven, "limit": MAX_UNEVEN})]
+    # a light that falls off evenly is fitted: answers are no worse for it
+    code, severity = ("chart.uneven-light", Severity.NOTE) if irradiance is None \
+        else ("chart.uneven-beyond-scene", Severity.WARN)
+    return [Finding(code, severity, photo, {"uneven": uneven, "limit": MAX_UNEVEN})]
 
 
 def veiled(veil: float) -> list[Finding]:

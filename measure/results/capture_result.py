@@ -120,8 +120,11 @@ class CaptureResult(ABC):
     @cached_property
     def verdict(self) -> rules.Verdict:
         """The worst of all findings, and what it rests on."""
-        return rules.Verdict(self.findings, Finding(self.right, Severity.INFO),
-                             conditions.named(self.conditions))
+        known = [one for one in self.findings if one.code == "surface.known-to"]
+        weak = {f"weak_{word}": [one.subject for one in known if name in one.values["weak"]]
+                for word, name in (("colours", "colour"), ("spectra", "spectrum"))}
+        right = Finding(self.right, Severity.INFO, values={"surfaces": len(known), **weak})
+        return rules.Verdict(self.findings, right, conditions.named(self.conditions))
 
     @property
     def notes(self) -> tuple[Finding, ...]:

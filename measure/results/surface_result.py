@@ -203,6 +203,12 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     Fact("lab_d65_error", "standard errors of L*, a*, b*; none of a single draw",
          lambda surface: None if surface.lab_error is None else surface.lab_error.tolist(), "±",
          lambda errors: " ".join(f"{value:.1f}" for value in errors)),
+    Fact("delta_e00_within", "CIEDE2000 under D65 from the mean, within which draws lie with the "
+         "probability of the band", lambda surface: surface.within and surface.within[0],
+         "ΔE00 within", lambda size: f"{size:.1f}"),
+    Fact("spectrum_within", "the same of the root mean square difference over wavelengths, "
+         "reflectance", lambda surface: surface.within and surface.within[1],
+         "spectrum within", lambda size: f"{size:.3f}"),
     Fact("band_width", "mean width of the band over wavelength, reflectance",
          _if_estimated(lambda surface: surface.band_width), "band width",
          lambda width: f"{width:.3f}"),

@@ -167,10 +167,10 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
             fit, held_out[first.name] = chart_fit.fit([photos[name] for name in fitted],
                                                       FINE_GRID, options)
             camera, prior_fit = fit.calibration, fit.prior_fit
-            of_chart = chart_findings.off_level(held_out[first.name], capture.layout.names)
+            names, light = capture.layout.names, "" if camera.products else camera.light.source
+            of_chart = chart_findings.at_fault(held_out[first.name], names, light)
             if fit.copy is not None:
-                of_chart += chart_findings.departures(
-                    fit.copy, capture.layout.names, "" if camera.products else camera.light.source)
+                of_chart += chart_findings.departures(fit.copy, names, light)
             findings += [dataclasses.replace(one, subject=first.name) for one in of_chart]
             if not first.name:
                 of_first = fit

@@ -65,11 +65,15 @@ class Outcome(Enum):
 
     def finding(self, **values: Any) -> Finding:
         """It as a finding: evidence of a fault but of what is as intended. What was solved though
-        the data leave something open is, as bands carry that.
+        the data leave something open is, as bands carry that; and so they do of a colour that is
+        unlike those learnt from, as saturated ones are in faultless photos.
         """
-        harmless = self.as_intended or self in (Outcome.CONVERGED, Outcome.ILL_POSED)
-        return Finding(DRAWS + self.value, Severity.INFO if harmless else Severity.WARN,
-                       values=values)
+        severity = Severity.WARN
+        if self.as_intended or self in (Outcome.CONVERGED, Outcome.ILL_POSED):
+            severity = Severity.INFO
+        elif self is Outcome.UNFAMILIAR:
+            severity = Severity.NOTE
+        return Finding(DRAWS + self.value, severity, values=values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import (
     DifferenceSummary,
+    at_fault,
     difference_summary,
-    off_level,
     patch_differences,
 )
 from spectrabox.measure import texts
@@ -87,8 +87,8 @@ class ChartCheck:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Patches that are darker or brighter than the others make them by more than chance."""
-        return tuple(texts.says(one) for one in off_level(self.patches, self.names))
+        """Patches that are not what the others make of them by more than chance."""
+        return tuple(texts.says(one) for one in at_fault(self.patches, self.names))
 
     def __repr__(self) -> str:
         rmse, inside, expected = self.means
