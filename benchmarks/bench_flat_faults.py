@@ -17,6 +17,15 @@ brightener makes papers of the samples that emit in the blue. Two kinds of lamps
 photo from two sides. "False PASS" counts sessions with the verdict PASS whose bands hold less than
 90 %, and in brackets those in which the condition that the fault breaks is not named as assumed;
 "gloss found" is how far that of the first photo is off, in per cent of white and in its errors.
+
+With ``--verdicts`` the faults are more, each by one photo: those of the camera or its file, and
+those of what is stated. A veil adds a twentieth of full scale, evenly or more to the right; a lens
+shades the corners by colour; a black level is off by 1 %; a tone curve has a shoulder; the chart's
+white or another patch is soiled by 15 %; another lamp's spectrum is stated; a card of .9 is said to
+be .78; regions lie half on the table; another table of reflectances is stated; the chart was
+photographed by itself before the lamp was moved. For each fault: how often the verdict passes with
+one, three and nine regions of the same photo, how often a finding names something that none does
+of the same shoot without the fault, and how wrong weak surfaces are, and the others.
 """
 from __future__ import annotations
 
@@ -25,7 +34,7 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -38,6 +47,7 @@ from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_
 from spectrabox.fixtures.near_lamps import (
     ABOVE,
     REGIONS,
+    WHITE,
     Lamp,
     Place,
     Shoot,
@@ -48,6 +58,8 @@ from spectrabox.fixtures.near_lamps import (
     with_gloss,
 )
 from spectrabox.fixtures.paints import NM, chart_copy
+from spectrabox.measure.results.flat_result import FlatResult
+from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.chart import COPIES_BEFORE_2014, COPIES_SINCE_2014, REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import grid_from_nm
@@ -58,6 +70,23 @@ from benchmarks.bench_unknown_makers import makers_of, prior_without
 
 FAULTS = ("none", "gloss 1.5 %", "gloss 3 %", "shadow 10 %", "shadow edge", "other plane",
           "chart tilted", "brightener", "two lamps")
+# what becomes of the signal (H, W, K), as a fraction of full scale, by the camera or its file
+SPOILT: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "veil": lambda signal: signal + 0.05 * _colour(signal),
+    "uneven veil": lambda signal: signal + 0.05 * _across(signal) ** 2 * _colour(signal),
+    "colour shading": lambda signal: signal * (1 + _from_middle(signal) * [-0.12, 0.0, 0.08]),
+    "clipped": lambda signal: 1.5 * signal,
+    "pedestal": lambda signal: signal + 0.013,
+    "black too high": lambda signal: np.maximum(signal - 0.0065, 0),
+    "tone curve": lambda signal: 1.5 * signal / (1 + 0.667 * signal)}
+STATED = ("soiled white", "soiled patch", "wrong light", "wrong card", "two paints",
+          "wrong reference", "lamp moved between")
+# shoots without a fault, and all of which the verdict is asked
+FAULTLESS = ("none", "right light", "right card")
+VERDICTS = (*FAULTLESS, *FAULTS[1:], *SPOILT, *STATED)
+WHITE_PATCH, SOILED, CARD_NUMBER, WRONG_CARD = 18, 0.85, 6, 0.78
+NUMBERS = (1, 3, REGIONS)   # of regions with which a verdict is asked for
+OTHER_REFERENCE = "ColorChecker N Ohta"
 # conditions of a result that a fault breaks
 BROKEN = {"gloss 1.5 %": "gloss", "gloss 3 %": "gloss", "shadow 10 %": "shadow",
           "shadow edge": "shadow", "other plane": "plane", "chart tilted": "plane",
@@ -84,7 +113,8 @@ def papers(rng: np.random.Generator) -> np.ndarray:
 def photos_of(folder: Path, fault: str, protocols: Sequence[str], shoot: Shoot,
               lamps: Sequence[np.ndarray], filters: Sequence[np.ndarray],
               rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Write the photos of one shoot with one fault: first.dng and those of the protocols.
+    """Write the photos of one shoot with one fault: first.dng, those of the protocols, and
+    chart.dng of a chart by itself.
 
     Returns
     -------
@@ -106,6 +136,12 @@ def photos_of(folder: Path, fault: str, protocols: Sequence[str], shoot: Shoot,
         shoot = replace(shoot, samples=Place(HIGHER, _turned(TURNED, draws)))
     elif fault == "chart tilted":
         shoot = replace(shoot, card=Place(0.0, _turned(CHART_TURNED, draws)))
+    elif fault.startswith("soiled"):
+        patches = np.arange(len(shoot.chart))
+        patch = WHITE_PATCH if fault == "soiled white" else draws.integers(WHITE_PATCH)
+        shoot = replace(shoot, chart=np.where(patches[:, None] == patch, SOILED, 1.0) * shoot.chart)
+    elif fault.endswith(" card"):
+        shoot = replace(shoot, cards=(CARD_NUMBER,))
     kept_off = {"shadow 10 %": SHADOW, "shadow edge": EDGE_SHADOW}.get(fault, 0.0)
     edge = fault == "shadow edge"
 
@@ -117,18 +153,44 @@ def photos_of(folder: Path, fault: str, protocols: Sequence[str], shoot: Shoot,
 
     name = {"gels": ["red", "blue"], "lamp": ["lamp"], "moved": ["moved"]}
     wanted_photos = ["first", *(photo for one in protocols for photo in name.get(one, []))]
+    wanted_photos += ["chart"] * (fault == "lamp moved between")
     mirrored = {}
     for number, (photo, lit, through, shade) in enumerate((
             ("first", light(first, lamps[0]), None, kept_off),
             ("red", light(first, lamps[0]), filters[0], kept_off),
             ("blue", light(first, lamps[0]), filters[1], kept_off),
             ("lamp", light(other, lamps[1]), None, 0.0),
-            ("moved", light(elsewhere, lamps[0]), None, 0.0))):
+            ("moved", light(elsewhere, lamps[0]), None, 0.0),
+            ("chart", light(elsewhere, lamps[0]), None, 0.0))):
         noise = np.random.default_rng([number, rng.integers(2**31)])
         if photo in wanted_photos:
             mirrored[photo] = photograph(folder / f"{photo}.dng", shoot, lit, noise, shade=shade,
-                                         edge=edge, through=through)
+                                         edge=edge, through=through, spoilt=SPOILT.get(fault))
     return shoot.surfaces, mirrored
+
+
+def stated_of(folder: Path, fault: str, lamps: Sequence[np.ndarray]) -> dict[str, Any]:
+    """What ``spectrabox.flat`` is told of a shoot with a fault, beside its photo."""
+    if fault.endswith(" light"):
+        power = lamps[0] if fault == "right light" else lamps[1]
+        return {"light": (NM, power)}
+    if fault.endswith(" card"):
+        card = WHITE if fault == "right card" else WRONG_CARD
+        return {"known": {f"s{CARD_NUMBER}": (card, 0.005)}}
+    if fault == "wrong reference":
+        return {"reference": OTHER_REFERENCE}
+    if fault == "lamp moved between":
+        return {"chart_photo": folder / "chart.dng"}
+    return {}
+
+
+def outlined(fault: str) -> dict[str, tuple[float, ...]]:
+    """Rectangles of the regions; of two paints, the first half on the table."""
+    regions = {f"s{number}": corners for number, corners in enumerate(rectangles())}
+    if fault == "two paints":
+        x0, y0, x1, y1 = regions["s0"]
+        regions["s0"] = (x0 - 0.7 * (x1 - x0), y0, x0 + 0.5 * (x1 - x0), y1)
+    return regions
 
 
 def further(folder: Path, protocol: str, filters: Sequence[np.ndarray]) -> dict[str, Any]:
@@ -141,25 +203,56 @@ def further(folder: Path, protocol: str, filters: Sequence[np.ndarray]) -> dict[
 
 
 def figures(folder: Path, truth: np.ndarray, judged: slice, prior: Path,
-            **stated: Any) -> dict[str, Any]:
+            regions: Mapping[str, tuple[float, ...]], **stated: Any) -> dict[str, Any]:
     """Figures of one session, by the function that users call."""
-    regions = {f"s{number}": corners for number, corners in enumerate(rectangles())}
     result = spectrabox.flat(folder / "first.dng", regions, camera_prior=prior, draws=1000,
                              progress=False, **stated)
-    error, inside, width = [], [], []
-    for estimate, spectrum in list(zip(result.values(), truth, strict=True))[judged]:
-        lower, upper = estimate.band(0.95)
-        at_nm = np.interp(estimate.nm, NM, spectrum)
-        error.append(np.sqrt(np.mean((estimate.mean - at_nm) ** 2)))
-        inside.append(np.mean((lower <= at_nm) & (at_nm <= upper)))
-        width.append(np.mean(upper - lower))
-    return {"rmse": float(np.mean(error)), "inside": float(np.mean(inside)),
-            "width": float(np.mean(width)), "verdict": result.verdict,
+    found = result.found
+    surfaces = []
+    for surface, spectrum in list(zip(found.surfaces, truth, strict=True))[judged]:
+        if surface.known:
+            continue
+        assert surface.summary is not None and surface.within is not None
+        at_nm = np.interp(surface.nm, NM, spectrum)
+        lower, upper = surface.summary.lower, surface.summary.upper
+        surfaces.append({
+            "rmse": float(np.sqrt(np.mean((surface.mean - at_nm) ** 2))),
+            "inside": float(np.mean((lower <= at_nm) & (at_nm <= upper))),
+            "width": float(np.mean(upper - lower)),
+            "colour": delta_e00(surface.nm, surface.mean, at_nm), "within": surface.within,
+            "weak": any(one.code == "surface.weak" and one.subject == surface.name
+                        for one in found.findings)})
+    return {**{name: float(np.mean([one[name] for one in surfaces]))
+               for name in ("rmse", "inside", "width")},
+            "verdict": result.verdict, "surfaces": surfaces,
+            "codes": sorted({one.code for one in found.verdict.problems}),
+            "passes": {number: passes(found, number) for number in NUMBERS},
             "named": [condition["name"] for condition in result.facts()["conditions"]
                       if condition["named"]],
             "found": [[(place["gloss"], place["gloss_error"]) for place
                        in region["lamp_places"]] for region in result.facts()["regions"]
                       if "lamp_places" in region]}
+
+
+def passes(found: FlatResult, number: int) -> float:
+    """How often the verdict passes with so many of the regions, beside those of known spectrum."""
+    names = [surface.name for surface in found.surfaces if not surface.known]
+    groups = [names[start:start + number] for start in range(0, len(names), number)]
+    words = [with_regions(found, group).verdict.word for group in groups]
+    return float(np.mean([word == "pass" for word in words]))
+
+
+def with_regions(found: FlatResult, names: Sequence[str]) -> FlatResult:
+    """The result, had only some of its regions been outlined."""
+    left = {surface.name for surface in found.surfaces if surface.known or surface.name in names}
+
+    def kept(of_regions: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in of_regions.items() if name in left}
+
+    return replace(
+        found, surfaces=tuple(surface for surface in found.surfaces if surface.name in left),
+        photos=tuple(replace(photo, light=kept(photo.light), scatter=kept(photo.scatter),
+                             edges=kept(photo.edges)) for photo in found.photos))
 
 
 def measure(data: Path, cases: int, seed: int, faults: Sequence[str], protocols: Sequence[str],
@@ -203,19 +296,38 @@ def measure(data: Path, cases: int, seed: int, faults: Sequence[str], protocols:
             for fault in faults:
                 truth, mirrored = photos_of(folder, fault, protocols, shoot, spectra[lamps],
                                             filters, np.random.default_rng([seed, case]))
-                judged = slice(len(ABOVE)) if fault == "shadow edge" else slice(None)
+                judged = {"shadow edge": slice(len(ABOVE)), "two paints": slice(1)}.get(
+                    fault, slice(None))
                 for protocol in protocols:
                     row = {"case": case, "fault": fault, "protocol": protocol,
                            "gloss": {name: values.tolist() for name, values in mirrored.items()}}
                     try:
-                        row |= figures(folder, truth, judged, prior,
-                                       **further(folder, protocol, filters), **stated)
+                        row |= figures(
+                            folder, truth, judged, prior, outlined(fault),
+                            **further(folder, protocol, filters),
+                            **stated_of(folder, fault, spectra[lamps]), **stated)
                     except SpectraboxError as error:
                         row["refused"] = str(error)
                     rows.append(row)
             print(f"{case + 1}/{cases} {database.names[camera]}, "
                   f"{time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
     return rows
+
+
+def _colour(signal: np.ndarray) -> np.ndarray:
+    """Of a picture's mean (K,), of mean 1."""
+    return np.asarray(signal.mean(axis=(0, 1)) / signal.mean())
+
+
+def _across(signal: np.ndarray) -> np.ndarray:
+    """From 0 at the left to 2 at the right."""
+    return np.asarray(np.linspace(0, 2, signal.shape[1])[None, :, None])
+
+
+def _from_middle(signal: np.ndarray) -> np.ndarray:
+    """Square of the distance from the middle, 1 in the corners."""
+    y, x = (np.linspace(-1, 1, size) for size in signal.shape[:2])
+    return np.asarray((y[:, None, None] ** 2 + x[None, :, None] ** 2) / 2)
 
 
 def _turned(angle: float, rng: np.random.Generator) -> tuple[float, float, float]:
@@ -257,6 +369,40 @@ def table_of(rows: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def table_of_verdicts(rows: Sequence[dict[str, Any]]) -> str:
+    """Markdown: a line for every fault, by one photo."""
+    lines = ["| fault | PASS with 1, 3, 9 regions | refused | named | bands hold | dE00 | weak "
+             "| RMSE, dE00 of weak surfaces | of others |", "|---" * 9 + "|"]
+    usual = {row["case"]: set(row["codes"]) for row in rows
+             if row["fault"] == "none" and "codes" in row}
+    for fault in VERDICTS:
+        each = [row for row in rows if row["fault"] == fault]
+        done = [row for row in each if "refused" not in row]
+        if not each:
+            continue
+        passed = ", ".join(f"{np.mean([row['passes'][number] for row in done]):.2f}"
+                           for number in NUMBERS) if done else ""
+        named = len(each) - len(done) + sum(
+            bool(set(row["codes"]) - usual.get(row["case"], set())) for row in done)
+        surfaces = [one for row in done for one in row["surfaces"]]
+        weak, others = ([one for one in surfaces if one["weak"] is is_weak]
+                        for is_weak in (True, False))
+        inside, colour = (f"{np.mean([one[name] for one in surfaces]):.{digits}f}" if surfaces
+                          else "" for name, digits in (("inside", 3), ("colour", 1)))
+        lines.append(f"| {fault} | {passed} | {len(each) - len(done)} of {len(each)} | "
+                     f"{'' if fault in FAULTLESS else f'{named} of {len(each)}'} | {inside} | "
+                     f"{colour} | {len(weak) / max(len(surfaces), 1):.2f} | {_errors(weak)} | "
+                     f"{_errors(others)} |")
+    return "\n".join(lines)
+
+
+def _errors(surfaces: Sequence[dict[str, Any]]) -> str:
+    """Mean errors of surfaces, of their spectra and their colours."""
+    return "" if not surfaces else ", ".join(
+        f"{np.mean([one[name] for one in surfaces]):.{digits}f}"
+        for name, digits in (("rmse", 3), ("colour", 1)))
+
+
 def _gloss_found(rows: Sequence[dict[str, Any]]) -> str:
     """How far the gloss found in the first photo is off what was mirrored there, root mean square
     in per cent of white and in stated errors; empty without a moved lamp.
@@ -277,14 +423,18 @@ def main() -> None:
                         help="folder with cameras/, lights/ and filters/")
     parser.add_argument("--cases", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--faults", nargs="*", default=list(FAULTS), choices=FAULTS)
+    parser.add_argument("--faults", nargs="*", choices=VERDICTS)
     parser.add_argument("--photos", nargs="*", default=list(PROTOCOLS), choices=PROTOCOLS)
+    parser.add_argument("--verdicts", action="store_true",
+                        help="all faults by one photo, and what the verdict says of them")
     parser.add_argument("--surface", help="what is stated of the samples: matt, satin or glossy")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
-    rows = measure(asked.data, asked.cases, asked.seed, asked.faults, asked.photos,
-                   surface=asked.surface)
-    print(json.dumps(rows) if asked.json else table_of(rows))
+    faults = asked.faults or (VERDICTS if asked.verdicts else FAULTS)
+    rows = measure(asked.data, asked.cases, asked.seed, faults,
+                   PROTOCOLS[:1] if asked.verdicts else asked.photos, surface=asked.surface)
+    table = table_of_verdicts if asked.verdicts else table_of
+    print(json.dumps(rows) if asked.json else table(rows))
 
 
 if __name__ == "__main__":
