@@ -21,7 +21,7 @@ from spectrabox.calibrate.chart_calibration import (
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
-from spectrabox.measure import chart_fit, rules, texts
+from spectrabox.measure import rules, texts
 from spectrabox.measure.captured import LitChart
 from spectrabox.measure.results.calibration_facts import (
     checks,
@@ -29,6 +29,7 @@ from spectrabox.measure.results.calibration_facts import (
     held_out_facts,
     posterior_facts,
 )
+from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry.chart import (
     CLASSIC,
     Chart,

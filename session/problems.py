@@ -11,11 +11,11 @@ from typing import Any
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.measure import chart_fit
 from spectrabox.measure.captured import Capture, PhotoFiles, View, files_of, require_scene
 from spectrabox.measure.opened_photos import develop, require_curves_of_bands, require_exposed
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.shoot.captures import capture_with_faults
+from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.charts import stated_corners
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.measure.steps.inversion import require_invertible, require_materials

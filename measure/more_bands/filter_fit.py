@@ -7,8 +7,8 @@ import numpy as np
 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.measure import chart_fit
 from spectrabox.measure.camera import chart_signals
+from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID

@@ -25,7 +25,6 @@ from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart import quality
-from spectrabox.measure import chart_fit
 from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
 from spectrabox.measure.opened_photos import require_curves_of_bands
 from spectrabox.measure.records import (
@@ -34,6 +33,7 @@ from spectrabox.measure.records import (
     ChartFit,
     MeasuredChart,
 )
+from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.findings import Finding, Severity

@@ -11,10 +11,10 @@ from spectrabox.capture.chart.patches import require_unclipped
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo.binning import thumbnail
 from spectrabox.capture.photo.registration import Edges, find_edges, register
-from spectrabox.measure import chart_fit
 from spectrabox.measure.captured import Capture, View
 from spectrabox.measure.opened_photos import require_one_camera
 from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart
+from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.findings import Finding

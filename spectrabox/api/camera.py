@@ -22,12 +22,12 @@ from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-from spectrabox.measure import chart_fit
 from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
 from spectrabox.measure.captured import LitChart
 from spectrabox.measure.plots import axes_for, curves_html, plot_sensitivities
 from spectrabox.measure.profiles.matrix_comparison import compare_matrices
 from spectrabox.measure.shoot.options import Repeatability
+from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
