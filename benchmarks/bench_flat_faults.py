@@ -25,7 +25,8 @@ white or another patch is soiled by 15 %; another lamp's spectrum is stated; a c
 be .78; regions lie half on the table; another table of reflectances is stated; the chart was
 photographed by itself before the lamp was moved. For each fault: how often the verdict passes with
 one, three and nine regions of the same photo, how often a finding names something that none does
-of the same shoot without the fault, and how wrong weak surfaces are, and the others.
+of the same shoot without the fault, how often the condition that it breaks stands after the "if",
+and how wrong colours and spectra are that are said to be weak, and the others.
 """
 from __future__ import annotations
 
@@ -90,7 +91,8 @@ OTHER_REFERENCE = "ColorChecker N Ohta"
 # conditions of a result that a fault breaks
 BROKEN = {"gloss 1.5 %": "gloss", "gloss 3 %": "gloss", "shadow 10 %": "shadow",
           "shadow edge": "shadow", "other plane": "plane", "chart tilted": "plane",
-          "brightener": "fluorescence", "two lamps": "light on the sample"}
+          "brightener": "fluorescence", "two lamps": "light on the sample",
+          "lamp moved between": "light on the sample"}
 PROTOCOLS = ("one", "gels", "lamp", "moved")
 GELS = ("Tiffen Red1(25)", "Tiffen 80A")
 SHADOW, EDGE_SHADOW = 0.10, 0.15
@@ -212,16 +214,16 @@ def figures(folder: Path, truth: np.ndarray, judged: slice, prior: Path,
     for surface, spectrum in list(zip(found.surfaces, truth, strict=True))[judged]:
         if surface.known:
             continue
-        assert surface.summary is not None and surface.within is not None
+        assert surface.summary is not None
+        (said,) = [one for one in found.findings
+                   if one.code == "surface.known-to" and one.subject == surface.name]
         at_nm = np.interp(surface.nm, NM, spectrum)
         lower, upper = surface.summary.lower, surface.summary.upper
         surfaces.append({
             "rmse": float(np.sqrt(np.mean((surface.mean - at_nm) ** 2))),
             "inside": float(np.mean((lower <= at_nm) & (at_nm <= upper))),
             "width": float(np.mean(upper - lower)),
-            "colour": delta_e00(surface.nm, surface.mean, at_nm), "within": surface.within,
-            "weak": any(one.code == "surface.weak" and one.subject == surface.name
-                        for one in found.findings)})
+            "dE00": delta_e00(surface.nm, surface.mean, at_nm), **dict(said.values)})
     return {**{name: float(np.mean([one[name] for one in surfaces]))
                for name in ("rmse", "inside", "width")},
             "verdict": result.verdict, "surfaces": surfaces,
@@ -371,8 +373,8 @@ def table_of(rows: Sequence[dict[str, Any]]) -> str:
 
 def table_of_verdicts(rows: Sequence[dict[str, Any]]) -> str:
     """Markdown: a line for every fault, by one photo."""
-    lines = ["| fault | PASS with 1, 3, 9 regions | refused | named | bands hold | dE00 | weak "
-             "| RMSE, dE00 of weak surfaces | of others |", "|---" * 9 + "|"]
+    lines = ["| fault | PASS with 1, 3, 9 regions | refused | named | after the if | bands hold "
+             "| dE00; of weak colours | RMSE; of weak spectra |", "|---" * 8 + "|"]
     usual = {row["case"]: set(row["codes"]) for row in rows
              if row["fault"] == "none" and "codes" in row}
     for fault in VERDICTS:
@@ -384,23 +386,24 @@ def table_of_verdicts(rows: Sequence[dict[str, Any]]) -> str:
                            for number in NUMBERS) if done else ""
         named = len(each) - len(done) + sum(
             bool(set(row["codes"]) - usual.get(row["case"], set())) for row in done)
+        broken = sum(BROKEN.get(fault) in row["named"] for row in done)
+        of_all = "" if fault in FAULTLESS else f"{named} of {len(each)}"
         surfaces = [one for row in done for one in row["surfaces"]]
-        weak, others = ([one for one in surfaces if one["weak"] is is_weak]
-                        for is_weak in (True, False))
-        inside, colour = (f"{np.mean([one[name] for one in surfaces]):.{digits}f}" if surfaces
-                          else "" for name, digits in (("inside", 3), ("colour", 1)))
-        lines.append(f"| {fault} | {passed} | {len(each) - len(done)} of {len(each)} | "
-                     f"{'' if fault in FAULTLESS else f'{named} of {len(each)}'} | {inside} | "
-                     f"{colour} | {len(weak) / max(len(surfaces), 1):.2f} | {_errors(weak)} | "
-                     f"{_errors(others)} |")
+        inside = f"{np.mean([one['inside'] for one in surfaces]):.3f}" if surfaces else ""
+        lines.append(
+            f"| {fault} | {passed} | {len(each) - len(done)} of {len(each)} | {of_all} | "
+            f"{f'{broken} of {len(done)}' if fault in BROKEN else ''} | {inside} | "
+            f"{_errors(surfaces, 'dE00', 'colour', 2)} | {_errors(surfaces, 'rmse', 'spectrum', 4)}"
+            " |")
     return "\n".join(lines)
 
 
-def _errors(surfaces: Sequence[dict[str, Any]]) -> str:
-    """Mean errors of surfaces, of their spectra and their colours."""
-    return "" if not surfaces else ", ".join(
-        f"{np.mean([one[name] for one in surfaces]):.{digits}f}"
-        for name, digits in (("rmse", 3), ("colour", 1)))
+def _errors(surfaces: Sequence[dict[str, Any]], error: str, weak: str, digits: int) -> str:
+    """Mean error of surfaces that are not weak in something; of those that are, and their share."""
+    each = [[one[error] for one in surfaces if (weak in one["weak"]) is is_weak]
+            for is_weak in (False, True)]
+    others, weak_ones = (f"{np.mean(errors):.{digits}f}" if errors else "none" for errors in each)
+    return f"{others}; {weak_ones} ({len(each[1]) / max(len(surfaces), 1):.2f})"
 
 
 def _gloss_found(rows: Sequence[dict[str, Any]]) -> str:
